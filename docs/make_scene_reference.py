@@ -1,0 +1,126 @@
+"""Writes the reference page of the scene's keys, docs/reference/scene.md, from the models.
+
+    python docs/make_scene_reference.py           writes the page
+    python docs/make_scene_reference.py -         prints it
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+
+from pgfmd.scene import shipped_scenes
+from pgfmd.scene_fields import limits_text, written
+from pgfmd.scene_model import PATTERNS, PRECISIONS, RHEOLOGIES, SCHEMES, SECTIONS, Keys
+from pgfmd.units import DIMENSIONS
+
+PAGE = Path(__file__).parent / "reference" / "scene.md"
+CHOICES: dict[str, tuple[str, dict[str, Keys]]] = {"punch": ("pattern", PATTERNS), "rheology": ("model", RHEOLOGIES)}
+BOUNDS = {"ge": "at least", "le": "at most"}
+ONLY_AVAILABLE = {"scheme": SCHEMES, "precision": PRECISIONS}
+
+HEAD = """# Keys of a scene
+
+This page is made from the models by `docs/make_scene_reference.py`.
+
+A scene is a TOML file of sections. A quantity is a text with its unit, such as `"375 um"`, `"375 µm"` or
+`"50 mJ/m^2"`; any unit of the right dimension will do. A number without a dimension is written bare. Keys that are not
+listed here are errors, and so are keys for which the chosen `pattern` or `model` has no use. Relative paths start at
+the scene's folder.
+
+Any key can be changed on the command line or in `load_scene` by an override `section.key=value`, such as
+`"drive.speed=10 um/s"`. Overriding `punch.pattern` or `rheology.model` drops those keys of the scene which the new
+choice does not use.
+
+Shipped scenes: {scenes}.
+
+At the top of the file, before any section, `title = "..."` may name the scene.
+"""
+
+
+def type_text(name: str, field: FieldInfo) -> str:
+    """Type or dimension of a key, with its allowed range."""
+    extra: dict[str, Any] | None = field.json_schema_extra
+    if extra:
+        kind = DIMENSIONS.get(extra["dimension"])
+        limits = limits_text(extra)
+        text = f"{extra['dimension']} [{kind.unit}]" if kind else "number"
+        text += f", {limits}" if limits else ""
+        text += "".join(f', or `"{word}"`' for word in extra["words"] + ["inf"] * extra["infinite"])
+        if extra["count"] is None:
+            return text
+        return f"list of {extra['count']}: {text}" if extra["count"] else f"list: {text}"
+    options = [field.annotation, *get_args(field.annotation)]
+    literals = next((get_args(option) for option in options if get_origin(option) is Literal), ())
+    if literals:
+        available = ONLY_AVAILABLE.get(name, dict.fromkeys(literals, True))
+        return ", ".join(f'`"{word}"`' for word in literals if available[word])
+    names = {int: "whole number", bool: "`true` or `false`", str: "text", tuple[str, ...]: "list of texts"}
+    bounds = [(word, getattr(limit, name, None)) for limit in field.metadata for name, word in BOUNDS.items()]
+    limits = [f"{word} {bound}" for word, bound in bounds if bound is not None]
+    return ", ".join([next(names[option] for option in options if option in names), *limits])
+
+
+def default_text(field: FieldInfo) -> str:
+    """Default of a key as TOML, "required", or a dash for a key without a value of its own."""
+    if field.is_required():
+        return "required"
+    if field.default is None:
+        return "-"
+    value = '"inf"' if field.default == math.inf else written(field.default, field.json_schema_extra)
+    if isinstance(value, str):
+        return f'`"{value.strip(chr(34))}"`'
+    return f"`{value}`".lower() if isinstance(value, bool) else f"`{value}`"
+
+
+def use_text(section: str, name: str) -> str:
+    """Which patterns or models need a key of [punch] or [rheology], and which may have it."""
+    selector, table = CHOICES[section]
+    if name == selector:
+        return "always"
+    needed = [f"`{choice}`" for choice, (required, _) in table.items() if name in required]
+    allowed = [f"`{choice}`" for choice, (_, optional) in table.items() if name in optional]
+    if len(allowed) == len(table):
+        return "all"
+    parts = ["required by " + ", ".join(needed)] * bool(needed) + ["allowed for " + ", ".join(allowed)] * bool(allowed)
+    return "; ".join(parts)
+
+
+def section_lines(section: str) -> Iterator[str]:
+    """The heading, the meaning and the table of a section."""
+    model = SECTIONS[section]
+    with_use = section in CHOICES
+    head = ["key", "type", "default"] + ["used by"] * with_use + ["meaning"]
+    yield from (f"## [{section}]", "", model.__doc__.strip(), "")
+    yield "| " + " | ".join(head) + " |"
+    yield "| " + " | ".join("---" for _ in head) + " |"
+    for name, field in model.model_fields.items():
+        cells = [f"`{name}`", type_text(name, field), default_text(field)]
+        cells += [use_text(section, name), field.description] if with_use else [field.description]
+        yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+    yield ""
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    lines = [HEAD.format(scenes=", ".join(f"`{name}`" for name in shipped_scenes()))]
+    for section in SECTIONS:
+        lines.extend(section_lines(section))
+    return "\n".join(lines)
+
+
+def main() -> None:
+    if sys.argv[1:] == ["-"]:
+        print(page(), end="")
+        return
+    PAGE.parent.mkdir(parents=True, exist_ok=True)
+    PAGE.write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""Random asperity heights: one standard normal number for each site of a lattice, blended smoothly in between.
+
+A site's number is a hash of (seed, i, j), so it is the same on any grid, for any part of the punch, on any rank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Triangular lattice of sites `origin + i first + j second` [m], |first| = |second| at 60 degrees.
+
+    row: only the sites j = 0 matter, and the lattice is sampled along its row through the origin (line asperities).
+    """
+
+    origin: tuple[float, float]
+    first: tuple[float, float]
+    second: tuple[float, float]
+    row: bool = False
+
+
+def _mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Finaliser of splitmix64 (Steele, Lea, Flood, OOPSLA 2014): a bijection of 64-bit words that hides all order."""
+    key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return key ^ (key >> np.uint64(31))
+
+
+def site_normals(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
+    """Standard normal number of each site (i, j), shape of i and j broadcast together."""
+    golden = np.uint64(0x9E3779B97F4A7C15)
+    i, j = (np.atleast_1d(np.asarray(index, dtype=np.int64)).view(np.uint64) for index in (i, j))
+    key = _mixed(np.full(1, seed & 0xFFFFFFFFFFFFFFFF, dtype=np.uint64) + golden)
+    key = _mixed(_mixed(key + golden * (i + np.uint64(1))) + golden * (j + np.uint64(1)))
+    return ndtri(((key >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53)
+
+
+def lattice_normals(lattice: Lattice, seed: int, x: Array, y: Array) -> Array:
+    """Smooth field that takes each site's standard normal number at that site, dimensionless, shape of x and y.
+
+    Weighted mean of the sites closer than the lattice spacing s, with weights (1 - (r/s)^2)^4. At a site every other
+    weight vanishes with its first three derivatives, so that summits are lifted without being tilted or reshaped. In
+    between the mean of two or three numbers varies a little less than at the sites.
+    """
+    (a, c), (b, d) = lattice.first, lattice.second
+    determinant = a * d - b * c
+    x, y = x - lattice.origin[0], np.zeros_like(y) if lattice.row else y - lattice.origin[1]
+    i = np.floor((d * x - b * y) / determinant).astype(np.int64)
+    j = np.floor((a * y - c * x) / determinant).astype(np.int64)
+    if x.size == 0:
+        return np.zeros(x.shape)
+    low_i, low_j = i.min() - 1, j.min() - 1
+    table = site_normals(seed, np.arange(low_i, i.max() + 3)[:, np.newaxis], np.arange(low_j, j.max() + 3))
+    total, weights = np.zeros(x.shape), np.zeros(x.shape)
+    for step_i in (-1, 0, 1, 2):
+        for step_j in (-1, 0, 1, 2):
+            site_i, site_j = i + step_i, j + step_j
+            distance2 = (x - a * site_i - b * site_j) ** 2 + (y - c * site_i - d * site_j) ** 2
+            weight = np.maximum(1 - distance2 / (a * a + c * c), 0) ** 4
+            total += weight * table[site_i - low_i, site_j - low_j]
+            weights += weight
+    return total / weights

@@ -1,0 +1,162 @@
+"""Which steps are tried, and which are taken.
+
+A step is taken when its error is below the tolerance; the next one aims at 0.85 of it. Phases with a duration and wanted times end on
+the spot. The end of the approach, where the force passes the preload, is found by regula falsi on the step. A step that is still
+refused when it is far shorter than anything the material can resolve is a jump of the surface: it is taken as such.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pgfmd.drive import PRELOAD, Phase
+from pgfmd.errors import RunError
+from pgfmd.state import State
+
+SAFETY, LARGEST_GROWTH, STRONGEST_CUT, CUT_ON_FAILURE = 0.85, 2.0, 0.2, 0.25
+PRELOAD_TOLERANCE = 1e-4
+"""The preload is met to this fraction."""
+JUMP_STEP, JUMP_MOTION = 1e-3, 0.5
+"""A refused step becomes a jump when it is below this fraction of the shortest relaxation time, and below this fraction of
+the time in which the punch moves by tolerance times range."""
+
+
+@dataclass(frozen=True)
+class StepLimits:
+    """tolerance of a step's error [ranges of adhesion]; range [m]; shortest relaxation time [s], infinite where elastic."""
+
+    tolerance: float
+    range: float
+    shortest_time: float
+
+    def largest(self, phase: Phase) -> float:
+        """Longest step [s]: the punch moves by at most one range, so that no contact is passed over."""
+        return self.range / phase.fastest if phase.fastest > 0.0 else math.inf
+
+    def first(self, phase: Phase) -> float:
+        """A step [s] to begin a phase with, where nothing is known yet."""
+        if phase.fastest > 0.0:
+            return self.tolerance * self.range / phase.fastest
+        return self.shortest_time if math.isfinite(self.shortest_time) else phase.duration
+
+    def jump(self, phase: Phase) -> float:
+        """Refused steps [s] below this are jumps."""
+        if phase.fastest == 0.0:
+            return JUMP_STEP * self.shortest_time if math.isfinite(self.shortest_time) else 0.0
+        motion = JUMP_MOTION * self.tolerance * self.range / phase.fastest
+        return min(JUMP_STEP * self.shortest_time, motion)
+
+
+class Controller:
+    """Takes one step at a time with a scheme; every decision follows from numbers that are the same on all ranks."""
+
+    largest_try_count = 200
+
+    def __init__(self, scheme, limits: StepLimits, preload: float):
+        self.scheme, self.limits, self.preload = scheme, limits, preload
+
+    def advance(self, state: State, phase: Phase, until: float = math.inf):
+        """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted Trial, why it ended).
+
+        The second is "preload" when the preload has been met, "duration" at the end of the phase, "time" at `until`, else "".
+        Raises RunError where no step, however short, can be solved.
+        """
+        limits = self.limits
+        end = phase.duration - state.elapsed
+        wanted = state.step or limits.first(phase)
+        step, why = _fit(min(wanted, limits.largest(phase)), end, until)
+        bracket, refused = None, False
+        for _ in range(self.largest_try_count):
+            is_jump = refused and bracket is None and step < limits.jump(phase)
+            trial = self.scheme.try_step(state, phase, step, sharp=bracket is not None, jump=is_jump)
+            self._count(state, trial)
+            if not trial.converged or (trial.error > limits.tolerance and not is_jump):
+                if is_jump:
+                    break
+                state.counters.rejected_steps += 1
+                step, why, bracket, refused = step * self._cut(trial), "", None, True
+                continue
+            if phase.ends_with == PRELOAD:
+                excess = trial.force - self.preload
+                past = excess > PRELOAD_TOLERANCE * self.preload
+                if past and bracket is None:
+                    bracket = _Bracket(0.0, state.force - self.preload)
+                if past or (bracket is not None and excess < -PRELOAD_TOLERANCE * self.preload):
+                    other = bracket.narrow(step, excess)
+                    if other is not None:
+                        state.counters.rejected_steps += 1
+                        step, why = other, ""
+                        continue
+            self._accept(state, trial, wanted if why else step)
+            if phase.ends_with == PRELOAD and trial.force >= self.preload * (1.0 - PRELOAD_TOLERANCE):
+                why = "preload"
+            return trial, why
+        raise RunError(self._stuck(state, phase, step))
+
+    def _accept(self, state: State, trial, wanted: float) -> None:
+        self.scheme.accept(state, trial)
+        if trial.is_jump:
+            state.step = 0.0
+            return
+        growth = SAFETY * (self.limits.tolerance / max(trial.error, 1e-300)) ** (1.0 / (self.scheme.order + 1))
+        proposal = trial.step * min(LARGEST_GROWTH, max(STRONGEST_CUT, growth))
+        # A step cut short by an event says nothing against the one that was wanted.
+        state.step = max(proposal, wanted) if wanted > trial.step and growth >= 1.0 else proposal
+
+    def _cut(self, trial) -> float:
+        if not trial.converged:
+            return CUT_ON_FAILURE
+        wish = SAFETY * (self.limits.tolerance / trial.error) ** (1.0 / (self.scheme.order + 1))
+        return min(0.8, max(STRONGEST_CUT, wish))
+
+    @staticmethod
+    def _count(state: State, trial) -> None:
+        state.counters.newton_iterations += trial.newton_iterations
+        state.counters.cg_iterations += trial.cg_iterations
+
+    @staticmethod
+    def _stuck(state: State, phase: Phase, step: float) -> str:
+        return (
+            f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, t = {state.time:.6g} s, "
+            f"d = {state.position:.6g} m, step {step:.3g} s). What has been written so far is valid. "
+            "Try a smaller solver.accuracy, or a larger adhesion.range."
+        )
+
+
+class _Bracket:
+    """Regula falsi (Illinois) for the step at which the force meets the preload."""
+
+    def __init__(self, low: float, low_value: float):
+        self.low, self.low_value = low, low_value
+        self.high = self.high_value = None
+        self.last_side = 0
+
+    def narrow(self, step: float, value: float) -> float | None:
+        """Takes in the force excess [N] at a step [s]; returns the next step to try, None when there is nothing between."""
+        side = 1 if value > 0.0 else -1
+        if side > 0:
+            self.high, self.high_value = step, value
+        else:
+            self.low, self.low_value = step, value
+        if self.last_side == side:
+            if side > 0:
+                self.low_value *= 0.5
+            else:
+                self.high_value *= 0.5
+        self.last_side = side
+        width = self.high - self.low
+        if width <= 1e-12 * self.high:
+            return None
+        inside = self.low - self.low_value * width / (self.high_value - self.low_value)
+        return min(max(inside, self.low + 1e-3 * width), self.high - 1e-3 * width)
+
+
+def _fit(step: float, end: float, until: float) -> tuple[float, str]:
+    """The step, shortened or a little stretched to end at the phase's end or the wanted time; and which of them it meets."""
+    target, why = (end, "duration") if end <= until else (until, "time")
+    if step >= target * (1.0 - 1e-9):
+        return target, why
+    if step > 0.5 * target:
+        return 0.5 * target, ""
+    return step, ""

@@ -1,0 +1,173 @@
+"""The live tables of a run, `curve.csv` and `energy.csv`: units in the header, a line a row, readable at any time."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from dataclasses import astuple, dataclass
+from pathlib import Path
+
+from .errors import ResultError
+from .storage import on_root
+
+CURVE_COLUMNS = (
+    "time [s]",
+    "displacement [m]",
+    "indentation [m]",
+    "force [N]",
+    "contact_area [m^2]",
+    "u_inf [m]",
+    "step [s]",
+    "phase",
+)
+ENERGY_COLUMNS = (
+    "time [s]",
+    "work [J]",
+    "elastic [J]",
+    "adhesive [J]",
+    "viscous [J]",
+    "released [J]",
+    "residual [J]",
+)
+
+
+@dataclass(frozen=True)
+class CurveRow:
+    """One accepted step. SI units; force positive in compression, displacement negative when pushed in."""
+
+    time: float
+    displacement: float
+    indentation: float
+    force: float
+    contact_area: float
+    u_inf: float
+    step: float
+    phase: str
+
+
+@dataclass(frozen=True)
+class EnergyRow:
+    """The terms of the energy audit [J] up to `time` [s], each counted from the start of the run."""
+
+    time: float
+    work: float
+    elastic: float
+    adhesive: float
+    viscous: float
+    released: float
+    residual: float
+
+
+class CsvFile:
+    """A table that grows by whole lines, each handed to the system at once. Only rank 0 writes; all ranks call.
+
+    A file that is already there is continued: its header must match, and a line cut short by a crash is dropped.
+
+    Attributes:
+        rows: lines in the file, without the header; the same on every rank.
+        offered: rows handed in, also those that `every` left out. With `rows` this is all a checkpoint has to hold.
+    """
+
+    def __init__(self, path: str | Path, comm, columns: tuple[str, ...], every: int = 1):
+        if every < 1:
+            raise ValueError(f"every = {every}: expected at least 1")
+        self.path, self.every = Path(path), every
+        self._comm = comm
+        self._header = (",".join(columns) + "\n").encode()
+        self._file = None
+        self.rows = comm.bcast(on_root(comm, f"{self.path}: could not be opened", self._open))
+        self.offered = self.rows
+
+    def append(self, row: CurveRow | EnergyRow, force_write: bool = False) -> None:
+        """Write this row if its turn has come (each `every`-th, the first included) or `force_write` says so.
+
+        Args:
+            row: the values of rank 0 are written, floats with all their digits.
+            force_write: the same on every rank.
+
+        Raises:
+            ResultError: on every rank, naming file and reason; the file then ends with the line before.
+        """
+        turn = self.offered % self.every == 0
+        self.offered += 1
+        if turn or force_write:
+            on_root(self._comm, f"{self.path}: could not be written", lambda: self._write(_line(row)))
+            self.rows += 1
+
+    def truncate(self, rows: int, offered: int | None = None) -> None:
+        """Cut back to the first `rows` rows, as a checkpoint counted them; `offered` defaults to `rows`.
+
+        Raises:
+            ResultError: on every rank, if the file holds fewer rows.
+        """
+        on_root(self._comm, f"{self.path}: could not be cut back", lambda: self._cut(rows))
+        self.rows, self.offered = rows, rows if offered is None else offered
+
+    def close(self) -> None:
+        """Close the file; nothing is lost without it."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _open(self) -> int:
+        # "a" would write at the end whatever `truncate` did before on some network file systems: seek instead.
+        self._file = os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644), "r+b", buffering=0)
+        ends = self._line_ends()
+        if not ends:
+            self._file.truncate(0)
+            self._file.seek(0)
+            self._write(self._header)
+            return 0
+        self._file.seek(0)
+        if self._file.read(ends[0]) != self._header:
+            raise ResultError(f"{self.path}: its columns are not {self._header.decode().strip()}; move it away")
+        self._keep(ends[-1])
+        return len(ends) - 1
+
+    def _line_ends(self) -> list[int]:
+        """Offsets just after every newline."""
+        self._file.seek(0)
+        return [newline.end() for newline in re.finditer(b"\n", self._file.readall())]
+
+    def _cut(self, rows: int) -> None:
+        ends = self._line_ends()
+        if not 0 <= rows < len(ends):
+            raise ResultError(f"{self.path}: holds {len(ends) - 1} rows, can't be cut back to {rows}")
+        self._keep(ends[rows])
+
+    def _keep(self, size: int) -> None:
+        self._file.truncate(size)
+        self._file.seek(size)
+
+    def _write(self, line: bytes) -> None:
+        if self._file is None:
+            raise ResultError(f"{self.path}: could not be written: the file is closed")
+        start, rest = self._file.tell(), memoryview(line)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError:
+            # A disk that fills up takes part of a line; half a number must not pass for a whole one.
+            with contextlib.suppress(OSError):
+                self._keep(start)
+            raise
+
+
+def _line(row: CurveRow | EnergyRow) -> bytes:
+    values = (value if isinstance(value, str) else repr(float(value)) for value in astuple(row))
+    return (",".join(values) + "\n").encode()
+
+
+class CurveFile(CsvFile):
+    """`curve.csv`: force, position and contact of the accepted steps (`CurveRow`)."""
+
+    def __init__(self, path: str | Path, comm, every: int = 1):
+        super().__init__(path, comm, CURVE_COLUMNS, every)
+
+
+class EnergyFile(CsvFile):
+    """`energy.csv`: the energy audit (`EnergyRow`)."""
+
+    def __init__(self, path: str | Path, comm, every: int = 1):
+        super().__init__(path, comm, ENERGY_COLUMNS, every)

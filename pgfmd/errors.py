@@ -1,0 +1,50 @@
+"""The errors that reach a user: one message that says what, where, what was expected and what to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class PgfmdError(Exception):
+    """Base of every error whose text is meant for the user; the command line prints it without a traceback."""
+
+    exit_code = 1
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong with a scene: dotted key, the value found, what was expected, and a cure."""
+
+    key: str
+    value: object
+    expected: str
+    cure: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.key} = {self.value!r}: expected {self.expected}"
+        return f"{text}; {self.cure}" if self.cure else text
+
+
+class SceneError(PgfmdError):
+    """A scene that can't be run. Carries every problem that was found, not only the first one."""
+
+    exit_code = 2
+
+    def __init__(self, source: str, problems: list[Problem]):
+        self.source = source
+        self.problems = problems
+        count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
+        lines = "\n".join(f"  - {problem}" for problem in problems)
+        super().__init__(f"{source}: {count} in this scene\n{lines}")
+
+
+class RunError(PgfmdError):
+    """A run that could not go on: says at which step and time, and what the user can change."""
+
+    exit_code = 3
+
+
+class ResultError(PgfmdError):
+    """A results folder that can't be read or written."""
+
+    exit_code = 4

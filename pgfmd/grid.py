@@ -1,0 +1,135 @@
+"""The cell, the punch block in it, and who owns which of its points.
+
+The cell is a square of side L with n x n points at x_i = (i + 1/2) h - L/2, h = L/n, centred on the punch's axis, so that a
+mirror-symmetric scene stays symmetric on the grid for even and odd n. Axis 0 is y, axis 1 is x. Only points under the
+punch carry tractions. They fill, row by row, one interval of columns: fields live in *point vectors* that hold these
+points only, in row order, the rows shared evenly over the ranks. A point vector's order does not depend on the number of ranks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A square cell: `n` points a side, `length` [m]."""
+
+    n: int
+    length: float
+
+    @property
+    def spacing(self) -> float:
+        """h = L/n [m]."""
+        return self.length / self.n
+
+    @property
+    def cell_area(self) -> float:
+        """Area [m^2] that one point stands for."""
+        return self.spacing**2
+
+    def coordinate(self, index: np.ndarray | int) -> np.ndarray:
+        """Position [m] of the points with this index, relative to the punch's axis."""
+        return (np.asarray(index) + 0.5) * self.spacing - 0.5 * self.length
+
+    def block(self, radius: float | None) -> tuple[int, int]:
+        """(start, nb): the smallest centred block of rows and columns that holds every point with r <= radius.
+
+        The whole cell where there is no radius [m].
+        """
+        if radius is None:
+            return 0, self.n
+        inside = np.flatnonzero(np.abs(self.coordinate(np.arange(self.n))) <= radius * (1 + 1e-12))
+        if inside.size == 0:
+            return (self.n - 1) // 2, 1 + (self.n + 1) % 2
+        return int(inside[0]), int(inside.size)
+
+
+def share(count: int, parts: int, part: int) -> tuple[int, int]:
+    """(start, size) of one part of `count` things shared evenly; the first parts take one more where it does not divide."""
+    size, extra = divmod(count, parts)
+    return part * size + min(part, extra), size + (part < extra)
+
+
+class PunchPoints:
+    """The points under the punch, and this rank's share of them.
+
+    Attributes: `block_start`, `nb` (first row and column of the block in the cell, its side), `row_start`, `rows`
+    (this rank's rows within the block), `first`, `last` (rows,) the interval of columns under the punch in each local row,
+    `offset` (rows + 1,) where each local row begins in the point vector, `size` local points, `total` points on all ranks.
+    """
+
+    def __init__(self, grid: Grid, radius: float | None, comm):
+        self.grid, self.comm = grid, comm
+        self.block_start, self.nb = grid.block(radius)
+        self.row_start, self.rows = share(self.nb, comm.size, comm.rank)
+        first, last = self._columns(radius)
+        self.total = int((last - first).sum())
+        counts = np.concatenate(([0], np.cumsum(last - first)))
+        mine = slice(self.row_start, self.row_start + self.rows)
+        self.first, self.last = first[mine], last[mine]
+        self.offset = counts[self.row_start : self.row_start + self.rows + 1] - counts[self.row_start]
+        self.first_point = int(counts[self.row_start])
+        self.size = int(self.offset[-1])
+        shares = [share(self.nb, comm.size, rank) for rank in range(comm.size)]
+        self._row_counts = np.array([size for _, size in shares])
+
+    def _columns(self, radius: float | None) -> tuple[np.ndarray, np.ndarray]:
+        """First and one-past-last block column under the punch, for every row of the block."""
+        if radius is None:
+            return np.zeros(self.nb, dtype=np.int64), np.full(self.nb, self.nb, dtype=np.int64)
+        position = self.grid.coordinate(self.block_start + np.arange(self.nb))
+        half_width = np.sqrt(np.maximum((radius * (1 + 1e-12)) ** 2 - position**2, 0.0))
+        first = np.searchsorted(position, -half_width, side="left")
+        last = np.searchsorted(position, half_width, side="right")
+        return first.astype(np.int64), np.maximum(first, last).astype(np.int64)
+
+    def zeros(self) -> np.ndarray:
+        """A new point vector of zeros (size,)."""
+        return np.zeros(self.size)
+
+    def coordinates(self) -> tuple[np.ndarray, np.ndarray]:
+        """x and y [m] of the local points, relative to the punch's axis, each (size,)."""
+        x, y = self.zeros(), self.zeros()
+        for row in range(self.rows):
+            here = slice(self.offset[row], self.offset[row + 1])
+            x[here] = self.grid.coordinate(self.block_start + np.arange(self.first[row], self.last[row]))
+            y[here] = self.grid.coordinate(self.block_start + self.row_start + row)
+        return x, y
+
+    def inside(self) -> np.ndarray:
+        """Which of the local rows' points are under the punch, (rows, nb) bool."""
+        column = np.arange(self.nb)
+        return (column >= self.first[:, None]) & (column < self.last[:, None])
+
+    def to_rows(self, values: np.ndarray, outside: float = np.nan) -> np.ndarray:
+        """A point vector as rows of the block, (rows, nb), with `outside` beyond the punch."""
+        rows = np.full((self.rows, self.nb), outside)
+        rows[self.inside()] = values
+        return rows
+
+    def all_rows(self, local: np.ndarray) -> np.ndarray:
+        """One number of each kind a row, for the local rows (kinds, rows), gathered from all ranks: (kinds, nb).
+
+        Sums and maxima taken over the result have the same bits on every rank and for any number of ranks. Collective.
+        """
+        if self.comm.size == 1:
+            return local
+        kinds = local.shape[0]
+        gathered = np.empty((self.nb, kinds))
+        self.comm.Allgatherv(np.ascontiguousarray(local.T), [gathered, self._row_counts * kinds])
+        return np.ascontiguousarray(gathered.T)
+
+    def total_of(self, local: np.ndarray) -> np.ndarray:
+        """Sums over all rows of the block, of partial sums (kinds, rows); returns (kinds,). Collective."""
+        return self.all_rows(local).sum(axis=1)
+
+    def maximum_of(self, local: float) -> float:
+        """The largest of one number a rank, the same on every rank. Collective."""
+        if self.comm.size == 1:
+            return float(local)
+        from mpi4py import MPI
+
+        return self.comm.allreduce(float(local), op=MPI.MAX)

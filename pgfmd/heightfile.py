@@ -1,0 +1,93 @@
+"""Measured or computed height maps read from a file.
+
+A map is a 2-D array z[iy, ix] in metres with its physical size (x, y), over the whole cell or over the punch. Axis 0
+is y, axis 1 is x, and like the simulation grid's points the samples sit in the middle of their pixels, centred on the
+punch axis: x = ((ix + 1/2)/nx - 1/2) size_x. As everywhere, lower z touches first; turn over a map whose peaks are
+positive before use. Formats: .npy; .npz with the array "z" and, if the size is not given elsewhere, "size" = (size_x,
+size_y); .csv (commas) and .txt (blanks), # starts a comment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+Array = NDArray[np.float64]
+SUFFIXES = (".npy", ".npz", ".txt", ".csv")
+ORDERS = (1, 3)
+RADIUS_SLACK = 1e-9  # relative; a punch point on the very edge of the map is inside
+
+
+def read_heights(path: str | Path) -> tuple[Array, tuple[float, float] | None]:
+    """Heights z[iy, ix] [m] and, from .npz files that hold it, the size (x, y) [m]. Raises ValueError, OSError."""
+    path, size = Path(path), None
+    try:
+        if path.suffix == ".npy":
+            heights = np.load(path, allow_pickle=False)
+        elif path.suffix == ".npz":
+            with np.load(path, allow_pickle=False) as archive:
+                if "z" not in archive:
+                    raise ValueError(f"holds {', '.join(archive.files) or 'nothing'}, expected an array named z")
+                heights = archive["z"]
+                size = tuple(float(side) for side in archive["size"]) if "size" in archive else None
+        elif path.suffix in (".txt", ".csv"):
+            heights = np.loadtxt(path, comments="#", delimiter="," if path.suffix == ".csv" else None, ndmin=2)
+        else:
+            raise ValueError(f"unknown kind of file, expected one of {', '.join(SUFFIXES)}")
+        heights = np.asarray(heights, dtype=float)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: {error}") from error
+    return heights, size
+
+
+@dataclass(frozen=True, eq=False)
+class HeightMap:
+    """Interpolated height map.
+
+    heights: z[iy, ix] [m], at least 2 x 2, finite. size: (x, y) [m]. periodic: repeats over the plane, else it must
+    cover every punch point and is continued by its edge values elsewhere. order: 1 bilinear, 3 bicubic spline.
+    """
+
+    heights: Array
+    size: tuple[float, float]
+    periodic: bool = False
+    order: int = 1
+
+    def __post_init__(self) -> None:
+        if self.heights.ndim != 2 or min(self.heights.shape) < 2:
+            raise ValueError(f"height map: found shape {self.heights.shape}, expected at least 2 x 2 samples")
+        if not np.all(np.isfinite(self.heights)):
+            raise ValueError("height map: found a height that is not finite; fill the gaps first")
+        if len(self.size) != 2 or not all(np.isfinite(side) and side > 0 for side in self.size):
+            raise ValueError(f"file_size = {self.size!r}: expected two positive lengths (x, y)")
+        if self.order not in ORDERS:
+            raise ValueError(f"file_order = {self.order!r}: expected 1 (bilinear) or 3 (bicubic)")
+
+    @classmethod
+    def from_file(
+        cls, path: str | Path, size: tuple[float, float] | None = None, periodic: bool = False, order: int = 1
+    ) -> HeightMap:
+        """Read a map; a given size wins over the file's. Raises ValueError, OSError."""
+        heights, stored_size = read_heights(path)
+        if size is None and stored_size is None:
+            raise ValueError(f"{path}: says no size; give file_size = (x, y) [m]")
+        return cls(heights, size if size is not None else stored_size, periodic, order)
+
+    def __call__(self, x: Array, y: Array, radius: float | None = None) -> Array:
+        """Heights [m] at (x, y) [m] relative to the punch axis, of equal shapes.
+
+        Raises ValueError when a map that is not periodic misses a point with r <= radius (any point if None).
+        """
+        size_x, size_y = self.size
+        if not self.periodic:
+            outside = (np.abs(x) > size_x / 2 * (1 + RADIUS_SLACK)) | (np.abs(y) > size_y / 2 * (1 + RADIUS_SLACK))
+            if np.any(outside & (True if radius is None else np.hypot(x, y) <= radius)):
+                raise ValueError(f"height map: covers {size_x:.6g} m x {size_y:.6g} m, which is less than the punch")
+        count_y, count_x = self.heights.shape
+        places = np.stack([(y / size_y + 0.5) * count_y - 0.5, (x / size_x + 0.5) * count_x - 0.5])
+        mode = "grid-wrap" if self.periodic else "nearest"
+        return map_coordinates(self.heights, places, order=self.order, mode=mode)

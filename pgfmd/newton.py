@@ -1,0 +1,134 @@
+"""One implicit step: a static adhesive contact problem, solved downhill by Newton's method with conjugate gradients.
+
+A step asks for w and u = G0 w with w = J f(d + z - u) + w_hist. Its solutions are the stationary points of
+
+    Phi(u) = sum u (w/2 - w_hist) / J + Gamma(d + z - u)
+
+Newton's correction s solves (A^-1 + K) s = r with A = J G0, K = Gamma'' and r = f - (w - w_hist) / J. It is found by conjugate
+gradients preconditioned by A. With every direction p its dual y = A^-1 p is carried along, so A^-1 is never applied; u, w and Phi
+are updated locally, and one application of G0 a CG iteration is the only transform. Where the curvature along p is negative, or
+the correction leaves the region of trust, the step ends at that region's edge; Phi must go down.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgfmd import kernels
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a solve ended: whether it converged, the iterations it took, the force on the punch [N], by how much Phi fell [J]."""
+
+    converged: bool
+    newton_iterations: int
+    cg_iterations: int
+    force: float
+    potential_drop: float
+    met_negative_curvature: bool
+
+
+class NewtonSolver:
+    """Solves implicit steps on point vectors. Holds the work arrays; keeps nothing from one solve to the next.
+
+    points: PunchPoints. convolve: the Convolution with G0. height z [m] (size,). law: CohesiveLaw.
+    After a solve, `traction` and `curvature` are those of the solution.
+    """
+
+    largest_newton_count = 60
+    largest_cg_count = 400
+    forcing = 0.1
+    """CG ends when its last move is below half this fraction of the correction so far (inexact Newton)."""
+    linear_share = 0.5
+    """CG also ends when its last move is below this share of the tolerance."""
+
+    def __init__(self, points, convolve, height: np.ndarray, law):
+        self.points, self.convolve, self.height, self.law = points, convolve, height, law
+        self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
+        self.traction, self.curvature, self._r = points.zeros(), points.zeros(), points.zeros()
+        self._s, self._t, self._p, self._y, self._z = (points.zeros() for _ in range(5))
+        self._rows = np.zeros((2, points.rows))
+
+    def solve(self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float) -> Outcome:
+        """Moves u [m] and w [Pa] (in place, consistent: u = G0 w) to a minimum of Phi downhill of where they are.
+
+        position d [m]; history w_hist [Pa] (size,); compliance J (dimensionless, relative to the relaxed one);
+        tolerance: largest displacement error over interacting points, in ranges of adhesion.
+        """
+        trust, cg_count, negative = 1.0, 0, False
+        self._s[:] = 0.0
+        self._t[:] = 0.0
+        potential, pull = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+        start = potential
+        for count in range(1, self.largest_newton_count + 1):
+            used, size, bent = self._correct(compliance, tolerance, trust)
+            cg_count += used
+            negative |= bent
+            scale = trust / size if bent or size > trust else 1.0
+            while True:
+                trial, pull = self._evaluate(position, u, w, scale, scale * compliance, history, compliance)
+                if trial <= potential + 1e-12 * abs(potential):
+                    break
+                scale *= 0.5
+                if scale * size < 1e-3 * tolerance:
+                    # The potential no longer resolves the correction: stay, and let the step be judged by its error.
+                    scale = 0.0
+                    trial, pull = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+                    break
+            kernels.move(u, w, self._s, self._t, scale, scale * compliance)
+            gained, potential = potential - trial, trial
+            moved = scale * size
+            whole = scale == 1.0 and not bent
+            if scale == 0.0 or (whole and (size < tolerance or (self.forcing + size) * size < tolerance)):
+                return self._outcome(True, count, cg_count, pull, start - potential, negative)
+            trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
+        return self._outcome(False, count, cg_count, pull, start - potential, negative)
+
+    def _outcome(self, converged, newton_count, cg_count, pull, drop, negative) -> Outcome:
+        area = self.points.grid.cell_area
+        return Outcome(converged, newton_count, cg_count, -pull * area, drop * area, negative)
+
+    def _evaluate(self, position, u, w, step, weight, history, compliance):
+        """(Phi, sum of f), both per area of a point; sets traction, curvature and residual at u + step s."""
+        kernels.evaluate(
+            self.height, position, u, w, self._s, self._t, step, weight, history, compliance,
+            self.law_numbers, self.points.offset, self.traction, self.curvature, self._r, self._rows,
+        )  # fmt: skip
+        return self.points.total_of(self._rows)
+
+    def _correct(self, compliance: float, tolerance: float, trust: float) -> tuple[int, float, bool]:
+        """Newton's correction s and its dual t by CG; (iterations, largest |s| in ranges, negative curvature met)."""
+        points, s, t, p, y, z, r = self.points, self._s, self._t, self._p, self._y, self._z, self._r
+        per_range = 1.0 / self.law.range
+        for vector in (s, t, p, y):
+            vector[:] = 0.0
+        size, previous = 0.0, 1.0
+        for count in range(1, self.largest_cg_count + 1):
+            self.convolve(r, z, compliance)
+            kernels.dot(r, z, points.offset, self._rows)
+            energy = points.total_of(self._rows[:1])[0]
+            if energy <= 0.0:
+                return count, size, False
+            beta = 0.0 if count == 1 else energy / previous
+            kernels.turn_direction(z, r, beta, self.curvature, p, y, points.offset, self._rows)
+            bend = points.total_of(self._rows[:1])[0]
+            if bend <= 0.0:
+                return count, self._to_edge(trust), True
+            kernels.advance(energy / bend, p, y, self.curvature, s, t, r, points.offset, self._rows)
+            change, size = points.all_rows(self._rows).max(axis=1) * per_range
+            previous = energy
+            if size > 2.0 * trust or change < max(self.linear_share * tolerance, 0.5 * self.forcing * size):
+                break
+        return count, size, False
+
+    def _to_edge(self, trust: float) -> float:
+        """Follows the last direction, along which Phi bends down, to the edge of the region of trust; largest |s| in ranges."""
+        points = self.points
+        kernels.largest_in_rows(self._p, self.curvature, points.offset, self._rows)
+        # At least one interacting point moves, for elsewhere K = 0 and the curvature is positive.
+        alpha = trust * self.law.range / points.all_rows(self._rows[:1]).max()
+        kernels.advance(alpha, self._p, self._y, self.curvature, self._s, self._t, self._r, points.offset, self._rows)
+        return points.all_rows(self._rows).max(axis=1)[1] / self.law.range

@@ -1,0 +1,53 @@
+"""One Fourier mode of a linear viscoelastic surface: closed responses to steps, ramps and oscillations.
+
+The displacement u (m) follows the traction f (Pa) through u = G0 f/kappa(s), with the static compliance G0 (m/Pa) of
+the mode (half-space: 2/(q E*)) and the modulus ratio kappa. Everything starts from rest at time 0 and is 0 before.
+`time` (s) has any shape and the result has the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgfmd.rheology import CreepSeries, PronySeries
+
+
+def creep(time: ArrayLike, traction: float, compliance: float, series: CreepSeries) -> NDArray:
+    """Displacement (m) after a traction step (Pa): G0 f [J_inf + sum J_m (1 - exp(-t/lambda_m))]."""
+    return compliance * traction * series.creep(time)
+
+
+def relaxation(time: ArrayLike, displacement: float, compliance: float, series: PronySeries) -> NDArray:
+    """Traction (Pa) after a displacement step (m): u/G0 [1 + sum kappa_n exp(-t/tau_n)]."""
+    return displacement / compliance * series.relaxation(time)
+
+
+def traction_ramp(time: ArrayLike, traction_rate: float, compliance: float, series: CreepSeries) -> NDArray:
+    """Displacement (m) when the traction grows at a constant rate (Pa/s): the integral of `creep`."""
+    t = np.maximum(np.asarray(time, dtype=float), 0)
+    decayed = -np.expm1(-np.multiply.outer(t, 1 / series.retardation_times))
+    weights = series.J.sum() + series.J_inf
+    return compliance * traction_rate * (weights * t - decayed @ (series.J * series.retardation_times))
+
+
+def displacement_ramp(time: ArrayLike, velocity: float, compliance: float, series: PronySeries) -> NDArray:
+    """Traction (Pa) when the displacement grows at a constant velocity (m/s): the integral of `relaxation`."""
+    t = np.maximum(np.asarray(time, dtype=float), 0)
+    decayed = -np.expm1(-np.multiply.outer(t, 1 / series.tau))
+    return velocity / compliance * (t + decayed @ (series.kappa * series.tau))
+
+
+def dissipation_per_cycle(displacement: float, omega: ArrayLike, compliance: float, series: PronySeries) -> NDArray:
+    """Energy per area (J/m^2) lost in one cycle of u = U cos(omega t) cos(q x), averaged over x: (pi/2) U^2 E''/G0."""
+    return np.pi / 2 * displacement**2 / compliance * series.loss(omega)
+
+
+def gfmd_modulus(omega: ArrayLike, series: PronySeries, gfmd_frequency: float) -> NDArray:
+    """Complex modulus ratio with the auxiliary mass and damping of the paper's scheme, critically damped.
+
+    kappa(omega) - kappa_inf (omega/omega_G)^2 + 2 i kappa_inf omega/omega_G, with omega_G = sqrt(k_inf/m) =
+    `gfmd_frequency` and omega in rad/s: the damping adds a dashpot 2 kappa_inf/omega_G to sum kappa_n tau_n.
+    """
+    ratio = np.asarray(omega, dtype=float) / gfmd_frequency
+    return series.kappa_of(omega) + series.kappa_inf * (2j * ratio - ratio**2)

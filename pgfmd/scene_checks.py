@@ -1,0 +1,269 @@
+"""The rules of a scene that look at several keys at once.
+
+Each rule is a generator of Problems over a `Draft`: the values that could be read so far. A rule that asks for a value
+which is missing or wrong ends there, because that value has been reported already; so all problems of a scene come out
+together.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pgfmd.errors import Problem
+from pgfmd.scene_fields import expectation, written
+from pgfmd.scene_model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from pgfmd.units import DIMENSIONS, format_quantity
+
+ROUNDING = 1.0 + 1e-9
+LONGEST_TIME = 1e15
+
+
+class _Missing:
+    def __repr__(self) -> str:
+        return "(missing)"
+
+
+MISSING = _Missing()
+"""The `value` of a Problem about a key that is not there."""
+
+
+class Unread(Exception):
+    """A rule asked for a value that could not be read."""
+
+
+@dataclass
+class Draft:
+    """A scene half read: `raw` as written, `values` in SI for what could be read, by section and key."""
+
+    folder: Path
+    raw: dict[str, dict[str, Any]] = field(default_factory=dict)
+    values: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def __getitem__(self, dotted: str) -> Any:
+        """The value of a key such as "grid.length", or its default. Raises Unread where it is missing or wrong."""
+        section, name = dotted.split(".")
+        if name in self.values[section]:
+            return self.values[section][name]
+        if self.given(dotted) or SECTIONS[section].model_fields[name].is_required():
+            raise Unread(dotted)
+        return SECTIONS[section].model_fields[name].default
+
+    def given(self, dotted: str) -> bool:
+        """Whether the scene names this key."""
+        section, name = dotted.split(".")
+        return name in self.raw[section]
+
+    def problem(self, dotted: str, expected: str, cure: str = "") -> Problem:
+        """A Problem about a key, with the value as the scene has it or its default."""
+        section, name = dotted.split(".")
+        model_field = SECTIONS[section].model_fields[name]
+        default = MISSING if model_field.is_required() else written(model_field.default, model_field.json_schema_extra)
+        value = self.raw[section].get(name, default)
+        return Problem(dotted, MISSING if value is None else value, expected, cure)
+
+    def path(self, dotted: str) -> Path | None:
+        """The absolute path that a key means, relative to the scene's folder."""
+        text = self[dotted]
+        return None if text is None else (self.folder / Path(text).expanduser()).absolute()
+
+
+def example(section: str, name: str) -> str:
+    """How a line with this key may look, for messages: 'radius = "375 um"'."""
+    extra = SECTIONS[section].model_fields[name].json_schema_extra or {}
+    kind = DIMENSIONS.get(extra.get("dimension", ""))
+    if kind is None:
+        return f"{name} = ..."
+    return f'{name} = "{kind.example}"' if extra["count"] is None else f'{name} = ["{kind.example}", ...]'
+
+
+def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
+    """Demand the keys that a choice (such as the pattern "flat") needs; refuse those it has no use for."""
+    choice = draft[f"{section}.{selector}"]
+    required, optional = table[choice]
+    for name, model_field in SECTIONS[section].model_fields.items():
+        dotted = f"{section}.{name}"
+        if name in required and not draft.given(dotted):
+            extra = model_field.json_schema_extra
+            expected = f"{expectation(extra)}, for the {selector} '{choice}'" if extra else f"a value for '{choice}'"
+            yield Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")
+        elif draft.given(dotted) and name != selector and name not in required | optional:
+            users = [other for other, keys in table.items() if name in keys[0] | keys[1]]
+            cure = f"delete it, or choose {selector} = " + " or ".join(f'"{user}"' for user in users)
+            yield draft.problem(dotted, f"no such key for the {selector} '{choice}'", cure)
+
+
+def punch_keys(draft: Draft) -> Iterator[Problem]:
+    yield from _keys_of_choice(draft, "punch", "pattern", PATTERNS)
+
+
+def rheology_keys(draft: Draft) -> Iterator[Problem]:
+    yield from _keys_of_choice(draft, "rheology", "model", RHEOLOGIES)
+
+
+def punch_fits_the_cell(draft: Draft) -> Iterator[Problem]:
+    radius, length = draft["punch.radius"], draft["grid.length"]
+    if radius is not None and 2 * radius > length * ROUNDING:
+        most = format_quantity(length / 2, "length")
+        yield draft.problem(
+            "punch.radius",
+            f"at most half the cell, {most}",
+            f"reduce it, or raise grid.length to {2 * radius:g} m or more",
+        )
+
+
+def free_punch_has_room(draft: Draft) -> Iterator[Problem]:
+    if draft["substrate.boundary"] != "free":
+        return
+    radius, length = draft["punch.radius"], draft["grid.length"]
+    if radius is None and "radius" not in PATTERNS[draft["punch.pattern"]][0]:
+        yield draft.problem(
+            "punch.radius",
+            "a radius, because the boundary is free",
+            f'add {example("punch", "radius")} to [punch], or set substrate.boundary = "periodic"',
+        )
+    elif radius is not None and length / 2 * ROUNDING < 2 * radius <= length * ROUNDING:
+        yield draft.problem(
+            "punch.radius",
+            f"at most a quarter of the cell, {format_quantity(length / 4, 'length')}, because the boundary is free",
+            f"raise grid.length to {4 * radius:g} m or more",
+        )
+
+
+def curvature_has_an_axis(draft: Draft) -> Iterator[Problem]:
+    if draft["punch.radius"] is None and math.isfinite(draft["punch.curvature_radius"]):
+        if "radius" not in PATTERNS[draft["punch.pattern"]][0]:
+            yield draft.problem(
+                "punch.curvature_radius",
+                "no curvature for a profile that fills the whole cell",
+                "delete it, or give punch.radius",
+            )
+
+
+def punch_covers_grid_points(draft: Draft) -> Iterator[Problem]:
+    radius, n, length = draft["punch.radius"], draft["grid.n"], draft["grid.length"]
+    if radius is not None and radius < length / n:
+        yield draft.problem(
+            "grid.n", f"a spacing length/n below the punch's radius, {radius:g} m", _raise_n(length / radius)
+        )
+
+
+def _raise_n(least: float) -> str:
+    return f"raise grid.n to {math.ceil(least / ROUNDING)} or more"
+
+
+def wavelength_is_resolved(draft: Draft) -> Iterator[Problem]:
+    wavelength, n, length = draft["punch.wavelength"], draft["grid.n"], draft["grid.length"]
+    if wavelength is not None and wavelength * ROUNDING < 2 * length / n:
+        yield draft.problem(
+            "punch.wavelength",
+            f"at least two grid points, {format_quantity(2 * length / n, 'length')}",
+            _raise_n(2 * length / wavelength),
+        )
+
+
+def sinusoid_is_periodic(draft: Draft) -> Iterator[Problem]:
+    if draft["punch.pattern"] != "sinusoid" or draft["punch.radius"] is not None:
+        return
+    length, wavelength = draft["grid.length"], draft["punch.wavelength"]
+    if wavelength is None:
+        return
+    waves = length / wavelength
+    if round(waves) < 1 or abs(waves - round(waves)) > 1e-6 * waves:
+        near = format_quantity(length / max(round(waves), 1), "length")
+        yield draft.problem(
+            "punch.wavelength",
+            "a whole number of wavelengths in grid.length, because the sinusoid fills the cell",
+            f'write "{near}", or give punch.radius',
+        )
+
+
+def substrate_is_of_one_kind(draft: Draft) -> Iterator[Problem]:
+    film = math.isfinite(draft["substrate.thickness"])
+    own = draft["substrate.compliance_file"] is not None
+    free = draft["substrate.boundary"] == "free"
+    if draft.given("substrate.base") and not film:
+        cure = "delete it, or give a thickness"
+        yield draft.problem("substrate.base", "no base under an infinitely thick substrate", cure)
+    if draft["substrate.prestrain"] != (1.0, 1.0) and (film or free):
+        why = "a film" if film else "a free boundary"
+        cure = "delete it: prestrain needs a periodic half-space"
+        yield draft.problem("substrate.prestrain", f"[1, 1] with {why}", cure)
+    if not own:
+        return
+    if film:
+        cure = "delete it: the file holds the film's effect"
+        yield draft.problem("substrate.thickness", '"inf" with a compliance file', cure)
+    if draft["substrate.prestrain"] != (1.0, 1.0):
+        yield draft.problem("substrate.prestrain", "[1, 1] with a compliance file", "delete one of the two")
+    if free:
+        yield draft.problem("substrate.boundary", '"periodic" with a compliance file', "delete one of the two")
+
+
+def prony_series_is_sound(draft: Draft) -> Iterator[Problem]:
+    if draft["rheology.model"] != "prony":
+        return
+    kappa = draft["rheology.kappa"]
+    if kappa is not None and 1.0 + sum(kappa) > LARGEST_MODULUS_RATIO * ROUNDING:
+        expected = f"weights with 1 + sum <= {LARGEST_MODULUS_RATIO:g}"
+        yield draft.problem("rheology.kappa", expected, "reduce the weights")
+    tau = draft["rheology.tau"]
+    if kappa is not None and tau is not None and len(kappa) != len(tau):
+        yield draft.problem("rheology.tau", f"{len(kappa)} times, one for every weight in kappa", f"it has {len(tau)}")
+
+
+def geometric_times_are_finite(draft: Draft) -> Iterator[Problem]:
+    if draft["rheology.model"] != "geometric":
+        return
+    names = ("relaxation_time", "time_ratio", "elements")
+    shortest, ratio, elements = (draft[f"rheology.{name}"] for name in names)
+    if None in (shortest, ratio, elements):
+        return
+    if math.log10(shortest) + (elements - 1) * math.log10(ratio) > math.log10(LONGEST_TIME):
+        yield draft.problem(
+            "rheology.elements",
+            f"a longest time relaxation_time * time_ratio^(elements-1) of at most {LONGEST_TIME:g} s",
+            "use fewer elements or a smaller time_ratio",
+        )
+
+
+def files_exist(draft: Draft) -> Iterator[Problem]:
+    for dotted in ("punch.file", "substrate.compliance_file"):
+        try:
+            path = draft.path(dotted)
+        except Unread:
+            continue
+        if path is not None and not os.path.isfile(path):
+            cure = f"there is none at {path}; paths start at the scene's folder"
+            yield draft.problem(dotted, "a file that exists", cure)
+
+
+RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
+    punch_keys,
+    rheology_keys,
+    punch_fits_the_cell,
+    free_punch_has_room,
+    curvature_has_an_axis,
+    punch_covers_grid_points,
+    wavelength_is_resolved,
+    sinusoid_is_periodic,
+    substrate_is_of_one_kind,
+    prony_series_is_sound,
+    geometric_times_are_finite,
+    files_exist,
+)
+
+
+def check(draft: Draft) -> list[Problem]:
+    """All problems that the rules find in what could be read of a scene."""
+    problems: list[Problem] = []
+    for rule in RULES:
+        try:
+            problems.extend(rule(draft))
+        except Unread:
+            continue
+    return problems

@@ -1,0 +1,172 @@
+"""What a key of a scene is made of: its meaning, dimension and allowed range, and how its value is read.
+
+Every key is a pydantic field whose `json_schema_extra` holds its dimension and range. The models, the messages about
+wrong values, the resolved TOML and the reference page are all made from these. A section is read in one pass: values
+that are fine are collected even where others are not, so that the checks across keys can still look at them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError, PydanticUndefined
+
+from pgfmd.units import DIMENSIONS, UnitError, format_quantity, parse_quantity
+
+REQUIRED = PydanticUndefined
+
+
+def number(
+    meaning: str,
+    default: Any = REQUIRED,
+    *,
+    dimension: str = "number",
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+    words: tuple[str, ...] = (),
+    infinite: bool = False,
+    count: int | None = None,
+) -> Any:
+    """A field that holds a float, or a list of them.
+
+    meaning: the sentence of the reference page. default: an SI float, a word, or None for a key without a value unless
+    it is given. dimension: a key of `units.DIMENSIONS`, or "number". above, at_least, at_most: the allowed range in SI.
+    words: texts allowed instead. infinite: whether "inf" is allowed. count: 0 for a list of any length but 0, else the
+    length wanted; None for a single value.
+    """
+    extra = dict(dimension=dimension, above=above, at_least=at_least, at_most=at_most)
+    extra |= dict(words=list(words), infinite=infinite, count=count)
+    return Field(default, description=meaning, json_schema_extra=extra)
+
+
+def quantity(dimension: str, meaning: str, default: Any = REQUIRED, **limits: Any) -> Any:
+    """A field with a dimension; positive unless `above=None` or `at_least` says otherwise."""
+    if "at_least" not in limits:
+        limits.setdefault("above", 0.0)
+    return number(meaning, default, dimension=dimension, **limits)
+
+
+def key(meaning: str, default: Any = REQUIRED, **limits: Any) -> Any:
+    """A field that is a word, a whole number, a text or a truth value; pydantic's own limits apply."""
+    return Field(default, description=meaning, **limits)
+
+
+def limits_text(extra: dict[str, Any]) -> str:
+    """The range of a field in words, such as "above 0 and at most 0.5", empty if there is none."""
+    limits = (("above", extra["above"]), ("at least", extra["at_least"]), ("at most", extra["at_most"]))
+    return " and ".join(f"{word} {limit:g}" for word, limit in limits if limit is not None)
+
+
+def expectation(extra: dict[str, Any]) -> str:
+    """What a field expects, in words: 'a length above 0, such as "375 um", or "auto"'."""
+    if extra["count"] is None:
+        return _expected_entry(extra)
+    return f"a list of {extra['count'] or 'any number of'} entries, each {_expected_entry(extra)}"
+
+
+def _expected_entry(extra: dict[str, Any]) -> str:
+    kind = DIMENSIONS.get(extra["dimension"])
+    text = f"{kind.phrase if kind else 'a number'} {limits_text(extra)}".strip()
+    if kind:
+        text += f', such as "{kind.example}"'
+    words = extra["words"] + (["inf"] if extra["infinite"] else [])
+    return text + "".join(f', or "{word}"' for word in words)
+
+
+def refuse(value: object, expected: str, cure: str = "") -> PydanticCustomError:
+    """An error that `scene.load_scene` turns into a Problem with these parts."""
+    return PydanticCustomError("scene", "expected something else", {"problems": [(value, expected, cure)]})
+
+
+def _read_one(value: object, extra: dict[str, Any]) -> float | str:
+    if isinstance(value, str) and value in extra["words"]:
+        return value
+    if extra["dimension"] in DIMENSIONS:
+        try:
+            result = parse_quantity(value, extra["dimension"])
+        except UnitError as error:
+            raise refuse(value, _expected_entry(extra), error.cure) from None
+    elif isinstance(value, bool) or not isinstance(value, (int, float)):
+        bare = isinstance(value, str) and value.strip()
+        raise refuse(value, _expected_entry(extra), "write a bare number, without quotes or unit" if bare else "")
+    else:
+        try:
+            result = float(value)
+        except OverflowError:
+            result = math.inf
+    if math.isinf(result) and result > 0 and extra["infinite"]:
+        return result
+    above, least, most = extra["above"], extra["at_least"], extra["at_most"]
+    inside = (
+        (above is None or result > above) and (least is None or result >= least) and (most is None or result <= most)
+    )
+    if not (math.isfinite(result) and inside):
+        raise refuse(value, _expected_entry(extra), "" if math.isfinite(result) else "it must be a finite number")
+    return result
+
+
+def _read_number(value: object, extra: dict[str, Any]) -> object:
+    """The SI value of what the scene says for a field made by `number` or `quantity`."""
+    if extra["count"] is None:
+        return _read_one(value, extra)
+    if not isinstance(value, (list, tuple)):
+        raise refuse(value, expectation(extra), "write it in square brackets")
+    if not value or (extra["count"] and len(value) != extra["count"]):
+        raise refuse(value, expectation(extra), f"it has {len(value)}")
+    results, problems = [], []
+    for index, entry in enumerate(value):
+        try:
+            results.append(_read_one(entry, extra))
+        except PydanticCustomError as error:
+            (_, expected, cure) = error.context["problems"][0]
+            problems.append((entry, f"{expected} (entry {index + 1} of the list)", cure))
+    if problems:
+        raise PydanticCustomError("scene", "expected something else", {"problems": problems})
+    return tuple(results)
+
+
+class Section(BaseModel):
+    """Base of the sections of a scene: unknown keys refused, no silent conversions, values in SI."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _read(cls, value: object, handler: Any, info: ValidationInfo) -> object:
+        extra = cls.model_fields[info.field_name].json_schema_extra or {}
+        result = handler(_read_number(value, extra) if "dimension" in extra else value)
+        if info.context is not None:
+            info.context[info.field_name] = result
+        return result
+
+
+_FRACTION = re.compile(r"\s*(?P<factor>\d*\.?\d+(?:[eE][+-]?\d+)?)\s*t_pl\s*")
+
+
+def snapshot_time(text: str) -> tuple[float, bool]:
+    """(3.0, False) of "3 s", a time [s]; (1.125, True) of "1.125 t_pl", a fraction of the time to the preload.
+
+    Raises UnitError for anything else.
+    """
+    expected = 'a time such as "3 s", or a fraction of the time to the preload such as "1.125 t_pl"'
+    match = _FRACTION.fullmatch(text) if isinstance(text, str) else None
+    try:
+        value = float(match["factor"]) if match else parse_quantity(text, "time")
+    except UnitError as error:
+        raise UnitError(expected, error.cure) from None
+    if not (math.isfinite(value) and value >= 0):
+        raise UnitError(expected, "it must be finite and not negative")
+    return value, match is not None
+
+
+def written(value: object, extra: dict[str, Any] | None) -> object:
+    """A resolved value of a field as TOML would hold it: quantities as texts with SI units, tuples as lists."""
+    if isinstance(value, (list, tuple)):
+        return [written(entry, extra) for entry in value]
+    if extra and extra.get("dimension") in DIMENSIONS and isinstance(value, float):
+        return format_quantity(value, extra["dimension"])
+    return value

@@ -1,0 +1,253 @@
+"""The massless limit of the paper's model, by implicit steps in the traction (docs: model, "Time").
+
+    u = G0 w,   w = J_inf f + sum_m J_m phi_m,   lambda_m dphi_m/dt = f - phi_m,   f = Gamma'(d(t) + z - u)
+
+Each stage of a step (retardation.py) is a static contact problem (newton.py) with the compliance J_i G0. The start of each
+solve is extrapolated from the last ends of steps; the difference between that and the solution is the error estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pgfmd import kernels
+from pgfmd.drift import Drift
+from pgfmd.drive import Phase
+from pgfmd.newton import NewtonSolver
+from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, StepWeights, step_weights
+from pgfmd.rheology import CreepSeries
+from pgfmd.state import State
+
+DRIFT_SHARE = 1e-2
+"""Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew as G0 w."""
+
+
+@dataclass
+class Trial:
+    """The outcome of a step that was tried: nothing of it is in the State yet.
+
+    error: estimated error of u over interacting points, in ranges of adhesion. potential_drop [J]: by how much the stages'
+    potentials fell from their starting points. The fields belong to the scheme and live until the next trial.
+    """
+
+    step: float
+    position: float
+    phase: Phase
+    converged: bool
+    error: float = np.inf
+    force: float = 0.0
+    newton_iterations: int = 0
+    cg_iterations: int = 0
+    potential_drop: float = 0.0
+    is_jump: bool = False
+    weights: StepWeights | None = field(default=None, repr=False)
+
+
+class Inertialess:
+    """Steps of the massless model. `try_step` leaves the state alone; `accept` moves it on.
+
+    solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are solved to the same
+    tolerance, as their errors enter the error estimate with a tenth of their size. audit: whether to follow energies.
+    """
+
+    def __init__(self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool):
+        self.solver, self.creep, self.tolerance, self.audit = solver, creep, tolerance, audit
+        # Without retardation each step is an equilibrium of its own: one stage.
+        self.tableau = SDIRK2 if creep.elements else IMPLICIT_EULER
+        points, stages = solver.points, self.tableau.stages
+        self.points = points
+        self._u = [points.zeros() for _ in range(stages)]
+        self._w = [points.zeros() for _ in range(stages)]
+        self._f = np.zeros((stages, points.size))
+        self._history = np.zeros((stages, points.size))
+        self._g = np.zeros((stages, points.size)) if audit else np.zeros((stages, 0))
+        self._drift = Drift()
+        self._rows = np.zeros((2, points.rows))
+
+    @property
+    def order(self) -> int:
+        """Order of the method in time."""
+        return self.tableau.order
+
+    def new_state(self, position: float) -> State:
+        """A state with the surface at rest, the punch at `position` [m]; call `start` before stepping."""
+        points, elements = self.points, self.creep.elements
+        branches = np.zeros((elements, points.size))
+        images = np.zeros((elements, points.size if self.audit else 0))
+        zeros = points.zeros
+        return State(zeros(), zeros(), zeros(), branches, images, position, phase_start=position)
+
+    def start(self, state: State) -> float:
+        """Brings the surface into instantaneous balance with the punch at its first position; returns the force [N].
+
+        Nothing to do, and nothing done, for a punch out of reach.
+        """
+        solver = self.solver
+        history = self._history[0]
+        history[:] = 0.0
+        outcome = solver.solve(
+            state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance
+        )
+        state.counters.newton_iterations += outcome.newton_iterations
+        state.counters.cg_iterations += outcome.cg_iterations
+        state.traction[:] = solver.traction
+        if self.audit:
+            kernels.dot(state.traction, state.displacement, self.points.offset, self._rows)
+            stored = 0.5 * self.points.total_of(self._rows)[0] * self.points.grid.cell_area
+            state.energies.elastic = state.energies.elastic_start = stored
+        return outcome.force
+
+    def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> Trial:
+        """Solves the stages of a step of `step` [s] from `state`. Collective.
+
+        sharp: ten times tighter, for finding events. jump: start each stage from the last one instead of extrapolating, so that the
+        potential drop is that of the surface's jump.
+        """
+        weights = step_weights(self.creep, self.tableau, step)
+        self._weigh(state.branches, weights)
+        trial = Trial(step, state.position, phase, converged=True, is_jump=jump, weights=weights)
+        for i, node in enumerate(self.tableau.nodes):
+            history = self._history[i]
+            for j in range(i):
+                history += weights.stage_weight[i, j] * self._f[j]
+            elapsed = state.elapsed + node * step
+            trial.position = state.phase_start + phase.displacement(elapsed)
+            self._predict(state, trial, i, node * step)
+            outcome = self.solver.solve(
+                trial.position, history, weights.compliance[i], self._u[i], self._w[i],
+                self.tolerance * (0.1 if sharp else 1.0),
+            )  # fmt: skip
+            trial.newton_iterations += outcome.newton_iterations
+            trial.cg_iterations += outcome.cg_iterations
+            trial.potential_drop += outcome.potential_drop
+            trial.force = outcome.force
+            if not outcome.converged:
+                trial.converged = False
+                return trial
+            self._f[i] = self.solver.traction
+        trial.error = self._error(state, trial)
+        return trial
+
+    def accept(self, state: State, trial: Trial) -> None:
+        """Moves fields, history and energies of the state to the end of the trial step."""
+        weights, old_force = trial.weights, state.force
+        moved = trial.position - state.position
+        if self.audit:
+            self._advance_energies(state, weights)
+        else:
+            kernels.advance_branches(state.branches, weights.decay, self._f, weights.gain, self.tableau.stages)
+        if trial.is_jump:
+            state.energies.released += trial.potential_drop
+            state.counters.jumps += 1
+            state.forget_history()
+        self._remember(state, trial)
+        state.traction[:] = self._f[-1]
+        state.position, state.force = trial.position, trial.force
+        state.time += trial.step
+        state.elapsed += trial.step
+        state.last_step = trial.step
+        state.counters.steps += 1
+        state.energies.work -= 0.5 * (old_force + trial.force) * moved
+
+    def _weigh(self, branches: np.ndarray, weights: StepWeights) -> None:
+        kernels.weigh_branches(branches, weights.branch_weight, self._history)
+
+    def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:
+        """Start of a stage's solve: through the last three known surfaces, this step's stages included."""
+        nodes = self.tableau.nodes
+        times = [0.0, *-np.cumsum(state.past_steps)]
+        u, w = [state.displacement, *state.past_u], [state.load, *state.past_w]
+        if stage:
+            last = stage - 1
+            times = [ahead * nodes[last] / nodes[stage], *times]
+            u, w = [self._u[last], *u], [self._w[last], *w]
+        else:
+            self._drift = Drift(state.drift)
+        c = _lagrange(times[: 1 if trial.is_jump else 3], ahead)
+        self._combine(c, u, self._u[stage])
+        self._combine(c, w, self._w[stage])
+        size = abs(trial.position) / self.solver.law.range
+        self._drift = self._drift.extrapolated(c, size)
+        if self._drift.newest > DRIFT_SHARE * self.tolerance:
+            self.solver.convolve(self._w[stage], self._u[stage])
+            self._drift = self._drift.renewed(size)
+
+    @staticmethod
+    def _combine(weights: list[float], surfaces: list[np.ndarray], out: np.ndarray) -> None:
+        c, a = [*weights, 0.0, 0.0], [*surfaces, surfaces[0], surfaces[0]]
+        kernels.combine(c[0], a[0], c[1], a[1], c[2], a[2], out)
+
+    def _error(self, state: State, trial: Trial) -> float:
+        """Error of the step's end, from its distance to the extrapolation through the ends of earlier steps.
+
+        Where fewer than three are known the distance itself, weighed down, is a safe guess: the steps after a kink are small.
+        """
+        known = [state.displacement, *state.past_u]
+        times = [0.0, *-np.cumsum(state.past_steps)]
+        c = _lagrange(times, trial.step)
+        while len(known) < 3:
+            c, known = [*c, 0.0], [*known, known[0]]
+        law = self.solver.law
+        local = kernels.largest_difference_near(
+            c[0], known[0], c[1], known[1], c[2], known[2], self._u[-1], self.solver.height, trial.position, law.range
+        )
+        distance = max(0.0, self.points.maximum_of(local)) / law.range
+        if len(times) < 3:
+            return (0.5, 0.25)[len(times) - 1] * distance
+        h = trial.step
+        prediction = h * (h - times[1]) * (h - times[2]) / 6.0
+        own = self.tableau.error_constant * h**3 if self.tableau.order == 2 else prediction
+        return distance * own / (prediction + own)
+
+    def _remember(self, state: State, trial: Trial) -> None:
+        """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
+        if len(state.past_u) == 2:
+            old_u, old_w = state.past_u.pop(), state.past_w.pop()
+            state.past_steps.pop()
+        else:
+            old_u, old_w = self.points.zeros(), self.points.zeros()
+        if not trial.is_jump:
+            state.past_u.insert(0, state.displacement)
+            state.past_w.insert(0, state.load)
+            state.past_steps.insert(0, trial.step)
+        state.displacement, self._u[-1] = self._u[-1], old_u
+        state.load, self._w[-1] = self._w[-1], old_w
+        # Of the surfaces that the drift knows, newest first, the end of the step stays, and those before the step.
+        before = range(self.tableau.stages, self.tableau.stages + len(state.past_u))
+        state.drift = self._drift.kept([0, *before]).covariance
+
+    def _advance_energies(self, state: State, weights: StepWeights) -> None:
+        """Branches and their images phi_m, G0 phi_m, with what they store and dissipate. No transform: G0 f = (u - G0 w_hist) / J."""
+        stages, area = self.tableau.stages, self.points.grid.cell_area
+        self_images = self._g
+        kernels.weigh_branches(state.images, weights.branch_weight, self_images)
+        for i in range(stages):
+            g = self_images[i]
+            for j in range(i):
+                g += weights.stage_weight[i, j] * self_images[j]
+            np.subtract(self._u[i], g, out=g)
+            g /= weights.compliance[i]
+        offset = self.points.offset
+        kernels.advance_branches_and_energy(
+            state.branches, state.images, weights.decay, self._f, self_images, weights.gain, weights.rate_decay,
+            weights.rate_gain, weights.quadrature, self.creep.J, stages, offset, self._rows,
+        )  # fmt: skip
+        stored, lost = self.points.total_of(self._rows)
+        kernels.dot(self._f[-1], self_images[-1], offset, self._rows)
+        stored += 0.5 * self.creep.J_inf * self.points.total_of(self._rows[:1])[0]
+        state.energies.elastic = stored * area
+        state.energies.viscous += lost * area
+
+
+def _lagrange(times: list[float], at: float) -> list[float]:
+    """Weights of the polynomial through values at `times`, evaluated `at`."""
+    weights = []
+    for i, here in enumerate(times):
+        weight = 1.0
+        for j, other in enumerate(times):
+            if j != i:
+                weight *= (at - other) / (here - other)
+        weights.append(weight)
+    return weights

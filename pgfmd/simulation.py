@@ -1,0 +1,116 @@
+"""The loop: steps through the loading programme, and tells the observers what happened."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgfmd import kernels
+from pgfmd.controller import Controller
+from pgfmd.drive import DETACHED, Drive
+from pgfmd.state import State
+
+FINISHED = "detached"
+STOPPED_PRELOAD = "preload not reached"
+STOPPED_STEPS = "max_steps reached"
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened at the end of a step: "start", "step", "jump", "preload", "time", or "end"."""
+
+    kind: str
+    released: float = 0.0
+
+
+class Simulation:
+    """A tack test: scheme, controller, programme and state, with observers that are called after each step.
+
+    deepest [m]: indentation at which an approach is given up. An observer is an object with `observe(simulation, event)` and
+    `next_time(simulation)`, the next time [s] at which a step must end, or infinity.
+    """
+
+    def __init__(self, scheme, controller: Controller, drive: Drive, far_weights: np.ndarray, deepest: float, max_steps: int):
+        self.scheme, self.controller, self.drive = scheme, controller, drive
+        self.points, self.solver = scheme.points, scheme.solver
+        self.far_weights, self.deepest, self.max_steps = far_weights, deepest, max_steps
+        self.phases = drive.phases
+        self.observers = []
+        self.state: State = scheme.new_state(drive.clearance)
+        self._rows = np.zeros((4, self.points.rows))
+
+    @property
+    def phase(self):
+        """The phase that the next step belongs to."""
+        return self.phases[self.state.phase]
+
+    def run(self) -> State:
+        """Runs the programme to its end and returns the state, whose `finished` says how it ended."""
+        state = self.state
+        if state.counters.steps == 0 and state.time == 0.0:
+            self._start()
+        while not state.finished:
+            phase = self.phase
+            until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
+            released = state.energies.released
+            old_position = state.position
+            trial, why = self.controller.advance(state, phase, until)
+            self._measure(old_position)
+            self._note(Event("jump" if trial.is_jump else "step", state.energies.released - released))
+            if why == "time":
+                self._note(Event("time"))
+            self._turn_page(phase, why)
+        state.counters.transform_pairs = self.solver.convolve.pairs
+        self._note(Event("end"))
+        return state
+
+    def _start(self) -> None:
+        self.state.force = self.scheme.start(self.state)
+        self._measure(self.state.position)
+        self.state.energies.adhesive_start = self.state.energies.adhesive
+        self._note(Event("start"))
+
+    def _turn_page(self, phase, why: str) -> None:
+        """Ends phases and the run."""
+        state = self.state
+        if why in ("duration", "preload"):
+            if why == "preload":
+                state.preload_time, state.preload = state.time, state.force
+                self._note(Event("preload"))
+            state.phase += 1
+            state.elapsed, state.phase_start, state.step = 0.0, state.position, 0.0
+            state.forget_history()
+        elif phase.ends_with == DETACHED and state.smallest_gap >= self.solver.law.reach:
+            state.finished = FINISHED
+        elif phase.name == "approach" and -state.position > self.deepest:
+            state.finished = STOPPED_PRELOAD
+        if not state.finished and state.counters.steps >= self.max_steps:
+            state.finished = STOPPED_STEPS
+
+    def _measure(self, old_position: float) -> None:
+        """Derives from the fields what rows of the curve and of the energy audit hold."""
+        state, solver, energies = self.state, self.solver, self.state.energies
+        kernels.observe(
+            solver.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
+            self.points.offset, self._rows,
+        )  # fmt: skip
+        rows = self.points.all_rows(self._rows)
+        contact, energy, far = rows[:3].sum(axis=1)
+        state.contact_points, state.smallest_gap, state.far_displacement = int(contact), -rows[3].max(), far
+        energies.adhesive = energy * self.points.grid.cell_area
+        if self.scheme.audit:
+            energies.largest_residual = max(energies.largest_residual, abs(energies.residual))
+        if state.contact_points and state.first_contact_time is None:
+            state.first_contact_time = state.time
+        name = self.phase.name
+        if name == "approach":
+            state.snap_in_force = min(state.snap_in_force, state.force)
+        elif name != "dwell":
+            state.pull_off_force = min(state.pull_off_force, state.force)
+            energies.work_of_separation -= min(state.force, 0.0) * max(state.position - old_position, 0.0)
+
+    def _note(self, event: Event) -> None:
+        for observer in self.observers:
+            observer.observe(self, event)

@@ -1,0 +1,94 @@
+"""Everything that evolves during a run. What is in the State is exactly what a checkpoint has to hold.
+
+Fields are point vectors (size,) of the local points under the punch (see grid.PunchPoints).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Energies:
+    """Energies [J] since the start: work of the punch, stored, in the interface, dissipated, released in jumps.
+
+    `elastic_start` and `adhesive_start` are those of the first state (not zero where a scene starts in contact).
+    """
+
+    work: float = 0.0
+    elastic: float = 0.0
+    adhesive: float = 0.0
+    viscous: float = 0.0
+    released: float = 0.0
+    elastic_start: float = 0.0
+    adhesive_start: float = 0.0
+    largest_residual: float = 0.0
+    work_of_separation: float = 0.0
+
+    @property
+    def residual(self) -> float:
+        """Work that the other terms don't account for: zero for an exact solution."""
+        stored = self.elastic - self.elastic_start + self.adhesive - self.adhesive_start
+        return self.work - stored - self.viscous - self.released
+
+
+@dataclass
+class Counters:
+    """What a run has cost so far."""
+
+    steps: int = 0
+    rejected_steps: int = 0
+    newton_iterations: int = 0
+    cg_iterations: int = 0
+    transform_pairs: int = 0
+    jumps: int = 0
+
+
+@dataclass
+class State:
+    """Time, programme, fields, history of the predictor, step controller, energies, counters.
+
+    time [s], position d [m], phase (index in the programme), elapsed [s] and phase_start [m]: time since and position at the
+    start of the phase. displacement u [m] and load w [Pa] with u = G0 w; traction f [Pa]; branches phi_m [Pa], (N, size);
+    images psi_m = G0 phi_m [m], (N, size), or (0, size) without the energy audit. `past_u`, `past_w`, `past_steps`: up to two
+    earlier ends of steps, newest first, and the steps [s] that led away from them; drift: covariance of u - G0 w
+    of the surface and the past ones (drift.py). step [s]: the next step to try.
+    """
+
+    displacement: np.ndarray
+    load: np.ndarray
+    traction: np.ndarray
+    branches: np.ndarray
+    images: np.ndarray
+    position: float
+    time: float = 0.0
+    phase: int = 0
+    elapsed: float = 0.0
+    phase_start: float = 0.0
+    step: float = 0.0
+    last_step: float = 0.0
+    force: float = 0.0
+    contact_points: int = 0
+    smallest_gap: float = np.inf
+    far_displacement: float = 0.0
+    first_contact_time: float | None = None
+    preload_time: float | None = None
+    preload: float = 0.0
+    pull_off_force: float = 0.0
+    snap_in_force: float = 0.0
+    finished: str = ""
+    past_u: list[np.ndarray] = field(default_factory=list)
+    past_w: list[np.ndarray] = field(default_factory=list)
+    past_steps: list[float] = field(default_factory=list)
+    drift: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
+    energies: Energies = field(default_factory=Energies)
+    counters: Counters = field(default_factory=Counters)
+
+    def forget_history(self) -> None:
+        """Drop the predictor's history, after a kink in d(t) or a jump of the surface."""
+        self.past_u.clear()
+        self.past_w.clear()
+        self.past_steps.clear()
+        self.drift = self.drift[:1, :1]

@@ -1,0 +1,84 @@
+"""A results folder as a run leaves it: a rigid sphere on a half-space with some delay, pressed in and pulled off.
+
+Hertz's pressure and closed-form gap, shifted by a constant pull, so that the numbers have the right look and size.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from pgfmd.curve_file import CurveFile, CurveRow, EnergyFile, EnergyRow
+from pgfmd.fields_file import FieldsFile
+from pgfmd.storage import write_run_json
+
+RADIUS, MODULUS, PUNCH = 5e-3, 2.67e6, 375e-6
+
+
+def history(rows: int) -> list[CurveRow]:
+    """Approach to 20 um, short turn and dwell, retraction with a larger pull."""
+    found = []
+    for k, s in enumerate(np.linspace(0, 1, rows)):
+        indentation = 1e-6 * (-4 + 24 * s / 0.4 if s < 0.4 else 20 if s < 0.5 else 20 - 32 * (s - 0.5) / 0.5)
+        phase = "approach" if s < 0.38 else "turn" if s < 0.4 else "dwell" if s < 0.5 else "retract"
+        way_back = max(s - 0.5, 0) / 0.5
+        pull = 0.2e-3 + 0.8e-3 * min(5 * way_back, 1)
+        depth = indentation + 6e-6 * way_back
+        contact = np.sqrt(RADIUS * depth) if depth > 0 else 0.0
+        force = 4 / 3 * MODULUS * contact**3 / RADIUS - (pull if contact else 0.0) * (1 + contact / 2e-4)
+        area = np.pi * contact**2
+        found.append(CurveRow(10 * s, -indentation - 2e-6, indentation, force, area, 0.0, 10 / rows, phase))
+    return found
+
+
+def sphere(nb: int, contact_radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """inside, gap [m], traction [Pa], displacement [m] on the block of the punch."""
+    position = ((np.arange(nb) + 0.5) / nb - 0.5) * 2 * PUNCH
+    r = np.hypot(position[:, None], position)
+    a = max(contact_radius, 1e-6)
+    peak = 2 * MODULUS * a / (np.pi * RADIUS)
+    rim = 0.1e6 * np.exp(-np.maximum(r - a, 0) / 8e-6) * (r > a)
+    traction = rim - peak * np.sqrt(np.maximum(1 - (r / a) ** 2, 0))
+    with np.errstate(divide="ignore"):
+        outer = np.sqrt(np.maximum(r**2 - a**2, 0)) * a - (2 * a**2 - r**2) * np.arccos(np.minimum(a / r, 1))
+    gap = np.where(r > a, outer / (np.pi * RADIUS), -1e-9)
+    displacement = r**2 / (2 * RADIUS) - gap - a**2 / RADIUS
+    return r <= PUNCH, gap, traction, displacement
+
+
+def write_results(
+    directory: Path, rows: int = 400, nb: int = 96, snapshots: int = 6, energy: bool = True, fields: bool = True
+) -> Path:
+    """Fill `directory` with the writers that a run uses."""
+    comm = MPI.COMM_SELF
+    directory.mkdir(parents=True, exist_ok=True)
+    curve, found = CurveFile(directory / "curve.csv", comm), history(rows)
+    for row in found:
+        curve.append(row)
+    curve.close()
+    if fields:
+        inside = sphere(nb, 1e-4)[0]
+        file = FieldsFile(directory / "fields.h5", comm, 2 * nb, 4 * PUNCH, nb // 2, nb, 0, nb, inside)
+        for k in np.linspace(0.12, 0.98, snapshots) * (rows - 1):
+            row = found[int(k)]
+            _, gap, traction, displacement = sphere(nb, np.sqrt(row.contact_area / np.pi))
+            label = {"approach": "approach", "dwell": "end of dwell", "retract": "retraction"}.get(row.phase, "turn")
+            file.append(label, row.time, row.displacement, row.force, gap, traction, displacement)
+    if energy:
+        write_energy(EnergyFile(directory / "energy.csv", comm), found)
+    write_run_json(directory / "run.json", comm, {"status": "finished", "steps": rows})
+    (directory / "scene.resolved.toml").write_text('[cell]\nlength = "1.5 mm"\nn = 192\n')
+    return directory
+
+
+def write_energy(file: EnergyFile, found: list[CurveRow]) -> None:
+    """Work of the punch by the trapezoidal rule; the other terms of about the size and course of a real audit."""
+    work = viscous = released = 0.0
+    for before, row in zip(found, found[1:]):
+        work += 0.5 * (row.force + before.force) * (row.indentation - before.indentation)
+        elastic = 0.4 * row.force * max(row.indentation, 0.0)
+        adhesive = -0.05 * row.contact_area
+        viscous += 0.05 * abs(row.force) * abs(row.indentation - before.indentation)
+        released += 2e-9 if before.contact_area and not row.contact_area else 0.0
+        file.append(EnergyRow(row.time, work, elastic, adhesive, viscous, released, 2e-4 * work * np.sin(row.time)))
+    file.close()

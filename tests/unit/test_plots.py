@@ -1,0 +1,177 @@
+"""Pictures: the right data in the right units, every kind of results folder, nothing left behind in matplotlib."""
+
+import sys
+import warnings
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from synthetic_results import PUNCH, history, sphere, write_results
+
+from pgfmd import map_plots, plots
+from pgfmd.curve_file import CURVE_COLUMNS
+from pgfmd.errors import ResultError
+from pgfmd.results import load
+
+ALL = ["force-displacement.png", "contact-maps.png", "stress-maps.png", "energy.png"]
+
+
+@pytest.fixture(autouse=True)
+def warnings_are_errors():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+@pytest.mark.parametrize("snapshots, nb", [(1, 33), (6, 48), (30, 16)])
+def test_every_picture_is_written_and_not_blank(tmp_path, snapshots, nb):
+    folder = write_results(tmp_path / "out", rows=80, nb=nb, snapshots=snapshots)
+    paths = plots.plot_results(folder)
+    assert [path.name for path in paths] == ALL
+    for path in paths:
+        picture = imread(path)
+        assert picture.shape[0] > 300 and picture.shape[1] > 500
+        assert picture[..., :3].std() > 0.03
+
+
+def test_only_what_the_folder_has_data_for(tmp_path):
+    folder = write_results(tmp_path / "out", rows=80, energy=False, fields=False)
+    assert [path.name for path in plots.plot_results(folder)] == ALL[:1]
+
+
+def test_without_pandas_and_xarray(tmp_path, monkeypatch):
+    folder = write_results(tmp_path / "out", rows=40, nb=16, snapshots=2)
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    assert [path.name for path in plots.plot_results(folder)] == ALL
+
+
+def test_settings_of_the_caller_are_left_alone(tmp_path):
+    def settings():
+        return matplotlib.rcParams.copy(), matplotlib.get_backend(auto_select=False), "matplotlib.pyplot" in sys.modules
+
+    before = settings()
+    plots.plot_results(write_results(tmp_path / "out", rows=40, fields=False))
+    assert settings() == before
+
+
+def test_empty_curve_and_foreign_folder(tmp_path):
+    with pytest.raises(ResultError, match="not a results folder"):
+        plots.plot_results(tmp_path)
+    (tmp_path / "curve.csv").write_text(",".join(CURVE_COLUMNS) + "\n")
+    with pytest.raises(ResultError, match="has no rows"):
+        plots.plot_results(tmp_path)
+
+
+def test_picture_that_can_not_be_written(tmp_path):
+    folder = write_results(tmp_path / "out", rows=40, fields=False)
+    (folder / "energy.png").mkdir()
+    with pytest.raises(ResultError, match="energy.png: could not be written"):
+        plots.plot_results(folder)
+
+
+def test_curves_are_in_mN_um_and_mm2_with_landmarks(tmp_path):
+    rows = history(200)
+    with load(write_results(tmp_path / "out", rows=200, fields=False)) as results:
+        upper, lower = plots.force_figure(results).axes
+    lines = {line.get_label(): line for line in upper.lines}
+    first_out = next(k for k, row in enumerate(rows) if row.phase == "retract")
+    out = lines["retraction"]
+    np.testing.assert_allclose(out.get_xdata(), [1e6 * row.indentation for row in rows[first_out - 1 :]], rtol=1e-14)
+    np.testing.assert_allclose(out.get_ydata(), [1e3 * row.force for row in rows[first_out - 1 :]], rtol=1e-14)
+    assert lines["approach"].get_xdata().size == first_out
+    assert lines["approach"].is_dashed() and not out.is_dashed()
+    areas = [1e6 * row.contact_area for row in rows[first_out - 1 :]]
+    np.testing.assert_allclose(lower.lines[1].get_ydata(), areas, rtol=1e-14)
+    pull_off = 1e3 * min(row.force for row in rows)
+    marked = {label.split("  ")[0]: line.get_ydata().item() for label, line in lines.items() if "  " in label}
+    np.testing.assert_allclose(marked["pull-off"], pull_off, rtol=1e-14)
+    np.testing.assert_allclose(marked["preload"], 1e3 * max(row.force for row in rows), rtol=1e-14)
+    np.testing.assert_allclose(marked["snap-in"], 1e3 * min(row.force for row in rows[:80]), rtol=1e-14)
+
+
+def test_landmarks_only_where_there_are_any():
+    phase = np.array(["approach"] * 4)
+    assert plots.landmarks(np.zeros(4), phase) == {}
+    assert plots.landmarks(np.array([0.0, 1, 2, 3]), phase) == {"preload": 3}
+    # A load below the lowest force of the dwell is no snap-in: it comes after the preload.
+    phase = np.array(["approach"] * 3 + ["dwell"] * 2 + ["retract"] * 3)
+    force = np.array([0.0, -1, 4, 1, -2, -1, -6, 0])
+    assert plots.landmarks(force, phase) == {"preload": 2, "snap-in": 1, "pull-off": 6}
+
+
+def images(figure) -> list:
+    return [axis.images[0] for axis in figure.axes if axis.images]
+
+
+def test_contact_map_has_three_levels_in_place(tmp_path):
+    with load(write_results(tmp_path / "out", rows=80, nb=48, snapshots=6)) as results:
+        figure = map_plots.contact_figure(results)
+        shown = images(figure)
+        assert len(shown) == 6
+        inside, gap, _, _ = sphere(48, np.sqrt(history(80)[int(0.292 * 79)].contact_area / np.pi))
+        expected = np.where(gap < 0, 0, np.where(gap < 500e-9, 1, 2))
+        array = shown[1].get_array()
+        np.testing.assert_array_equal(array.mask, ~inside)
+        np.testing.assert_array_equal(array[inside], expected[inside])
+        assert set(np.unique(array[inside])) == {0, 1, 2}
+    np.testing.assert_allclose(shown[1].get_extent(), 1e6 * PUNCH * np.array([-1, 1, -1, 1]), rtol=1e-12)
+    assert [text.get_text() for text in figure.legends[0].texts] == ["contact (gap < 0)", "gap < 500 nm", "open"]
+
+
+def test_stress_map_is_symmetric_in_kPa_and_y_points_up(tmp_path):
+    with load(write_results(tmp_path / "out", rows=80, nb=48, snapshots=6)) as results:
+        figure = map_plots.stress_figure(results)
+        traction = results.frame("traction", 1)
+    shown = images(figure)
+    limits = {image.get_clim() for image in shown}
+    assert len(limits) == 1 and limits.pop()[0] == -shown[0].get_clim()[1]
+    assert shown[1].origin == "lower"
+    np.testing.assert_allclose(shown[1].get_array().filled(np.nan), traction / 1e3, rtol=1e-14)
+    assert figure.axes[-1].get_ylabel() == "normal traction (kPa), tension > 0"
+
+
+def test_fine_grids_are_thinned_out_but_keep_their_size(tmp_path, monkeypatch):
+    monkeypatch.setattr(map_plots, "MOST_PIXELS", 20)
+    with load(write_results(tmp_path / "out", rows=80, nb=48, snapshots=1)) as results:
+        shown = images(map_plots.stress_figure(results))[0]
+    assert shown.get_array().shape == (16, 16)
+    np.testing.assert_allclose(shown.get_extent(), 1e6 * PUNCH * np.array([-1, 1, -1, 1]), rtol=1e-12)
+
+
+def test_colour_limit_is_not_set_by_one_point_or_by_empty_snapshots():
+    field = np.full((100, 100), 1e5)
+    field[0, 0] = -1e9
+    assert map_plots.robust_limit([field]) == (1e9, False)  # all others below 1 % of it
+    field[0, 0] = -5e6
+    limit, clipped = map_plots.robust_limit([field, np.zeros((1000, 1000)), np.full((5, 5), np.nan)])
+    assert limit == 1e5 and clipped
+    assert map_plots.robust_limit([np.zeros((3, 3))]) == (1.0, False)
+
+
+def test_panels_do_not_overlap(tmp_path):
+    with load(write_results(tmp_path / "out", rows=80, nb=16, snapshots=7)) as results:
+        for make in (map_plots.contact_figure, map_plots.stress_figure, plots.force_figure, plots.energy_figure):
+            figure = make(results)
+            figure.draw_without_rendering()
+            boxes = [axis.get_tightbbox() for axis in figure.axes]
+            pairs = [(one, other) for k, one in enumerate(boxes) for other in boxes[:k]]
+            assert not any(one.shrunk(0.98, 0.98).overlaps(other) for one, other in pairs)
+            assert all(0 <= box.x0 and box.x1 <= figure.bbox.x1 and 0 <= box.y0 for box in boxes)
+
+
+def test_snapshots_chosen_for_one_page():
+    assert map_plots.chosen_snapshots(3) == [0, 1, 2]
+    chosen = map_plots.chosen_snapshots(40)
+    assert len(chosen) == 12 and chosen[0] == 0 and chosen[-1] == 39
+
+
+@pytest.mark.parametrize("largest, bar", [(225.0, 200.0), (200.0, 200.0), (199.0, 100.0), (0.07, 0.05)])
+def test_scale_bar_is_a_round_length(largest, bar):
+    assert map_plots.round_length(largest) == pytest.approx(bar, rel=1e-12)
+
+
+@pytest.mark.parametrize("size, unit", [(2.0, "J"), (3e-8, "nJ"), (1e-9, "nJ"), (9e-13, "fJ"), (0.0, "fJ")])
+def test_energy_unit(size, unit):
+    assert plots.energy_unit(size)[1] == unit
