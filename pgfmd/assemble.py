@@ -108,7 +108,7 @@ def assemble(scene, comm) -> Simulation:
     """A simulation of the scene on a communicator, without observers. Collective."""
     points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm)
     law = law_of(scene.adhesion)
-    solver = NewtonSolver(points, convolution_of(scene, points), heights_of(scene, points), law)
+    solver = NewtonSolver(points, convolution_of(scene, points), heights_of(scene, points), law, scene.drive.preload)
     series = series_of(scene.rheology)
     tolerance = STEP_SHARE * scene.solver.accuracy
     scheme = SCHEMES[scene.solver.scheme](solver, series.to_creep(), tolerance, scene.output.energy)

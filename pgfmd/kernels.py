@@ -80,7 +80,7 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
     """Traction, stiffness and out-of-balance stress of one implicit step, at the trial u + step s, w + weight t.
 
     gap = d + z - u;  f = Gamma'(gap);  K = Gamma''(gap);  r = f - (w - history) / J
-    rows[0] of the incremental potential u (w/2 - history) / J + Gamma(gap) [Pa m];  rows[1] of f [Pa].
+    rows[0] of the incremental potential u (w/2 - history) / J + Gamma(gap) [Pa m];  rows[1] of f, rows[2] of r [Pa].
     law = (stiffness K_0, range rho, attractive 0 or 1).
     """
     stiffness, reach, attractive = law
@@ -89,7 +89,7 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
     per_range = math.pi / reach
     inverse = 1.0 / compliance
     for row in range(offset.size - 1):
-        potential, pull = 0.0, 0.0
+        potential, pull, imbalance = 0.0, 0.0, 0.0
         for i in range(offset[row], offset[row + 1]):
             here = u[i] + step * s[i]
             load = w[i] + weight * t[i]
@@ -108,11 +108,14 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
                 traction, curvature, energy = 0.0, 0.0, 0.0
             f[i] = traction
             k[i] = curvature
-            r[i] = traction - (load - history[i]) * inverse
+            rest = traction - (load - history[i]) * inverse
+            r[i] = rest
+            imbalance += rest
             potential += here * (0.5 * load - history[i]) * inverse + energy
             pull += traction
         rows[0, row] = potential
         rows[1, row] = pull
+        rows[2, row] = imbalance
 
 
 @_compile_sums
@@ -168,20 +171,23 @@ def turn_direction(z, r, beta, k, p, y, offset, rows):
 def advance(alpha, p, y, k, s, t, r, offset, rows):
     """s += alpha p;  t += alpha y;  r -= alpha (y + K p).
 
-    rows[0], rows[1]: the largest |alpha p| and |s| over points that interact (K != 0), row by row.
+    rows[0], rows[1]: the largest |alpha p| and |s| over points that interact (K != 0), row by row;  rows[2] of r.
     """
     for row in range(offset.size - 1):
-        change, size = 0.0, 0.0
+        change, size, imbalance = 0.0, 0.0, 0.0
         for i in range(offset[row], offset[row + 1]):
             move = alpha * p[i]
             s[i] += move
             t[i] += alpha * y[i]
-            r[i] -= alpha * y[i] + k[i] * move
+            rest = r[i] - (alpha * y[i] + k[i] * move)
+            r[i] = rest
+            imbalance += rest
             if k[i] != 0.0:
                 change = max(change, abs(move))
                 size = max(size, abs(s[i]))
         rows[0, row] = change
         rows[1, row] = size
+        rows[2, row] = imbalance
 
 
 @_compile
@@ -213,11 +219,12 @@ def combine(c0, a0, c1, a1, c2, a2, out):
 
 @_compile
 def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
-    """max |u - (c0 a0 + c1 a1 + c2 a2)| over points with gap < reach; -1 where there is none."""
-    largest = -1.0
+    """max |u - (c0 a0 + c1 a1 + c2 a2)| over points whose gap, by one or the other, is below reach; 0 where there is none."""
+    largest = 0.0
     for i in range(u.size):
-        if position + height[i] - u[i] < reach:
-            largest = max(largest, abs(u[i] - (c0 * a0[i] + c1 * a1[i] + c2 * a2[i])))
+        other = c0 * a0[i] + c1 * a1[i] + c2 * a2[i]
+        if position + height[i] - max(u[i], other) < reach:
+            largest = max(largest, abs(u[i] - other))
     return largest
 
 

@@ -34,55 +34,66 @@ class Outcome:
 class NewtonSolver:
     """Solves implicit steps on point vectors. Holds the work arrays; keeps nothing from one solve to the next.
 
-    points: PunchPoints. convolve: the Convolution with G0. height z [m] (size,). law: CohesiveLaw.
+    points: PunchPoints. convolve: the Convolution with G0. height z [m] (size,). law: CohesiveLaw. force_scale [N]: the force that
+    a relative error of one would be, the preload.
     After a solve, `traction` and `curvature` are those of the solution.
     """
 
     largest_newton_count = 60
+    largest_jump_count = 20_000
+    """Correction counts at which a solve gives up. In a jump a crack may run through the whole punch, a cell or so a correction."""
     largest_cg_count = 400
     forcing = 0.1
     """CG ends when its last move is below half this fraction of the correction so far (inexact Newton)."""
     linear_share = 0.5
     """CG also ends when its last move is below this share of the tolerance."""
+    force_share = 0.2
+    """The force out of balance, relative to the force scale, may be this share of the tolerance."""
 
-    def __init__(self, points, convolve, height: np.ndarray, law):
+    def __init__(self, points, convolve, height: np.ndarray, law, force_scale: float):
+        self.force_scale = force_scale
         self.points, self.convolve, self.height, self.law = points, convolve, height, law
         self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
         self.traction, self.curvature, self._r = points.zeros(), points.zeros(), points.zeros()
         self._s, self._t, self._p, self._y, self._z = (points.zeros() for _ in range(5))
-        self._rows = np.zeros((2, points.rows))
+        self._rows = np.zeros((3, points.rows))
 
-    def solve(self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float) -> Outcome:
+    def solve(self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False) -> Outcome:
         """Moves u [m] and w [Pa] (in place, consistent: u = G0 w) to a minimum of Phi downhill of where they are.
 
         position d [m]; history w_hist [Pa] (size,); compliance J (dimensionless, relative to the relaxed one);
-        tolerance: largest displacement error over interacting points, in ranges of adhesion.
+        tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the force that is
+        out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0 range is no small stress.) jump: the way down
+        may be long.
         """
         trust, cg_count, negative = 1.0, 0, False
         self._s[:] = 0.0
         self._t[:] = 0.0
-        potential, pull = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+        potential, pull, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
         start = potential
-        for count in range(1, self.largest_newton_count + 1):
-            used, size, bent = self._correct(compliance, tolerance, trust)
+        unbalanced = self.force_share * tolerance * self.force_scale / self.points.grid.cell_area
+        most = self.largest_jump_count if jump else self.largest_newton_count
+        for count in range(1, most + 1):
+            used, size, bent = self._correct(compliance, tolerance, unbalanced, trust)
             cg_count += used
             negative |= bent
             scale = trust / size if bent or size > trust else 1.0
             while True:
-                trial, pull = self._evaluate(position, u, w, scale, scale * compliance, history, compliance)
+                trial, pull, imbalance = self._evaluate(position, u, w, scale, scale * compliance, history, compliance)
                 if trial <= potential + 1e-12 * abs(potential):
                     break
                 scale *= 0.5
                 if scale * size < 1e-3 * tolerance:
                     # The potential no longer resolves the correction: stay, and let the step be judged by its error.
                     scale = 0.0
-                    trial, pull = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+                    trial, pull, imbalance = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
                     break
             kernels.move(u, w, self._s, self._t, scale, scale * compliance)
             gained, potential = potential - trial, trial
             moved = scale * size
             whole = scale == 1.0 and not bent
-            if scale == 0.0 or (whole and (size < tolerance or (self.forcing + size) * size < tolerance)):
+            small = size < tolerance or (self.forcing + size) * size < tolerance
+            if scale == 0.0 or (whole and small and abs(imbalance) <= unbalanced):
                 return self._outcome(True, count, cg_count, pull, start - potential, negative)
             trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
         return self._outcome(False, count, cg_count, pull, start - potential, negative)
@@ -92,14 +103,14 @@ class NewtonSolver:
         return Outcome(converged, newton_count, cg_count, -pull * area, drop * area, negative)
 
     def _evaluate(self, position, u, w, step, weight, history, compliance):
-        """(Phi, sum of f), both per area of a point; sets traction, curvature and residual at u + step s."""
+        """(Phi, sum of f, sum of r), per area of a point; sets traction, curvature and residual at u + step s."""
         kernels.evaluate(
             self.height, position, u, w, self._s, self._t, step, weight, history, compliance,
             self.law_numbers, self.points.offset, self.traction, self.curvature, self._r, self._rows,
         )  # fmt: skip
         return self.points.total_of(self._rows)
 
-    def _correct(self, compliance: float, tolerance: float, trust: float) -> tuple[int, float, bool]:
+    def _correct(self, compliance: float, tolerance: float, unbalanced: float, trust: float) -> tuple[int, float, bool]:
         """Newton's correction s and its dual t by CG; (iterations, largest |s| in ranges, negative curvature met)."""
         points, s, t, p, y, z, r = self.points, self._s, self._t, self._p, self._y, self._z, self._r
         per_range = 1.0 / self.law.range
@@ -118,9 +129,11 @@ class NewtonSolver:
             if bend <= 0.0:
                 return count, self._to_edge(trust), True
             kernels.advance(energy / bend, p, y, self.curvature, s, t, r, points.offset, self._rows)
-            change, size = points.all_rows(self._rows).max(axis=1) * per_range
+            rows = points.all_rows(self._rows)
+            change, size = rows[:2].max(axis=1) * per_range
             previous = energy
-            if size > 2.0 * trust or change < max(self.linear_share * tolerance, 0.5 * self.forcing * size):
+            small = change < max(self.linear_share * tolerance, 0.5 * self.forcing * size)
+            if size > 2.0 * trust or (small and abs(rows[2].sum()) <= 0.5 * unbalanced):
                 break
         return count, size, False
 
@@ -131,4 +144,4 @@ class NewtonSolver:
         # At least one interacting point moves, for elsewhere K = 0 and the curvature is positive.
         alpha = trust * self.law.range / points.all_rows(self._rows[:1]).max()
         kernels.advance(alpha, self._p, self._y, self.curvature, self._s, self._t, self._r, points.offset, self._rows)
-        return points.all_rows(self._rows).max(axis=1)[1] / self.law.range
+        return points.all_rows(self._rows[:2]).max(axis=1)[1] / self.law.range

@@ -24,6 +24,13 @@ DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew as G0 w."""
 
 
+EVENT_SHARPNESS, JUMP_SHARPNESS = 0.1, 1e-3
+"""Share of the tolerance to which steps are solved that look for an event; and jumps, for just past the loss of stability the
+residual of the lost branch is tiny, and a loose solve lingers on it."""
+EQUILIBRIUM_SHARE = 0.05
+"""Elastic scenes: the error that counts for the step, as a share of the distance to the extrapolated surface."""
+
+
 @dataclass
 class Trial:
     """The outcome of a step that was tried: nothing of it is in the State yet.
@@ -102,7 +109,7 @@ class Inertialess:
     def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> Trial:
         """Solves the stages of a step of `step` [s] from `state`. Collective.
 
-        sharp: ten times tighter, for finding events. jump: start each stage from the last one instead of extrapolating, so that the
+        sharp: solve tighter, for finding events. jump: solve tighter still, and start each stage from the last one instead of extrapolating, so that the
         potential drop is that of the surface's jump.
         """
         weights = step_weights(self.creep, self.tableau, step)
@@ -117,7 +124,7 @@ class Inertialess:
             self._predict(state, trial, i, node * step)
             outcome = self.solver.solve(
                 trial.position, history, weights.compliance[i], self._u[i], self._w[i],
-                self.tolerance * (0.1 if sharp else 1.0),
+                self.tolerance * (JUMP_SHARPNESS if jump else EVENT_SHARPNESS if sharp else 1.0), jump,
             )  # fmt: skip
             trial.newton_iterations += outcome.newton_iterations
             trial.cg_iterations += outcome.cg_iterations
@@ -183,6 +190,7 @@ class Inertialess:
         """Error of the step's end, from its distance to the extrapolation through the ends of earlier steps.
 
         Where fewer than three are known the distance itself, weighed down, is a safe guess: the steps after a kink are small.
+        Without retardation every step ends in equilibrium: the distance then only tells how well the path is followed.
         """
         known = [state.displacement, *state.past_u]
         times = [0.0, *-np.cumsum(state.past_steps)]
@@ -193,12 +201,14 @@ class Inertialess:
         local = kernels.largest_difference_near(
             c[0], known[0], c[1], known[1], c[2], known[2], self._u[-1], self.solver.height, trial.position, law.range
         )
-        distance = max(0.0, self.points.maximum_of(local)) / law.range
+        distance = self.points.maximum_of(local) / law.range
+        if not self.creep.elements:
+            return EQUILIBRIUM_SHARE * distance
         if len(times) < 3:
             return (0.5, 0.25)[len(times) - 1] * distance
         h = trial.step
         prediction = h * (h - times[1]) * (h - times[2]) / 6.0
-        own = self.tableau.error_constant * h**3 if self.tableau.order == 2 else prediction
+        own = self.tableau.error_constant * h**3
         return distance * own / (prediction + own)
 
     def _remember(self, state: State, trial: Trial) -> None:
