@@ -1,4 +1,4 @@
-"""The live tables of a run, `curve.csv` and `energy.csv`: units in the header, a line a row, readable at any time."""
+"""The live tables of a run, `curve.csv`, `energy.csv` and `events.csv`: units in the header, a line a row, readable at any time."""
 
 from __future__ import annotations
 
@@ -59,6 +59,20 @@ class EnergyRow:
     residual: float
 
 
+EVENT_COLUMNS = ("time [s]", "displacement [m]", "force [N]", "released [J]", "event")
+
+
+@dataclass(frozen=True)
+class EventRow:
+    """Something that happened at an instant: the preload, the detachment, or a jump with the energy [J] it released."""
+
+    time: float
+    displacement: float
+    force: float
+    released: float
+    event: str
+
+
 class CsvFile:
     """A table that grows by whole lines, each handed to the system at once. Only rank 0 writes; all ranks call.
 
@@ -79,7 +93,7 @@ class CsvFile:
         self.rows = comm.bcast(on_root(comm, f"{self.path}: could not be opened", self._open))
         self.offered = self.rows
 
-    def append(self, row: CurveRow | EnergyRow, force_write: bool = False) -> None:
+    def append(self, row: CurveRow | EnergyRow | EventRow, force_write: bool = False) -> None:
         """Write this row if its turn has come (each `every`-th, the first included) or `force_write` says so.
 
         Args:
@@ -154,7 +168,7 @@ class CsvFile:
             raise
 
 
-def _line(row: CurveRow | EnergyRow) -> bytes:
+def _line(row: CurveRow | EnergyRow | EventRow) -> bytes:
     values = (value if isinstance(value, str) else repr(float(value)) for value in astuple(row))
     return (",".join(values) + "\n").encode()
 
@@ -171,3 +185,10 @@ class EnergyFile(CsvFile):
 
     def __init__(self, path: str | Path, comm, every: int = 1):
         super().__init__(path, comm, ENERGY_COLUMNS, every)
+
+
+class EventFile(CsvFile):
+    """`events.csv`: jumps, the preload, the detachment (`EventRow`)."""
+
+    def __init__(self, path: str | Path, comm):
+        super().__init__(path, comm, EVENT_COLUMNS)

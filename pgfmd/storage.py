@@ -20,6 +20,7 @@ from .errors import ResultError
 
 CURVE_FILE = "curve.csv"
 ENERGY_FILE = "energy.csv"
+EVENTS_FILE = "events.csv"
 FIELDS_FILE = "fields.h5"
 RUN_FILE = "run.json"
 SCENE_FILE = "scene.resolved.toml"
@@ -82,7 +83,7 @@ def prepare_directory(path: str | Path, comm, say: Callable[[str], None] = print
     """Make the results folder and prove that it can be written; results of an earlier run move to `previous-<k>`.
 
     Args:
-        path: the folder. Its parent must exist.
+        path: the folder; it and those above it are made where they are missing.
         comm: the communicator; collective over it.
         say: called on rank 0 with one line if earlier results were moved.
 
@@ -97,12 +98,10 @@ def prepare_directory(path: str | Path, comm, say: Callable[[str], None] = print
 
 
 def _prepare(directory: Path) -> str:
-    if not directory.parent.is_dir():
-        raise ResultError(f"{directory}: can't be made, the folder {directory.parent} does not exist; make it first")
-    directory.mkdir(exist_ok=True)
+    directory.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=directory) as probe:
         probe.write(b"probe")
-    names = (CURVE_FILE, RUN_FILE, ENERGY_FILE, FIELDS_FILE, FIELDS_FILE + UNDO_SUFFIX, SCENE_FILE)
+    names = (CURVE_FILE, RUN_FILE, ENERGY_FILE, EVENTS_FILE, FIELDS_FILE, FIELDS_FILE + UNDO_SUFFIX, SCENE_FILE)
     old = [directory / name for name in names if (directory / name).exists()]
     if not any(file.name in (CURVE_FILE, RUN_FILE) for file in old):
         return ""

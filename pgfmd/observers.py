@@ -1,0 +1,163 @@
+"""What watches a run: the curve, the energy audit, events, snapshots and progress. Collective where they write."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgfmd.curve_file import CurveFile, CurveRow, EnergyFile, EnergyRow, EventFile, EventRow
+from pgfmd.fields_file import FieldsFile
+
+INDENTATION_OFFSET = 0.0
+"""k [m] of indentation = -d - k: zero, indentation counts from the first touch of the undeformed surface."""
+
+
+class _Observer:
+    """Does nothing; the base of those below."""
+
+    def next_time(self, simulation) -> float:
+        """The next time [s] at which a step has to end; infinity for none."""
+        return math.inf
+
+    def observe(self, simulation, event) -> None:
+        """Called at the start, after each step or jump, at the preload, at wanted times, and at the end."""
+
+
+class Curve(_Observer):
+    """Writes a row of `curve.csv`, and of `energy.csv` where energies are followed, for each accepted step."""
+
+    def __init__(self, curve: CurveFile, energy: EnergyFile | None):
+        self.files = [(curve, curve_row)] + ([(energy, energy_row)] if energy else [])
+
+    def observe(self, simulation, event) -> None:
+        if event.kind in ("start", "step", "jump"):
+            last = bool(simulation.state.finished)
+            for file, row in self.files:
+                file.append(row(simulation), force_write=last or event.kind != "step")
+
+
+def curve_row(simulation) -> CurveRow:
+    """The row of the present state."""
+    state = simulation.state
+    area = state.contact_points * simulation.points.grid.cell_area
+    return CurveRow(
+        state.time, state.position, -state.position - INDENTATION_OFFSET, state.force, area, state.far_displacement,
+        state.last_step, simulation.phase.name,
+    )  # fmt: skip
+
+
+def energy_row(simulation) -> EnergyRow:
+    """The audit of the present state, stored energies counted from the start."""
+    e = simulation.state.energies
+    return EnergyRow(
+        simulation.state.time, e.work, e.elastic - e.elastic_start, e.adhesive - e.adhesive_start, e.viscous,
+        e.released, e.residual,
+    )  # fmt: skip
+
+
+class Events(_Observer):
+    """Writes `events.csv`: jumps with the energy they release, the preload, the end."""
+
+    def __init__(self, file: EventFile):
+        self.file = file
+
+    def observe(self, simulation, event) -> None:
+        if event.kind in ("jump", "preload", "end"):
+            state = simulation.state
+            name = state.finished if event.kind == "end" else event.kind
+            self.file.append(EventRow(state.time, state.position, state.force, event.released, name))
+
+
+@dataclass
+class _Frame:
+    """A surface kept back until it is known to be wanted."""
+
+    time: float
+    position: float
+    force: float
+    displacement: np.ndarray
+    traction: np.ndarray
+    load: np.ndarray
+
+
+class Snapshots(_Observer):
+    """Writes `fields.h5`: at wanted times, at the preload, and at the largest tension of the retraction.
+
+    wanted: times [s]; fractions: of the time from first contact to preload, at least 1. surface_of: gives the whole cell's surface
+    for a load, or None. The largest tension is known only when it is over: the surface is kept back until then.
+    """
+
+    def __init__(self, file: FieldsFile, wanted: list[float], fractions: list[float], surface_of=None):
+        self.file, self.surface_of = file, surface_of
+        self.wanted = sorted((value, f"t = {value:g} s") for value in wanted)
+        self.fractions = [value for value in fractions if value != 1.0]
+        self.tension: _Frame | None = None
+
+    def next_time(self, simulation) -> float:
+        return self.wanted[0][0] if self.wanted else math.inf
+
+    def observe(self, simulation, event) -> None:
+        state = simulation.state
+        if event.kind == "time":
+            _, label = self.wanted.pop(0)
+            self._write(simulation, label, self._frame(state))
+        elif event.kind == "preload":
+            self._write(simulation, "preload", self._frame(state))
+            self._schedule(state)
+        elif event.kind in ("step", "jump"):
+            tense = simulation.phase.name == "retract" and state.force < 0.0
+            if tense and (self.tension is None or state.force < self.tension.force):
+                self.tension = self._frame(state, self.tension)
+        elif event.kind == "end" and self.tension is not None:
+            self._write(simulation, "largest tension", self.tension)
+
+    def _schedule(self, state) -> None:
+        """Turns fractions of the time to the preload into times."""
+        first = state.first_contact_time if state.first_contact_time is not None else 0.0
+        span = state.preload_time - first
+        self.wanted = sorted(self.wanted + [(first + value * span, f"{value:g} t_pl") for value in self.fractions])
+
+    @staticmethod
+    def _frame(state, old: _Frame | None = None) -> _Frame:
+        fields = (state.displacement, state.traction, state.load)
+        if old is None:
+            return _Frame(state.time, state.position, state.force, *(field.copy() for field in fields))
+        for kept, field in zip((old.displacement, old.traction, old.load), fields, strict=True):
+            kept[:] = field
+        return _Frame(state.time, state.position, state.force, old.displacement, old.traction, old.load)
+
+    def _write(self, simulation, label: str, frame: _Frame) -> None:
+        points = simulation.points
+        gap = frame.position + simulation.solver.height - frame.displacement
+        surface = self.surface_of(frame.load) if self.surface_of else None
+        self.file.append(
+            label, frame.time, frame.position, frame.force, points.to_rows(gap), points.to_rows(frame.traction),
+            points.to_rows(frame.displacement), surface=surface,
+        )  # fmt: skip
+
+
+class Progress(_Observer):
+    """Prints a line every few seconds: rank 0 alone, on its own clock, so that nothing waits for it."""
+
+    def __init__(self, comm, say, every: float = 5.0):
+        self.silent, self.say, self.every = comm.rank != 0, say, every
+        self.last = self.began = time.perf_counter()
+
+    def observe(self, simulation, event) -> None:
+        if self.silent:
+            return
+        now = time.perf_counter()
+        if now - self.last < self.every and event.kind not in ("preload", "end"):
+            return
+        self.last = now
+        state = simulation.state
+        area = state.contact_points * simulation.points.grid.cell_area
+        rate = state.counters.steps / max(now - self.began, 1e-9)
+        what = state.finished if event.kind == "end" else event.kind if event.kind == "preload" else simulation.phase.name
+        self.say(
+            f"{what:>9}  t {state.time:.4g} s  indentation {-state.position * 1e6:.4f} um  force {state.force * 1e3:.4f} mN"
+            f"  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s  {state.counters.steps} steps, {rate:.1f}/s"
+        )

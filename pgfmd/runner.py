@@ -1,0 +1,138 @@
+"""A whole run: from a scene to a folder of results."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import resource
+import sys
+import time
+from pathlib import Path
+
+from pgfmd import observers, storage
+from pgfmd.assemble import assemble, convolution_of
+from pgfmd.curve_file import CurveFile, EnergyFile, EventFile
+from pgfmd.errors import RunError
+from pgfmd.fields_file import FieldsFile
+
+_LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
+
+
+def run_scene(scene, comm, directory: str | Path, say=print) -> dict:
+    """Runs a scene on a communicator and writes its results into `directory`; returns the record that is in `run.json`.
+
+    say: called on rank 0 with lines of progress. Collective. Raises SceneError before any field is allocated, ResultError when
+    the folder can't be written, RunError when a step can't be solved: what was written before stays, and is valid.
+    """
+    began = time.perf_counter()
+    simulation = assemble(scene, comm)
+    folder = storage.prepare_directory(directory, comm, say)
+    text = scene.to_toml().encode()
+    storage.on_root(comm, "the scene", lambda: storage.write_atomically(folder / storage.SCENE_FILE, text))
+    files = _attach(simulation, scene, comm, folder, say)
+    failure = None
+    try:
+        simulation.run()
+    except RunError as error:
+        failure = error
+        simulation.state.finished = "failed"
+    finally:
+        for file in files:
+            file.close()
+    record = record_of(simulation, scene, comm, time.perf_counter() - began)
+    storage.write_run_json(folder / storage.RUN_FILE, comm, record)
+    if failure:
+        raise failure
+    return record
+
+
+def _attach(simulation, scene, comm, folder: Path, say) -> list:
+    """Gives the simulation its observers; returns the open tables."""
+    output, points = scene.output, simulation.points
+    curve = CurveFile(folder / storage.CURVE_FILE, comm, output.every)
+    energy = EnergyFile(folder / storage.ENERGY_FILE, comm, output.every) if output.energy else None
+    events = EventFile(folder / storage.EVENTS_FILE, comm)
+    fields = FieldsFile(
+        folder / storage.FIELDS_FILE, comm, points.grid.n, points.grid.length, points.block_start, points.nb,
+        points.row_start, points.rows, points.inside(), surface=output.surface,
+    )  # fmt: skip
+    absolute = [value for value, relative in output.snapshot_times if not relative]
+    fractions = [value for value, relative in output.snapshot_times if relative]
+    surface_of = _surface(simulation, scene) if output.surface else None
+    simulation.observers += [
+        observers.Curve(curve, energy),
+        observers.Events(events),
+        observers.Snapshots(fields, absolute, fractions, surface_of),
+        observers.Progress(comm, say),
+    ]
+    return [file for file in (curve, energy, events) if file]
+
+
+def _surface(simulation, scene):
+    """A function that gives the whole cell's surface for a load; a free surface needs a larger transform of its own."""
+    if scene.substrate.boundary == "periodic":
+        return simulation.solver.convolve.whole_cell
+
+    def surface(load):
+        return convolution_of(scene, simulation.points, whole_cell=True).whole_cell(load)
+
+    return surface
+
+
+def record_of(simulation, scene, comm, wall: float) -> dict:
+    """The contents of `run.json` (docs: results). Collective."""
+    state, convolve = simulation.state, simulation.solver.convolve
+    counters, energies = state.counters, state.energies
+    memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+    transform = max(comm.allgather(convolve.seconds))
+    audit = scene.output.energy and energies.work != 0.0
+    return {
+        "finished": state.finished,
+        "scheme": scene.solver.scheme,
+        "precision": scene.solver.precision,
+        "accuracy": scene.solver.accuracy,
+        "ranks": comm.size,
+        "n": scene.grid.n,
+        "range_m": scene.adhesion.range,
+        "steps": counters.steps,
+        "rejected_steps": counters.rejected_steps,
+        "newton_iterations": counters.newton_iterations,
+        "cg_iterations": counters.cg_iterations,
+        "transform_pairs": convolve.pairs,
+        "jumps": counters.jumps,
+        "wall_s": wall,
+        "transform_s": transform,
+        "pull_off_force_N": -state.pull_off_force,
+        "snap_in_force_N": -state.snap_in_force,
+        "preload_N": state.preload,
+        "time_to_preload_s": _span(state),
+        "work_of_separation_J": energies.work_of_separation,
+        "work_J": energies.work,
+        "viscous_J": energies.viscous if scene.output.energy else None,
+        "released_J": energies.released,
+        "energy_residual": energies.largest_residual / abs(energies.work) if audit else None,
+        "indentation_offset_m": observers.INDENTATION_OFFSET,
+        "peak_rss_bytes": memory,
+        "versions": versions(),
+    }
+
+
+def _span(state) -> float | None:
+    """t_pl [s]: from first contact to the preload."""
+    if state.preload_time is None or state.first_contact_time is None:
+        return None
+    return state.preload_time - state.first_contact_time
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, the libraries and MPI that this run used."""
+    from mpi4py import MPI
+
+    found = {"python": platform.python_version(), "platform": sys.platform}
+    for name in _LIBRARIES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = "unknown"
+    found["mpi"] = MPI.Get_library_version().splitlines()[0].split(",")[0]
+    return found
