@@ -1,7 +1,8 @@
 """Compiled kernels: one pass over memory where NumPy needs several. Each stands beside the line of mathematics it evaluates.
 
 Sums are left as one partial sum a row of the punch block (`offset` marks the rows in a point vector); `PunchPoints.total_of`
-adds them in an order that does not depend on the number of ranks. One thread a rank.
+adds them in an order that does not depend on the number of ranks. Loops over a row's points run over unsigned indices, as the test
+for negative ones keeps them from being vectorised. One thread a rank.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ _compile = numba.njit(cache=True, nogil=True)
 # Sums over a row may be vectorised; the order within a row then depends on its length alone.
 _compile_sums = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
 
+# Maxima and minima vectorise only where NaN is ruled out: `observe`, which looks at every accepted step, is not among these.
+_compile_maxima = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz", "nnan"})
+
 
 # Transform: rows and columns in and out of the buffers of one batch --------------------------------------------------
 @_compile
@@ -22,12 +26,12 @@ def scatter_rows(vector, offset, first, row, count, nb, scale, line):
     """line[i, first:last] = scale * (row `row + i` of the point vector), zero in the rest of the first nb columns."""
     for i in range(count):
         start, stop, column = offset[row + i], offset[row + i + 1], first[row + i]
-        for j in range(column):
-            line[i, j] = 0.0
-        for j in range(stop - start):
-            line[i, column + j] = scale * vector[start + j]
-        for j in range(column + stop - start, line.shape[1]):
-            line[i, j] = 0.0
+        target, source = line[i], vector[start:stop]
+        target[:column] = 0.0
+        inside = target[column : column + source.size]
+        for j in range(source.size):
+            inside[j] = scale * source[j]
+        target[column + source.size :] = 0.0
 
 
 @_compile
@@ -35,20 +39,22 @@ def gather_rows(line, offset, first, row, count, vector):
     """The inverse of `scatter_rows`, without scale."""
     for i in range(count):
         start, stop, column = offset[row + i], offset[row + i + 1], first[row + i]
-        for j in range(stop - start):
-            vector[start + j] = line[i, column + j]
+        vector[start:stop] = line[i, column : column + stop - start]
 
 
 @_compile
 def load_columns(columns, column, count, buffer):
     """buffer[j, :nb] = columns[:, column + j], zeros behind."""
-    nb = columns.shape[0]
-    for i in range(nb):
-        for j in range(count):
-            buffer[j, i] = columns[i, column + j]
-    for j in range(count):
-        for i in range(nb, buffer.shape[1]):
-            buffer[j, i] = 0.0
+    nb, n = columns.shape[0], buffer.shape[1]
+    # Four columns at a time: a cache line of the source, and few enough targets, whose distance is a power of two.
+    for start in range(0, count, 4):
+        stop = min(start + 4, count)
+        for i in range(nb):
+            for j in range(start, stop):
+                buffer[j, i] = columns[i, column + j]
+        for j in range(start, stop):
+            for i in range(nb, n):
+                buffer[j, i] = 0.0
 
 
 @_compile
@@ -68,14 +74,38 @@ def multiply_columns(buffer, multiplier, column, count):
 def store_columns(buffer, column, count, first, columns):
     """columns[i, column + j] = buffer[j, first + i], periodically."""
     n = buffer.shape[1]
-    for i in range(columns.shape[0]):
-        k = (first + i) % n
-        for j in range(count):
-            columns[i, column + j] = buffer[j, k]
+    for start in range(0, count, 4):
+        stop = min(start + 4, count)
+        k = first % n
+        for i in range(columns.shape[0]):
+            for j in range(start, stop):
+                columns[i, column + j] = buffer[j, k]
+            k = k + 1 if k + 1 < n else 0
 
 
 # Cohesion and the incremental potential ------------------------------------------------------------------------------
-@_compile_sums
+_COSINE = tuple((-1) ** k * math.pi ** (2 * k) / math.factorial(2 * k) for k in range(12))
+_SINE = tuple((-1) ** k * math.pi ** (2 * k + 1) / math.factorial(2 * k + 1) for k in range(12))
+
+
+def _horner(coefficients: tuple[float, ...], variable: str) -> str:
+    """The polynomial as nested products, as text: a loop over a tuple would not vectorise."""
+    text = repr(coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        text = f"{coefficient!r} + {variable} * ({text})"
+    return text
+
+
+def _compiled_polynomial(coefficients: tuple[float, ...]):
+    return numba.njit(inline="always")(eval(f"lambda q: {_horner(coefficients, 'q')}"))  # noqa: S307
+
+
+# cos(pi y) and sin(pi y)/y as functions of y^2, |y| <= 1/2, by their Taylor series to rounding: no branch, no call.
+_cosine_of = _compiled_polynomial(_COSINE)
+_sine_of = _compiled_polynomial(_SINE)
+
+
+@_compile_maxima
 def evaluate(height, position, u, w, s, t, step, weight, history, compliance, law, offset, f, k, r, rows):
     """Traction, stiffness and out-of-balance stress of one implicit step, at the trial u + step s, w + weight t.
 
@@ -84,35 +114,32 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
     law = (stiffness K_0, range rho, attractive 0 or 1).
     """
     stiffness, reach, attractive = law
-    strength = stiffness * reach / math.pi
-    depth = attractive * strength * reach / math.pi
-    per_range = math.pi / reach
+    strength = attractive * stiffness * reach / math.pi
+    depth = strength * reach / math.pi
+    per_range = 1.0 / reach
+    limit = reach if attractive > 0.0 else 0.0
     inverse = 1.0 / compliance
     for row in range(offset.size - 1):
         potential, pull, imbalance = 0.0, 0.0, 0.0
-        for i in range(offset[row], offset[row + 1]):
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
             here = u[i] + step * s[i]
             load = w[i] + weight * t[i]
             gap = position + height[i] - here
-            if gap < 0.0:
-                traction = stiffness * gap
-                curvature = stiffness
-                energy = 0.5 * traction * gap - 2.0 * depth
-            elif gap < reach and attractive > 0.0:
-                angle = per_range * gap
-                cosine = math.cos(angle)
-                traction = strength * math.sin(angle)
-                curvature = stiffness * cosine
-                energy = -depth * (1.0 + cosine)
-            else:
-                traction, curvature, energy = 0.0, 0.0, 0.0
+            overlap = min(gap, 0.0)
+            # pi gap/rho = pi y + pi/2, within reach of the attraction.
+            y = min(max(gap * per_range, 0.0), 1.0) - 0.5
+            sine, minus_cosine = _cosine_of(y * y), y * _sine_of(y * y)
+            near = gap < limit
+            traction = stiffness * overlap + (strength * sine if near else 0.0)
+            bend = -stiffness * minus_cosine if near else 0.0
             f[i] = traction
-            k[i] = curvature
+            k[i] = bend
             rest = traction - (load - history[i]) * inverse
             r[i] = rest
-            imbalance += rest
+            energy = 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
             potential += here * (0.5 * load - history[i]) * inverse + energy
             pull += traction
+            imbalance += rest
         rows[0, row] = potential
         rows[1, row] = pull
         rows[2, row] = imbalance
@@ -123,18 +150,21 @@ def observe(height, position, u, f, weights, law, offset, rows):
     """What a curve row needs. rows: [0] points with gap < 0, [1] Gamma [J/m^2], [2] weights f, [3] minus the smallest gap."""
     stiffness, reach, attractive = law
     depth = attractive * stiffness * reach * reach / math.pi**2
+    per_range = 1.0 / reach
+    limit = reach if attractive > 0.0 else 0.0
     weighted = weights.size == u.size
     for row in range(offset.size - 1):
         contact, energy, far, closest = 0.0, 0.0, 0.0, math.inf
-        for i in range(offset[row], offset[row + 1]):
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
             gap = position + height[i] - u[i]
             closest = min(closest, gap)
-            if gap < 0.0:
-                contact += 1.0
-                energy += 0.5 * stiffness * gap * gap - 2.0 * depth
-            elif gap < reach and attractive > 0.0:
-                energy -= depth * (1.0 + math.cos(math.pi * gap / reach))
-            if weighted:
+            overlap = min(gap, 0.0)
+            y = min(max(gap * per_range, 0.0), 1.0) - 0.5
+            contact += 1.0 if gap < 0.0 else 0.0
+            energy += 0.5 * stiffness * overlap * overlap
+            energy += depth * (y * _sine_of(y * y) - 1.0) if gap < limit else 0.0
+        if weighted:
+            for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
                 far += weights[i] * f[i]
         rows[0, row] = contact
         rows[1, row] = energy
@@ -148,7 +178,7 @@ def dot(a, b, offset, rows):
     """rows[0] of a b."""
     for row in range(offset.size - 1):
         total = 0.0
-        for i in range(offset[row], offset[row + 1]):
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
             total += a[i] * b[i]
         rows[0, row] = total
 
@@ -158,7 +188,7 @@ def turn_direction(z, r, beta, k, p, y, offset, rows):
     """p = z + beta p;  y = r + beta y, so that A y = p;  rows[0] of p (y + K p)."""
     for row in range(offset.size - 1):
         total = 0.0
-        for i in range(offset[row], offset[row + 1]):
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
             a = z[i] + beta * p[i]
             b = r[i] + beta * y[i]
             p[i] = a
@@ -167,7 +197,7 @@ def turn_direction(z, r, beta, k, p, y, offset, rows):
         rows[0, row] = total
 
 
-@_compile
+@_compile_maxima
 def advance(alpha, p, y, k, s, t, r, offset, rows):
     """s += alpha p;  t += alpha y;  r -= alpha (y + K p).
 
@@ -175,16 +205,16 @@ def advance(alpha, p, y, k, s, t, r, offset, rows):
     """
     for row in range(offset.size - 1):
         change, size, imbalance = 0.0, 0.0, 0.0
-        for i in range(offset[row], offset[row + 1]):
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
             move = alpha * p[i]
             s[i] += move
             t[i] += alpha * y[i]
             rest = r[i] - (alpha * y[i] + k[i] * move)
             r[i] = rest
             imbalance += rest
-            if k[i] != 0.0:
-                change = max(change, abs(move))
-                size = max(size, abs(s[i]))
+            interacting = k[i] != 0.0
+            change = max(change, abs(move) if interacting else 0.0)
+            size = max(size, abs(s[i]) if interacting else 0.0)
         rows[0, row] = change
         rows[1, row] = size
         rows[2, row] = imbalance
@@ -195,7 +225,7 @@ def largest_in_rows(values, k, offset, rows):
     """rows[0]: the largest |value| over points that interact (K != 0), row by row."""
     for row in range(offset.size - 1):
         largest = 0.0
-        for i in range(offset[row], offset[row + 1]):
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
             if k[i] != 0.0:
                 largest = max(largest, abs(values[i]))
         rows[0, row] = largest
@@ -271,7 +301,7 @@ def advance_branches_and_energy(
         stored, lost = 0.0, 0.0
         for m in range(elements):
             half = 0.5 * compliances[m]
-            for p in range(offset[row], offset[row + 1]):
+            for p in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
                 a, b = phi[m, p], psi[m, p]
                 new_a, new_b = decay[m] * a, decay[m] * b
                 for i in range(count):

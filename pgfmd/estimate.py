@@ -1,0 +1,153 @@
+"""What a scene will cost: memory from the list of arrays that a run allocates, steps and transforms from an empirical rule.
+
+No MPI; nothing large is allocated.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import scipy.fft
+
+from pgfmd.grid import Grid, PunchPoints
+from pgfmd.parts import series_of, transform_side
+from pgfmd.reference import flat_punch, hertz
+
+PROGRAM_BYTES = 200e6
+"""Python, compiled kernels and libraries on every rank."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Bytes of one rank's arrays: point vectors, transform, both while running; more at the start; points and rows."""
+
+    points: float
+    transform: float
+    setup: float
+
+    @property
+    def running(self) -> float:
+        """While the steps are made."""
+        return self.points + self.transform
+
+    @property
+    def peak(self) -> float:
+        """The most at any time."""
+        return self.running + self.setup
+
+
+def vectors_per_point(elements: int, audit: bool, periodic: bool) -> int:
+    """Numbers of 8 bytes that a run keeps for every point under the punch.
+
+    State: u, w, f, two past u and w (7), branches (N), their images where energies are followed (N). Scheme: u, w, f, history a
+    stage, and a fifth with the audit; two stages, one where elastic. Newton: heights, f, K, r, s, t, p, y, z (9). Far field: 1.
+    """
+    stages = 2 if elements else 1
+    return 7 + elements * (1 + audit) + stages * (4 + audit) + 9 + periodic
+
+
+def punch_points(scene) -> PunchPoints:
+    """The points under the punch as a single rank would own them."""
+    return PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, SimpleNamespace(size=1, rank=0))
+
+
+def memory_of(scene, ranks: int = 1) -> Memory:
+    """Memory of the rank with the largest share, out of `ranks`.
+
+    Transform: G0 of (columns, n/2 + 1) numbers and the half-transformed rows, complex, (rows, n/2 + 1), with more than one rank
+    also (nb, columns). Start: making G0 (two temporaries of its size), the cosines of the far field, (n/2 + 1, nb) on every rank,
+    and heights with their temporaries.
+    """
+    points = punch_points(scene)
+    nb, cell = points.nb, scene.grid.n
+    side = transform_side(scene, nb)
+    width = side // 2 + 1
+    rows, columns = math.ceil(nb / ranks), math.ceil(width / ranks)
+    size = int(np.ceil(points.total / ranks))
+    periodic = scene.substrate.boundary == "periodic"
+    series = series_of(scene.rheology)
+    vectors = 8.0 * size * vectors_per_point(series.elements, scene.output.energy, periodic)
+    multiplier = 8.0 * columns * width
+    transform = multiplier + 16.0 * rows * width + (16.0 * nb * columns if ranks > 1 else 0.0)
+    far = 8.0 * (cell // 2 + 1) * (2 * nb + rows) if periodic else 0.0
+    making = (2.0 if periodic else 1.0) * multiplier
+    return Memory(vectors, transform, max(making, far, 8.0 * 6 * size) - (0.0 if periodic else 0.0))
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Expected steps and transform pairs of a run, right within a factor of 3 where the material is viscoelastic."""
+
+    steps: float
+    pairs: float
+    pair_seconds: float
+
+    @property
+    def seconds(self) -> float:
+        """Wall time on one rank of this machine: transforms are about 60 % of it."""
+        return self.pairs * self.pair_seconds / 0.6
+
+
+def depth_of(scene) -> float:
+    """Rough static indentation [m] at the preload."""
+    punch, modulus, preload = scene.punch, scene.substrate.contact_modulus, scene.drive.preload
+    if punch.radius is None:
+        return 2.0 * (punch.amplitude or 0.0) + scene.adhesion.range
+    if punch.pattern in ("sphere", "power"):
+        return float(hertz.indentation(preload, punch.curvature_radius, modulus))
+    image = 0.75 if scene.substrate.boundary == "periodic" else 1.0
+    return image * preload / flat_punch.force(1.0, punch.radius, modulus)
+
+
+def effort_of(scene) -> Effort:
+    """Steps and transform pairs from a rule fitted to runs of the shipped scenes, n = 64 to 512.
+
+    Steps go like the travel in ranges of adhesion, times sqrt(gamma/(E* v lambda)), the longest retardation time lambda, times
+    accuracy^(-0.4); pairs a step hardly depend on the grid. Elastic adhesive scenes jump at every instability and cost far more.
+    """
+    adhesion, drive, modulus = scene.adhesion, scene.drive, scene.substrate.contact_modulus
+    creep = series_of(scene.rheology).to_creep()
+    way = depth_of(scene)
+    back = way
+    if scene.punch.pattern == "flat" and adhesion.law == "cosine":
+        back += math.sqrt(2.0 * math.pi * adhesion.work_of_adhesion * scene.punch.radius / modulus)
+    way += max(drive.clearance, 0.0)
+    tightness = adhesion.work_of_adhesion / modulus
+    steps = pairs = 0.0
+    for length, speed in ((way, drive.speed), (back, drive.retract_speed)):
+        ranges = length / adhesion.range
+        if creep.elements:
+            longest = float(creep.retardation_times.max())
+            rate = min(max(23.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0)
+            each = 8.0
+        else:
+            rate, each = (4.0, 13.0) if adhesion.law == "repulsive" else (100.0, 45.0)
+        refinement = (1e-2 / scene.solver.accuracy) ** 0.4
+        steps += rate * ranges * refinement
+        pairs += rate * ranges * each * refinement**0.6
+    return Effort(steps, pairs, pair_seconds(scene))
+
+
+def pair_seconds(scene) -> float:
+    """Rough time [s] of one transform pair on one core of this machine, from a few lines of it (scipy.fft)."""
+    nb = punch_points(scene).nb
+    side = transform_side(scene, nb)
+    width, lines = side // 2 + 1, max(4, min(64, 2**16 // side))
+    real, columns = np.ones((lines, side)), np.ones((lines, side), complex)
+
+    def seconds(action) -> float:
+        action()
+        times = []
+        for _ in range(5):
+            start = time.perf_counter()
+            action()
+            times.append(time.perf_counter() - start)
+        return min(times)
+
+    along_x = seconds(lambda: scipy.fft.irfft(scipy.fft.rfft(real), side))
+    along_y = seconds(lambda: scipy.fft.ifft(scipy.fft.fft(columns)))
+    return (nb * along_x + width * along_y) / lines

@@ -1,0 +1,115 @@
+"""The nouns of a scene: substrate, rheology, punch, law and drive as objects. Plain NumPy, no MPI.
+
+What runs a scene (assemble.py) and what only looks at it (check.py, estimate.py) make them here.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.fft
+
+from pgfmd.cohesion import LAWS, CohesiveLaw
+from pgfmd.drive import Drive
+from pgfmd.errors import Problem, SceneError
+from pgfmd.film import Film
+from pgfmd.free_kernel import FreeFilm, FreeHalfSpace
+from pgfmd.grid import Grid
+from pgfmd.halfspace import HalfSpace, TabulatedCompliance
+from pgfmd.rheology import PronySeries
+from pgfmd.topography import Topography
+
+
+def compliance_of(scene):
+    """The static compliance G0 of the scene's substrate (halfspace.py, film.py, free_kernel.py)."""
+    substrate = scene.substrate
+    film = math.isfinite(substrate.thickness)
+    if film:
+        kind = FreeFilm if substrate.boundary == "free" else Film
+        return kind(substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base)
+    if substrate.compliance_file:
+        return TabulatedCompliance.from_file(substrate.compliance_file)
+    kind = FreeHalfSpace if substrate.boundary == "free" else HalfSpace
+    return kind(substrate.contact_modulus, substrate.prestrain)
+
+
+def series_of(rheology) -> PronySeries:
+    """The relaxation spectrum of a scene's [rheology]."""
+    if rheology.model == "elastic":
+        return PronySeries.elastic()
+    if rheology.model == "single":
+        return PronySeries.single(rheology.modulus_ratio, rheology.relaxation_time)
+    if rheology.model == "geometric":
+        return PronySeries.geometric(
+            rheology.modulus_ratio, rheology.relaxation_time, rheology.elements, rheology.time_ratio, rheology.exponent
+        )
+    return PronySeries(np.array(rheology.kappa), np.array(rheology.tau))
+
+
+def topography_of(punch) -> Topography:
+    """The lower face of a scene's [punch]."""
+    names = (
+        "pattern", "radius", "wavelength", "amplitude", "curvature_radius", "exponent", "layer_step", "height_jitter",
+        "seed", "file", "file_size",
+    )  # fmt: skip
+    given = {name: getattr(punch, name) for name in names}
+    return Topography(**{name: value for name, value in given.items() if value is not None})
+
+
+def drive_of(drive) -> Drive:
+    """The loading programme of a scene's [drive]."""
+    return Drive(drive.speed, drive.preload, drive.retract_speed, drive.turn_time, drive.dwell, drive.clearance)
+
+
+def law_of(adhesion) -> CohesiveLaw:
+    """The cohesive law of a scene's [adhesion]."""
+    return CohesiveLaw(adhesion.work_of_adhesion, adhesion.range, LAWS[adhesion.law])
+
+
+def deepest_indentation(scene) -> float:
+    """Indentation [m] at which an approach is given up: there linear elasticity has long lost its meaning."""
+    return min(scene.punch.radius or 0.5 * scene.grid.length, scene.substrate.thickness)
+
+
+def transform_side(scene, nb: int, whole_cell: bool = False) -> int:
+    """Points a side of the transform, for a punch block of `nb` points a side.
+
+    The cell's; for a free surface enough for the kernel not to wrap around.
+    """
+    if scene.substrate.boundary == "periodic":
+        return scene.grid.n
+    return scipy.fft.next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True)
+
+
+def confirm(scene, source: str, ranks: int = 1) -> None:
+    """Look at what only the files that a scene names, and the number of ranks, can tell.
+
+    source: how to call the scene in messages. Raises SceneError with every problem found.
+    """
+    problems = []
+    spacing = scene.grid.length / scene.grid.n
+    corner = np.array([0.5 * spacing])
+    try:
+        raw = topography_of(scene.punch).heights(corner, corner)
+        if not np.isfinite(raw).all():
+            problems.append(Problem("punch.file", scene.punch.file, "finite heights"))
+    except (ValueError, OSError) as error:
+        dotted = "punch.file" if scene.punch.file else "punch.pattern"
+        problems.append(Problem(dotted, scene.punch.file or scene.punch.pattern, "a usable topography", str(error)))
+    try:
+        compliance = compliance_of(scene)
+        if scene.substrate.boundary == "free":
+            compliance.kernel(0.0, 0.0, spacing)
+        else:
+            compliance(np.array([2.0 * math.pi / scene.grid.length]), np.array([0.0]))
+    except (ValueError, OSError) as error:
+        own = scene.substrate.compliance_file
+        dotted = "substrate.compliance_file" if own else "grid.n"
+        problems.append(Problem(dotted, own or scene.grid.n, "a usable compliance", str(error)))
+    _, nb = Grid(scene.grid.n, scene.grid.length).block(scene.punch.radius)
+    if ranks > nb:
+        expected = f"a row of points under the punch for each of the {ranks} ranks, but there are {nb} rows"
+        problems.append(Problem("grid.n", scene.grid.n, expected, f"use at most {nb} ranks, or raise grid.n"))
+    if problems:
+        raise SceneError(source, problems)

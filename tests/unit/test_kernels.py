@@ -1,0 +1,277 @@
+"""Every compiled kernel against a few lines of NumPy: odd sizes, rows without points, ranks without rows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from pgfmd import kernels
+from pgfmd.cohesion import CohesiveLaw
+from pgfmd.grid import Grid, PunchPoints
+
+GAMMA, RHO = 0.05, 0.75e-6
+LAWS = {"cosine": CohesiveLaw(GAMMA, RHO), "repulsive": CohesiveLaw(GAMMA, RHO, attractive=False)}
+
+
+@dataclass
+class Rank:
+    rank: int
+    size: int
+
+
+# Grid and radius (in a cell of side 1), and which rank of how many; the last has no rows, the one before no points.
+SHARES = {
+    "odd block": PunchPoints(Grid(27, 1.0), 0.31, Rank(0, 1)),
+    "whole cell": PunchPoints(Grid(12, 1.0), None, Rank(1, 3)),
+    "a part": PunchPoints(Grid(100, 1.0), 0.25, Rank(1, 3)),
+    "single row": PunchPoints(Grid(16, 1.0), 0.3, Rank(3, 10)),
+    "empty rows": PunchPoints(Grid(8, 1.0), 1e-3, Rank(0, 1)),
+    "no rows": PunchPoints(Grid(16, 1.0), 0.3, Rank(10, 11)),
+}
+
+
+@pytest.fixture(params=SHARES)
+def points(request):
+    return SHARES[request.param]
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(7)
+
+
+def numbers(law):
+    return law.stiffness, law.range, 1.0 if law.attractive else 0.0
+
+
+def row_sums(values, points):
+    return np.array([values[points.offset[i] : points.offset[i + 1]].sum() for i in range(points.rows)])
+
+
+def row_maxima(values, points, empty):
+    parts = [values[points.offset[i] : points.offset[i + 1]] for i in range(points.rows)]
+    return np.array([part.max() if part.size else empty for part in parts])
+
+
+def close(actual, expected, scale=1.0, rounding=2e-14):
+    np.testing.assert_allclose(actual, expected, rtol=rounding, atol=rounding * scale)
+
+
+def test_the_shares_hold_what_their_names_say():
+    assert SHARES["no rows"].rows == 0 and SHARES["no rows"].size == 0
+    assert SHARES["empty rows"].rows == 2 and SHARES["empty rows"].size == 0
+    assert SHARES["single row"].rows == 1 and SHARES["a part"].row_start > 0
+
+
+# Transform -------------------------------------------------------------------------------------------------------------
+def test_rows_are_scattered_with_zeros_around_and_gathered_back(points, rng):
+    vector, lines, length = rng.standard_normal(points.size), 5, 2 * points.nb + 3
+    back = np.full(points.size, np.nan)
+    padded = points.to_rows(vector, outside=0.0)
+    for row in range(0, points.rows, lines):
+        count = min(lines, points.rows - row)
+        line = np.full((lines, length), np.nan)
+        kernels.scatter_rows(vector, points.offset, points.first, row, count, points.nb, -2.5, line)
+        np.testing.assert_array_equal(line[:count, : points.nb], -2.5 * padded[row : row + count])
+        np.testing.assert_array_equal(line[:count, points.nb :], 0.0)
+        assert np.all(np.isnan(line[count:])), "wrote behind its rows"
+        kernels.gather_rows(line, points.offset, points.first, row, count, back)
+    np.testing.assert_array_equal(back, -2.5 * vector)
+
+
+@pytest.mark.parametrize(("nb", "n", "width", "batch"), [(5, 16, 9, 4), (7, 7, 4, 4), (1, 9, 5, 3), (6, 13, 1, 1), (4, 8, 0, 2)])
+def test_columns_are_loaded_multiplied_and_stored(nb, n, width, batch, rng):
+    columns = rng.standard_normal((nb, width)) + 1j * rng.standard_normal((nb, width))
+    multiplier = rng.standard_normal((width, n // 2 + 1))
+    ky = np.minimum(np.arange(n), n - np.arange(n))
+    for first in (0, 3, -2):
+        stored = np.full((nb, width), np.nan, dtype=complex)
+        for column in range(0, width, batch):
+            count = min(batch, width - column)
+            buffer = np.full((batch, n), np.nan, dtype=complex)
+            kernels.load_columns(columns, column, count, buffer)
+            expected = np.zeros((count, n), dtype=complex)
+            expected[:, :nb] = columns[:, column : column + count].T
+            np.testing.assert_array_equal(buffer[:count], expected)
+            assert np.all(np.isnan(buffer[count:]))
+            kernels.multiply_columns(buffer, multiplier, column, count)
+            expected *= multiplier[column : column + count][:, ky]
+            np.testing.assert_array_equal(buffer[:count], expected)
+            buffer[:count] += np.arange(n)
+            kernels.store_columns(buffer, column, count, first, stored)
+            wanted = (first + np.arange(nb)) % n
+            np.testing.assert_array_equal(stored[:, column : column + count], buffer[:count, wanted].T)
+        assert not np.any(np.isnan(stored))
+
+
+# Cohesion and the incremental potential ------------------------------------------------------------------------------
+@pytest.fixture
+def trial(points, rng):
+    """Gaps on both sides of contact and of the range, some exactly on them."""
+    size = points.size
+    fields = {name: RHO * rng.standard_normal(size) for name in ("height", "u", "s")}
+    fields |= {name: 1e4 * rng.standard_normal(size) for name in ("w", "t", "history")}
+    return fields
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_evaluate_is_the_incremental_potential_and_its_slopes(points, trial, law):
+    position, step, weight, compliance = 0.3 * RHO, 0.7, 0.2, 0.013
+    f, k, r, rows = points.zeros(), points.zeros(), points.zeros(), np.full((3, points.rows), np.nan)
+    before = {name: values.copy() for name, values in trial.items()}
+    kernels.evaluate(
+        trial["height"], position, trial["u"], trial["w"], trial["s"], trial["t"], step, weight, trial["history"],
+        compliance, numbers(law), points.offset, f, k, r, rows,
+    )  # fmt: skip
+    u, w = trial["u"] + step * trial["s"], trial["w"] + weight * trial["t"]
+    gap = position + trial["height"] - u
+    close(f, law.traction(gap), law.strength)
+    close(k, law.curvature(gap), law.stiffness)
+    close(r, law.traction(gap) - (w - trial["history"]) / compliance, 1e4 / compliance)
+    potential = u * (w / 2 - trial["history"]) / compliance + law.potential(gap)
+    close(rows[0], row_sums(potential, points), 1e2 * RHO * 1e4 / compliance)
+    close(rows[1], row_sums(f, points), 1e2 * law.strength)
+    close(rows[2], row_sums(r, points), 1e2 * 1e4 / compliance)
+    assert all(np.array_equal(trial[name], before[name]) for name in trial), "inputs were changed"
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_evaluate_at_the_edges_of_the_law(law):
+    gaps = np.array([0.0, -0.0, RHO, np.nextafter(RHO, 0), np.nextafter(0, -1), 5 * RHO, -3 * RHO, 1.0])
+    zeros, offset = np.zeros(gaps.size), np.array([0, gaps.size])
+    f, k, r = zeros.copy(), zeros.copy(), zeros.copy()
+    kernels.evaluate(
+        gaps, 0.0, zeros, zeros, zeros, zeros, 0.0, 0.0, zeros, 1.0, numbers(law), offset, f, k, r, np.zeros((3, 1))
+    )
+    close(f, law.traction(gaps), law.strength, 1e-15)
+    if law.attractive:
+        close(k, law.curvature(gaps), law.stiffness, 1e-15)
+        assert k[2] == 0.0 and k[3] < -0.999 * law.stiffness
+    assert f[2] == f[5] == f[7] == 0.0
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+@pytest.mark.parametrize("weighted", [True, False])
+def test_observe_counts_energies_and_gaps(points, trial, law, weighted, rng):
+    weights = rng.standard_normal(points.size) if weighted else np.zeros(0)
+    rows = np.full((4, points.rows), np.nan)
+    position = 0.4 * RHO
+    kernels.observe(
+        trial["height"], position, trial["u"], trial["w"], weights, numbers(law), points.offset, rows
+    )
+    gap = position + trial["height"] - trial["u"]
+    np.testing.assert_array_equal(rows[0], row_sums((gap < 0).astype(float), points))
+    close(rows[1], row_sums(law.potential(gap), points), 1e2 * GAMMA)
+    far = weights * trial["w"] if weighted and points.size else points.zeros()
+    close(rows[2], row_sums(far, points), 1e6)
+    np.testing.assert_array_equal(rows[3], row_maxima(-gap, points, -np.inf))
+
+
+# Conjugate gradients ---------------------------------------------------------------------------------------------------
+def test_dot(points, rng):
+    a, b = rng.standard_normal((2, points.size))
+    rows = np.zeros((1, points.rows))
+    kernels.dot(a, b, points.offset, rows)
+    close(rows[0], row_sums(a * b, points), 1e2)
+
+
+def test_turn_direction(points, rng):
+    z, r, k, p, y = rng.standard_normal((5, points.size))
+    rows, beta = np.zeros((1, points.rows)), 0.37
+    new_p, new_y = z + beta * p, r + beta * y
+    kernels.turn_direction(z, r, beta, k, p, y, points.offset, rows)
+    close(p, new_p)
+    close(y, new_y)
+    close(rows[0], row_sums(new_p * (new_y + k * new_p), points), 1e2)
+
+
+def test_advance(points, rng):
+    p, y, k, s, t, r = rng.standard_normal((6, points.size))
+    k[rng.random(points.size) < 0.5] = 0.0
+    rows, alpha = np.zeros((3, points.rows)), 0.37
+    new_s, new_t, new_r = s + alpha * p, t + alpha * y, r - alpha * (y + k * p)
+    kernels.advance(alpha, p, y, k, s, t, r, points.offset, rows)
+    close(s, new_s)
+    close(t, new_t)
+    close(r, new_r)
+    near = k != 0
+    close(rows[0], row_maxima(np.where(near, np.abs(alpha * p), 0), points, 0.0))
+    close(rows[1], row_maxima(np.where(near, np.abs(new_s), 0), points, 0.0))
+    close(rows[2], row_sums(new_r, points), 1e2)
+
+
+def test_largest_in_rows(points, rng):
+    values, k = rng.standard_normal((2, points.size))
+    k[rng.random(points.size) < 0.5] = 0.0
+    rows = np.zeros((1, points.rows))
+    kernels.largest_in_rows(values, k, points.offset, rows)
+    np.testing.assert_array_equal(rows[0], row_maxima(np.where(k != 0, np.abs(values), 0), points, 0.0))
+
+
+def test_move(points, rng):
+    u, w, s, t = rng.standard_normal((4, points.size))
+    new_u, new_w = u + 0.7 * s, w - 3.0 * t
+    kernels.move(u, w, s, t, 0.7, -3.0)
+    close(u, new_u)
+    close(w, new_w)
+
+
+# Prediction and its error ----------------------------------------------------------------------------------------------
+def test_combine(points, rng):
+    a, b, c = rng.standard_normal((3, points.size))
+    out = points.zeros()
+    kernels.combine(3.0, a, -3.0, b, 1.0, c, out)
+    close(out, 3 * a - 3 * b + c, 10.0)
+
+
+def test_largest_difference_near(points, rng):
+    a, b, c, u, height = RHO * rng.standard_normal((5, points.size))
+    position = 1.5 * RHO
+    other = 3 * a - 3 * b + c
+    gaps = np.minimum(position + height - u, position + height - other)
+    expected = np.abs(u - other)[gaps < RHO].max() if np.any(gaps < RHO) else 0.0
+    result = kernels.largest_difference_near(3.0, a, -3.0, b, 1.0, c, u, height, position, RHO)
+    close(result, expected, 10 * RHO)
+    assert kernels.largest_difference_near(1.0, a, 0.0, b, 0.0, c, u, height, 1.0, RHO) == 0.0
+
+
+# Retardation ------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("elements", [0, 1, 5])
+def test_weigh_branches(points, elements, rng):
+    branches, weights = rng.standard_normal((elements, points.size)), rng.standard_normal((2, elements))
+    out = np.full((2, points.size), np.nan)
+    kernels.weigh_branches(branches, weights, out)
+    close(out, weights @ branches, 10.0)
+
+
+@pytest.mark.parametrize("elements", [0, 1, 5])
+@pytest.mark.parametrize("count", [1, 2])
+def test_advance_branches(points, elements, count, rng):
+    branches, stages = rng.standard_normal((elements, points.size)), rng.standard_normal((2, points.size))
+    decay, gain = rng.standard_normal(elements), rng.standard_normal((elements, 2))
+    expected = decay[:, None] * branches + gain[:, :count] @ stages[:count]
+    kernels.advance_branches(branches, decay, stages, gain, count)
+    close(branches, expected, 10.0)
+
+
+@pytest.mark.parametrize("elements", [0, 1, 5])
+def test_advance_branches_and_energy(points, elements, rng):
+    size, count = points.size, 2
+    phi, psi = rng.standard_normal((2, elements, size))
+    f, g = rng.standard_normal((2, count, size))
+    decay, compliances = rng.random((2, elements))
+    gain, rate_decay, quadrature = rng.standard_normal((3, elements, count))
+    rate_gain = np.tril(rng.standard_normal((elements, count, count)))
+    rates_phi = rate_decay[:, :, None] * phi[:, None, :] + np.einsum("mij,jp->mip", rate_gain, f)
+    rates_psi = rate_decay[:, :, None] * psi[:, None, :] + np.einsum("mij,jp->mip", rate_gain, g)
+    lost = np.einsum("mi,mip,mip->p", quadrature, rates_phi, rates_psi)
+    new_phi, new_psi = decay[:, None] * phi + gain @ f, decay[:, None] * psi + gain @ g
+    stored = np.einsum("m,mp,mp->p", compliances, new_phi, new_psi) / 2
+    rows = np.zeros((2, points.rows))
+    kernels.advance_branches_and_energy(
+        phi, psi, decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count, points.offset, rows
+    )
+    close(phi, new_phi, 10.0)
+    close(psi, new_psi, 10.0)
+    close(rows[0], row_sums(stored, points), 1e3)
+    close(rows[1], row_sums(lost, points), 1e4)
