@@ -15,8 +15,8 @@ from pgfmd.errors import RunError
 from pgfmd.state import State
 
 SAFETY, LARGEST_GROWTH, STRONGEST_CUT, CUT_ON_FAILURE = 0.85, 2.0, 0.2, 0.25
-PRELOAD_TOLERANCE = 1e-4
-"""The preload is met to this fraction."""
+PRELOAD_TOLERANCE, CLOSE_TO_PRELOAD = 1e-4, 0.95
+"""The preload is met to this fraction; from the second fraction of it on, steps are solved tightly."""
 JUMP_STEP, JUMP_MOTION = 1e-3, 0.5
 """A refused step becomes a jump when it is below this fraction of the shortest relaxation time, and below this fraction of
 the time in which the punch moves by tolerance times range."""
@@ -67,11 +67,13 @@ class Controller:
         wanted = state.step or limits.first(phase)
         step, why = _fit(min(wanted, limits.largest(phase)), end, until)
         bracket, refused = None, False
+        # The force must be known better than the preload is to be met.
+        close = phase.ends_with == PRELOAD and state.force > CLOSE_TO_PRELOAD * self.preload
         for _ in range(self.largest_try_count):
             is_jump = refused and bracket is None and step < limits.jump(phase)
-            trial = self.scheme.try_step(state, phase, step, sharp=bracket is not None, jump=is_jump)
+            trial = self.scheme.try_step(state, phase, step, sharp=bracket is not None or close, jump=is_jump)
             self._count(state, trial)
-            if not trial.converged or (trial.error > limits.tolerance and not is_jump):
+            if not trial.converged or not (is_jump or trial.error <= limits.tolerance):
                 if is_jump:
                     break
                 state.counters.rejected_steps += 1
@@ -105,7 +107,7 @@ class Controller:
         state.step = max(proposal, wanted) if wanted > trial.step and growth >= 1.0 else proposal
 
     def _cut(self, trial) -> float:
-        if not trial.converged:
+        if not trial.converged or not math.isfinite(trial.error):
             return CUT_ON_FAILURE
         wish = SAFETY * (self.limits.tolerance / trial.error) ** (1.0 / (self.scheme.order + 1))
         return min(0.8, max(STRONGEST_CUT, wish))
@@ -146,7 +148,7 @@ class _Bracket:
                 self.high_value *= 0.5
         self.last_side = side
         width = self.high - self.low
-        if width <= 1e-12 * self.high:
+        if width <= 1e-9 * self.high:
             return None
         inside = self.low - self.low_value * width / (self.high_value - self.low_value)
         return min(max(inside, self.low + 1e-3 * width), self.high - 1e-3 * width)

@@ -45,7 +45,7 @@ class NewtonSolver:
     largest_cg_count = 400
     forcing = 0.1
     """CG ends when its last move is below half this fraction of the correction so far (inexact Newton)."""
-    linear_share = 0.5
+    linear_share = 1.0
     """CG also ends when its last move is below this share of the tolerance."""
     force_share = 0.2
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
@@ -62,11 +62,11 @@ class NewtonSolver:
         """Moves u [m] and w [Pa] (in place, consistent: u = G0 w) to a minimum of Phi downhill of where they are.
 
         position d [m]; history w_hist [Pa] (size,); compliance J (dimensionless, relative to the relaxed one);
-        tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the force that is
-        out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0 range is no small stress.) jump: the way down
-        may be long.
+        tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the force
+        that is out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0 rho is no
+        small stress.) jump: the way down may be long. Where it does not converge, u and w stay at the lowest Phi found.
         """
-        trust, cg_count, negative = 1.0, 0, False
+        trust, cg_count, negative, renewed = 1.0, 0, False, False
         self._s[:] = 0.0
         self._t[:] = 0.0
         potential, pull, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
@@ -77,26 +77,38 @@ class NewtonSolver:
             used, size, bent = self._correct(compliance, tolerance, unbalanced, trust)
             cg_count += used
             negative |= bent
-            scale = trust / size if bent or size > trust else 1.0
-            while True:
-                trial, pull, imbalance = self._evaluate(position, u, w, scale, scale * compliance, history, compliance)
-                if trial <= potential + 1e-12 * abs(potential):
+            longest = trust / size if bent or size > trust else 1.0
+            shortest = 1e-3 * tolerance / max(size, 1.0)
+            scale, (trial, pull, imbalance) = self._go_down(
+                position, u, w, history, compliance, potential, longest, shortest
+            )
+            if scale == 0.0:
+                # Not downhill along a direction that should be: u has drifted off G0 w, or rounding is reached.
+                if renewed:
                     break
-                scale *= 0.5
-                if scale * size < 1e-3 * tolerance:
-                    # The potential no longer resolves the correction: stay, and let the step be judged by its error.
-                    scale = 0.0
-                    trial, pull, imbalance = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
-                    break
+                self.convolve(w, u)
+                renewed = True
+                potential, pull, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+                continue
             kernels.move(u, w, self._s, self._t, scale, scale * compliance)
             gained, potential = potential - trial, trial
-            moved = scale * size
-            whole = scale == 1.0 and not bent
             small = size < tolerance or (self.forcing + size) * size < tolerance
-            if scale == 0.0 or (whole and small and abs(imbalance) <= unbalanced):
+            if scale == 1.0 and not bent and small and abs(imbalance) <= unbalanced:
                 return self._outcome(True, count, cg_count, pull, start - potential, negative)
+            moved = scale * size
             trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
         return self._outcome(False, count, cg_count, pull, start - potential, negative)
+
+    def _go_down(self, position, u, w, history, compliance, potential, longest, shortest):
+        """Halves the step along s until Phi does not rise; (step, what `_evaluate` gives there), step 0 where it always rises."""
+        scale = longest
+        slack = 1e-12 * abs(potential) + 1e-13 * self.law.work_of_adhesion * self.points.total
+        while scale >= shortest:
+            values = self._evaluate(position, u, w, scale, scale * compliance, history, compliance)
+            if values[0] <= potential + slack:
+                return scale, values
+            scale *= 0.5
+        return 0.0, self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
 
     def _outcome(self, converged, newton_count, cg_count, pull, drop, negative) -> Outcome:
         area = self.points.grid.cell_area

@@ -10,6 +10,7 @@ import numpy as np
 from pgfmd import kernels
 from pgfmd.controller import Controller
 from pgfmd.drive import DETACHED, Drive
+from pgfmd.errors import RunError
 from pgfmd.state import State
 
 FINISHED = "detached"
@@ -99,6 +100,11 @@ class Simulation:
         rows = self.points.all_rows(self._rows)
         contact, energy, far = rows[:3].sum(axis=1)
         state.contact_points, state.smallest_gap, state.far_displacement = int(contact), -rows[3].max(), far
+        if not (math.isfinite(state.force) and math.isfinite(energy)):
+            raise RunError(
+                f"the surface is no longer finite in step {state.counters.steps} ({self.phase.name}, t = {state.time:.6g} s, "
+                f"d = {state.position:.6g} m): force {state.force}, adhesive energy {energy}. What was written before is valid."
+            )
         energies.adhesive = energy * self.points.grid.cell_area
         if self.scheme.audit:
             energies.largest_residual = max(energies.largest_residual, abs(energies.residual))
