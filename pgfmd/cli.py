@@ -1,2 +1,261 @@
-def main():
+"""The command line. Each command loads what it needs when it starts: only `run`, `bench` and `doctor` know MPI."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pgfmd import __version__, launch
+from pgfmd.errors import PgfmdError, Problem, ResultError, SceneError
+
+app = typer.Typer(
+    help="Tack tests of a corrugated punch on a viscoelastic, adhesive substrate. Start with: pgfmd init tri-tack",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+bench_app = typer.Typer(help="Measure how fast this machine is.", no_args_is_help=True)
+app.add_typer(bench_app, name="bench")
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
+Changes = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[KEY=VALUE]...", help='Keys to change, such as grid.n=512 "drive.speed=10 um/s".'),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", "-s", metavar="KEY=VALUE", help="The same, one key at a time."),
+]
+COLLECTIVE = ("run", "bench")
+"""The commands that every rank takes part in."""
+
+
+class Effort(StrEnum):
+    """Effort of FFTW's planner."""
+
+    estimate = "estimate"
+    measure = "measure"
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point of `pgfmd`: ends in SystemExit with 0, or the exit code of the error."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    _, rank = launch.launched()
+    if rank and not set(arguments[:1]) & set(COLLECTIVE):
+        # `mpirun pgfmd plot`: once is enough.
+        raise SystemExit(0)
+    try:
+        code = app(arguments, prog_name="pgfmd", standalone_mode=False)
+    except PgfmdError as error:
+        if rank == 0:
+            launch.complain(error)
+        code = error.exit_code
+    except (KeyboardInterrupt, typer.Abort):
+        launch.complain("interrupted")
+        code = launch.INTERRUPTED
+    except Exception as error:
+        # A usage error of typer's parser, whichever package it comes from.
+        if not (hasattr(error, "show") and hasattr(error, "exit_code")):
+            raise
+        if rank == 0:
+            error.show()
+        code = error.exit_code
+    raise SystemExit(code or 0)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(__version__)
+        raise typer.Exit()
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
     pass
+
+
+@app.command()
+def run(
+    scene: SceneName,
+    changes: Changes = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Run a scene; on several ranks: mpirun -n 4 pgfmd run SCENE."""
+    comm = launch.world()
+    with launch.guarded(comm):
+        loaded, directory = launch.on_first(comm, lambda: _prepared(scene, _all(changes, overrides), out, comm.size))
+        from pgfmd.runner import run_scene
+
+        record = run_scene(loaded, comm, directory, _say)
+        if comm.rank == 0:
+            for line in _summary(record, directory):
+                _say(line)
+
+
+def _all(changes: list[str] | None, overrides: list[str] | None) -> list[str]:
+    return [*(overrides or []), *(changes or [])]
+
+
+def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -> tuple[Any, Path]:
+    """The checked scene and the folder of its results, whose parent exists."""
+    from pgfmd.parts import confirm
+    from pgfmd.scene import load_scene
+
+    scene = load_scene(source, overrides)
+    confirm(scene, source, ranks)
+    if out is not None:
+        return scene, out
+    directory = Path(scene.output.directory or Path("out", Path(source).stem)).expanduser()
+    try:
+        directory.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        cure = "choose another folder with --out"
+        raise ResultError(f"{directory.parent}: can't be made: {error.strerror}; {cure}") from None
+    return scene, directory
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)
+
+
+def _summary(record: dict, directory: Path) -> list[str]:
+    """The last lines of a run."""
+    lines = []
+    if record["finished"] != "detached":
+        lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
+    lines.append(
+        f"pull-off force {record['pull_off_force_N'] * 1e3:.4g} mN, "
+        f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ; {record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
+    )
+    return [*lines, f"results: {directory}    pictures: pgfmd plot {directory}"]
+
+
+@app.command()
+def init(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of a shipped scene, such as tri-tack.")],
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file of this name.")] = False,
+) -> None:
+    """Write a commented scene, NAME.toml, into the current folder."""
+    from pgfmd.scene import shipped_text
+
+    text = shipped_text(name)
+    path = Path(f"{name}.toml")
+    try:
+        with open(path, "w" if force else "x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        problem = Problem("NAME", name, f"no file {path} here", "move it away, or overwrite it with --force")
+        raise SceneError(str(path), [problem]) from None
+    except OSError as error:
+        raise ResultError(f"{path}: could not be written: {error.strerror}") from None
+    print(f"{path} written. Next: pgfmd check {path}, then pgfmd run {path}")
+
+
+@app.command()
+def check(
+    scene: SceneName,
+    changes: Changes = None,
+    overrides: Overrides = None,
+    ranks: Annotated[int, typer.Option("--ranks", "-n", min=1, help="Number of ranks of the planned run.")] = 1,
+) -> None:
+    """Show what a scene means: SI values, scales, cost, warnings."""
+    from pgfmd.check import report
+    from pgfmd.parts import confirm
+    from pgfmd.scene import load_scene
+
+    loaded = load_scene(scene, _all(changes, overrides))
+    confirm(loaded, scene, ranks)
+    _show(report(loaded, ranks))
+
+
+def _show(report: Any) -> None:
+    """A report as tables; plain text where the output is not a terminal."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else 140)
+    if report.title:
+        console.print(report.title, style="bold", markup=False)
+    for title, lines in report.sections.items():
+        table = Table(box=None, pad_edge=False, show_header=False, title=title)
+        table.title_justify, table.title_style = "left", "bold"
+        for _ in range(4):
+            table.add_column(overflow="fold")
+        for line in lines:
+            value = f"{line.value:.6g}" if isinstance(line.value, float) else str(line.value)
+            table.add_row(*(_escaped(text) for text in (line.name, value, line.unit, line.note)))
+        console.print()
+        console.print(table)
+    console.print()
+    for kind, style, texts in (("warning", "yellow", report.warnings), ("note", "", report.remarks)):
+        for text in texts:
+            console.print(f"{kind}: {text}", style=style, markup=False)
+
+
+def _escaped(text: str) -> Any:
+    from rich.text import Text
+
+    return Text(text)
+
+
+@app.command()
+def plot(directory: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that a run wrote to.")]) -> None:
+    """Draw curves, maps and energies of a results folder as PNG files in it."""
+    from pgfmd.plots import plot_results
+
+    for path in plot_results(directory):
+        print(path)
+
+
+@app.command()
+def doctor() -> None:
+    """Check MPI, FFTW, HDF5 and the rest, and say how to cure what fails."""
+    from pgfmd.doctor import examine
+
+    fine = True
+    for finding in examine():
+        print(finding, flush=True)
+        fine &= finding.fine
+    if not fine:
+        raise typer.Exit(1)
+
+
+@bench_app.command()
+def transform(
+    n: Annotated[int, typer.Option("--n", min=4, help="Points a side.")] = 2048,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    effort: Annotated[Effort, typer.Option(help="Effort of FFTW's planner, for both sides.")] = Effort.estimate,
+) -> None:
+    """Time a pair of transforms: mpi4py-fft's own on the whole plane, and the fused one under a punch half as wide."""
+    import json
+
+    comm = launch.world()
+    with launch.guarded(comm):
+        from pgfmd import bench
+
+        record = bench.transform(comm, n, effort.value)
+        if comm.rank == 0:
+            if as_json:
+                print(json.dumps(record))
+            else:
+                for name, value in record.items():
+                    print(f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}")
+
+
+@bench_app.callback()
+def _bench() -> None:
+    """Measure how fast this machine is."""
+
+
+if __name__ == "__main__":
+    main()

@@ -23,31 +23,33 @@ PROGRAM_BYTES = 200e6
 
 @dataclass(frozen=True)
 class Memory:
-    """Bytes of one rank's arrays: point vectors, transform, both while running; more at the start; points and rows."""
+    """Bytes of one rank's arrays. points: vectors over the punch. transform. start: cosines of the far field, made while the
+    state (`state` bytes of the vectors) does not exist yet."""
 
     points: float
     transform: float
-    setup: float
+    state: float
+    start: float
 
     @property
     def running(self) -> float:
-        """While the steps are made."""
+        """While steps are made."""
         return self.points + self.transform
 
     @property
     def peak(self) -> float:
         """The most at any time."""
-        return self.running + self.setup
+        return max(self.running, self.running - self.state + self.start)
 
 
-def vectors_per_point(elements: int, audit: bool, periodic: bool) -> int:
-    """Numbers of 8 bytes that a run keeps for every point under the punch.
+def vectors_of(elements: int, audit: bool, periodic: bool) -> tuple[int, int]:
+    """Numbers of 8 bytes that a run keeps for every point under the punch: (state, everything else).
 
-    State: u, w, f, two past u and w (7), branches (N), their images where energies are followed (N). Scheme: u, w, f, history a
-    stage, and a fifth with the audit; two stages, one where elastic. Newton: heights, f, K, r, s, t, p, y, z (9). Far field: 1.
+    State: u, w, f, two past u and w; N branches; their N images where energies are followed. Scheme: u, w, f, history a stage,
+    and a fifth with energies; two stages, one where elastic. Newton: heights, f, K, r, s, t, p, y, z. Weights of the far field.
     """
     stages = 2 if elements else 1
-    return 7 + elements * (1 + audit) + stages * (4 + audit) + 9 + periodic
+    return 7 + elements * (1 + audit), stages * (4 + audit) + 9 + periodic
 
 
 def punch_points(scene) -> PunchPoints:
@@ -58,24 +60,18 @@ def punch_points(scene) -> PunchPoints:
 def memory_of(scene, ranks: int = 1) -> Memory:
     """Memory of the rank with the largest share, out of `ranks`.
 
-    Transform: G0 of (columns, n/2 + 1) numbers and the half-transformed rows, complex, (rows, n/2 + 1), with more than one rank
-    also (nb, columns). Start: making G0 (two temporaries of its size), the cosines of the far field, (n/2 + 1, nb) on every rank,
-    and heights with their temporaries.
+    Transform: G0, (columns, n/2 + 1), and the half-transformed rows, complex, (rows, n/2 + 1); with more than one rank also
+    (nb, columns), complex. Cosines of the far field: (n/2 + 1, nb) for all of the block and for the rank's rows, and a temporary.
     """
     points = punch_points(scene)
-    nb, cell = points.nb, scene.grid.n
-    side = transform_side(scene, nb)
-    width = side // 2 + 1
+    nb, modes = points.nb, scene.grid.n // 2 + 1
+    width = transform_side(scene, nb) // 2 + 1
     rows, columns = math.ceil(nb / ranks), math.ceil(width / ranks)
-    size = int(np.ceil(points.total / ranks))
     periodic = scene.substrate.boundary == "periodic"
-    series = series_of(scene.rheology)
-    vectors = 8.0 * size * vectors_per_point(series.elements, scene.output.energy, periodic)
-    multiplier = 8.0 * columns * width
-    transform = multiplier + 16.0 * rows * width + (16.0 * nb * columns if ranks > 1 else 0.0)
-    far = 8.0 * (cell // 2 + 1) * (2 * nb + rows) if periodic else 0.0
-    making = (2.0 if periodic else 1.0) * multiplier
-    return Memory(vectors, transform, max(making, far, 8.0 * 6 * size) - (0.0 if periodic else 0.0))
+    elements = series_of(scene.rheology).elements
+    state, rest = (8.0 * points.total / ranks * count for count in vectors_of(elements, scene.output.energy, periodic))
+    transform = 8.0 * columns * width + 16.0 * rows * width + (16.0 * nb * columns if ranks > 1 else 0.0)
+    return Memory(state + rest, transform, state, 8.0 * modes * (2 * nb + rows) if periodic else 0.0)
 
 
 @dataclass(frozen=True)
@@ -100,7 +96,7 @@ def depth_of(scene) -> float:
     if punch.pattern in ("sphere", "power"):
         return float(hertz.indentation(preload, punch.curvature_radius, modulus))
     image = 0.75 if scene.substrate.boundary == "periodic" else 1.0
-    return image * preload / flat_punch.force(1.0, punch.radius, modulus)
+    return image * preload / float(flat_punch.force(1.0, punch.radius, modulus))
 
 
 def effort_of(scene) -> Effort:

@@ -49,7 +49,7 @@ class Maps:
         rows = -(-len(self.snapshots) // 4)
         self.columns = -(-len(self.snapshots) // rows)
         # A single map needs room for its colour bar and legend.
-        self.figure = new_figure(max(1.9 * self.columns + 0.9, 4.0), 2.25 * rows + 0.5)
+        self.figure = new_figure(max(1.9 * self.columns + 0.9, 4.0), 2.45 * rows + 0.75)
         axes = self.figure.subplots(rows, self.columns, squeeze=False).ravel()
         for axis in axes[len(self.snapshots) :]:
             axis.remove()

@@ -86,14 +86,13 @@ class _Frame:
 class Snapshots(_Observer):
     """Writes `fields.h5`: at wanted times, at the preload, and at the largest tension of the retraction.
 
-    wanted: times [s]; fractions: of the time from first contact to preload, at least 1. surface_of: gives the whole cell's surface
+    wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface_of: gives the whole cell's surface
     for a load, or None. The largest tension is known only when it is over: the surface is kept back until then.
     """
 
-    def __init__(self, file: FieldsFile, wanted: list[float], fractions: list[float], surface_of=None):
+    def __init__(self, file: FieldsFile, wanted: list[tuple[float, str]], fractions: list[float], surface_of=None):
         self.file, self.surface_of = file, surface_of
-        self.wanted = sorted((value, f"t = {value:g} s") for value in wanted)
-        self.fractions = [value for value in fractions if value != 1.0]
+        self.wanted, self.fractions = sorted(wanted), fractions
         self.tension: _Frame | None = None
 
     def next_time(self, simulation) -> float:
@@ -116,9 +115,7 @@ class Snapshots(_Observer):
 
     def _schedule(self, state) -> None:
         """Turns fractions of the time to the preload into times."""
-        first = state.first_contact_time if state.first_contact_time is not None else 0.0
-        span = state.preload_time - first
-        self.wanted = sorted(self.wanted + [(first + value * span, f"{value:g} t_pl") for value in self.fractions])
+        self.wanted = sorted(self.wanted + [(time_of(state, value), f"{value:g} t_pl") for value in self.fractions])
 
     @staticmethod
     def _frame(state, old: _Frame | None = None) -> _Frame:
@@ -137,6 +134,12 @@ class Snapshots(_Observer):
             label, frame.time, frame.position, frame.force, points.to_rows(gap), points.to_rows(frame.traction),
             points.to_rows(frame.displacement), surface=surface,
         )  # fmt: skip
+
+
+def time_of(state, fraction: float) -> float:
+    """Time [s] at a fraction of t_pl, the time from first contact to the preload; for a state past its preload."""
+    first = state.first_contact_time if state.first_contact_time is not None else 0.0
+    return first + fraction * (state.preload_time - first)
 
 
 class Progress(_Observer):

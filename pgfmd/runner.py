@@ -56,16 +56,39 @@ def _attach(simulation, scene, comm, folder: Path, say) -> list:
         folder / storage.FIELDS_FILE, comm, points.grid.n, points.grid.length, points.block_start, points.nb,
         points.row_start, points.rows, points.inside(), surface=output.surface,
     )  # fmt: skip
-    absolute = [value for value, relative in output.snapshot_times if not relative]
+    wanted = [(value, f"t = {value:g} s") for value, relative in output.snapshot_times if not relative]
     fractions = [value for value, relative in output.snapshot_times if relative]
+    wanted += _scouted(scene, comm, [value for value in fractions if value < 1.0], say)
+    later = [value for value in fractions if value > 1.0]
     surface_of = _surface(simulation, scene) if output.surface else None
     simulation.observers += [
         observers.Curve(curve, energy),
         observers.Events(events),
-        observers.Snapshots(fields, absolute, fractions, surface_of),
+        observers.Snapshots(fields, wanted, later, surface_of),
         observers.Progress(comm, say),
     ]
     return [file for file in (curve, energy, events) if file]
+
+
+SCOUT_ACCURACY = 0.1
+
+
+def _scouted(scene, comm, fractions: list[float], say) -> list[tuple[float, str]]:
+    """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
+
+    How long the approach takes is known only at its end, so a coarse one is run ahead; its t_pl is good to a few tenths of a
+    percent. Nothing is run where no such snapshot is asked for.
+    """
+    if not fractions:
+        return []
+    if comm.rank == 0:
+        say("a coarse approach is run ahead to place the snapshots before the preload")
+    coarse = scene.solver.model_copy(update={"accuracy": max(SCOUT_ACCURACY, scene.solver.accuracy)})
+    quiet = scene.output.model_copy(update={"energy": False})
+    state = assemble(scene.model_copy(update={"solver": coarse, "output": quiet}), comm).run(only_to_preload=True)
+    if state.preload_time is None:
+        return []
+    return [(observers.time_of(state, value), f"{value:g} t_pl") for value in fractions]
 
 
 def _surface(simulation, scene):

@@ -47,12 +47,12 @@ class Simulation:
         """The phase that the next step belongs to."""
         return self.phases[self.state.phase]
 
-    def run(self) -> State:
-        """Runs the programme to its end and returns the state, whose `finished` says how it ended."""
+    def run(self, only_to_preload: bool = False) -> State:
+        """Runs the programme to its end, or to the preload; returns the state, whose `finished` says how it ended."""
         state = self.state
         if state.counters.steps == 0 and state.time == 0.0:
             self._start()
-        while not state.finished:
+        while not (state.finished or (only_to_preload and state.preload_time is not None)):
             phase = self.phase
             until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
             released = state.energies.released

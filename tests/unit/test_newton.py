@@ -14,7 +14,7 @@ from pgfmd.newton import NewtonSolver
 from pgfmd.transform import Convolution, free_multiplier, periodic_multiplier
 
 MODULUS, GAMMA, LENGTH = 2.65e6, 0.05, 100e-6
-RANGE = 1e-6
+RANGE = 0.5e-6
 
 
 class Problem:

@@ -1,0 +1,37 @@
+"""Sphinx configuration. `scripts/docs` builds the pages, and treats every warning as an error."""
+
+import importlib.metadata
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+import make_scene_reference  # noqa: E402
+import plain_docstrings  # noqa: E402
+
+project = "pgfmd"
+author = "The pgfmd developers"
+copyright = "2026, The pgfmd developers"  # noqa: A001
+release = version = importlib.metadata.version("pgfmd")
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
+myst_enable_extensions = ["amsmath", "dollarmath", "deflist", "colon_fence"]
+myst_heading_anchors = 3
+source_suffix = {".md": "markdown"}
+exclude_patterns = ["_build"]
+
+html_theme = "furo"
+html_title = f"pgfmd {release}"
+html_copy_source = False
+html_show_sphinx = False
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 110
+
+
+def setup(app) -> None:
+    """Docstrings are plain text; the page of the scene's keys is made from the models before Sphinx looks for pages."""
+    app.connect("autodoc-process-docstring", plain_docstrings.process)
+    make_scene_reference.PAGE.write_text(make_scene_reference.page(), encoding="utf-8")

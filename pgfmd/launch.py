@@ -1,0 +1,160 @@
+"""Starting and ending under MPI: does mpirun belong to our MPI, and a fault on one rank ends the whole job.
+
+    comm = launch.world()
+    with launch.guarded(comm):
+        ...                       # what every rank does
+
+MPI is only loaded by `world`.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from pgfmd.errors import PgfmdError
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+PATIENCE = 5.0
+"""Time [s] that a rank with an error waits for the others to have it too, before it ends the job."""
+_LAUNCHERS = (
+    ("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"),
+    ("PMI_SIZE", "PMI_RANK"),
+    ("MV2_COMM_WORLD_SIZE", "MV2_COMM_WORLD_RANK"),
+    ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID"),
+)
+"""Variables in which launchers tell a process how many there are, and which one it is."""
+
+
+class LaunchError(PgfmdError):
+    """MPI can't be loaded, or the processes that were started don't see each other."""
+
+    exit_code = 5
+
+
+class RelayedError(PgfmdError):
+    """An error of rank 0, on the other ranks."""
+
+    def __init__(self, message: str, exit_code: int):
+        super().__init__(message)
+        self.exit_code = exit_code
+
+
+def launched() -> tuple[int, int]:
+    """(processes, rank) as the launcher's environment tells; (1, 0) where there is none."""
+    for size, rank in _LAUNCHERS:
+        if os.environ.get(size, "").isdecimal() and os.environ.get(rank, "0").isdecimal():
+            return int(os.environ[size]), int(os.environ.get(rank, "0"))
+    return 1, 0
+
+
+def world():
+    """MPI's communicator of all ranks. Raises LaunchError if the launcher started more processes than MPI sees."""
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:
+        raise LaunchError(f"MPI can't be loaded: {error}; `pgfmd doctor` tells more") from None
+    processes, _ = launched()
+    if processes > 1 and MPI.COMM_WORLD.size == 1:
+        library = MPI.Get_library_version().splitlines()[0].split(",")[0]
+        raise LaunchError(
+            f"{processes} processes were started, but each is alone: the mpirun or srun that started them belongs to "
+            f"another MPI than the one pgfmd runs with, {library}. Use its own mpirun; `pgfmd doctor` tells more."
+        )
+    return MPI.COMM_WORLD
+
+
+def on_first(comm, action: Callable[[], Any]) -> Any:
+    """The result of `action` on rank 0, on every rank; a PgfmdError of it is one on every rank. Collective."""
+    result, failure = None, None
+    if comm.rank == 0:
+        try:
+            result = action()
+        except PgfmdError as error:
+            failure = error
+    told = comm.bcast((result, None) if failure is None else (None, (str(failure), failure.exit_code)))
+    if failure is not None:
+        raise failure
+    if told[1] is not None:
+        raise RelayedError(*told[1])
+    return told[0]
+
+
+def complain(message: object) -> None:
+    """A message for the user, on stderr."""
+    sys.stdout.flush()
+    sys.stderr.write(f"pgfmd: {message}\n")
+    sys.stderr.flush()
+
+
+@contextmanager
+def guarded(comm) -> Iterator[None]:
+    """Around what all ranks do: whatever ends it on one of them ends the job, within seconds.
+
+    A PgfmdError that every rank has ends in one message and SystemExit with its exit code; one that a single rank has, and any
+    other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a message and exit code 130.
+    """
+    alone = comm.size == 1
+    meeting = None if alone else comm.Dup()
+    previous = {number: signal.signal(number, _stopper(comm)) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    except PgfmdError as error:
+        if alone or _all_here(meeting):
+            if comm.rank == 0:
+                complain(error)
+            raise SystemExit(error.exit_code) from None
+        complain(f"rank {comm.rank}: {error}")
+        comm.Abort(error.exit_code)
+    except KeyboardInterrupt:
+        complain(_INTERRUPTION)
+        if not alone:
+            comm.Abort(INTERRUPTED)
+        raise SystemExit(INTERRUPTED) from None
+    except BaseException as error:
+        if alone:
+            raise
+        text = "".join(traceback.format_exception(error))
+        complain(f"rank {comm.rank}: {'exit' if isinstance(error, SystemExit) else 'error'} on this rank ends the job\n{text}")
+        comm.Abort(1)
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    if meeting is not None:
+        meeting.Free()
+
+
+_INTERRUPTION = "interrupted; what has been written so far is valid"
+
+
+def _stopper(comm) -> Callable[[int, Any], None]:
+    """What to do on Ctrl-C: alone, unwind; among ranks there is no way to unwind together, so end the job."""
+
+    def stop(number: int, frame: Any) -> None:
+        if comm.size == 1:
+            raise KeyboardInterrupt
+        if comm.rank:
+            # Rank 0 speaks, and its abort ends this rank too.
+            time.sleep(2.0)
+        complain(_INTERRUPTION)
+        comm.Abort(INTERRUPTED)
+
+    return stop
+
+
+def _all_here(meeting) -> bool:
+    """Whether every rank comes here within PATIENCE."""
+    request = meeting.Ibarrier()
+    latest = time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > latest:
+            return False
+        time.sleep(0.01)
+    return True

@@ -1,0 +1,98 @@
+"""A whole tack test on any number of ranks: the same bits as on one."""
+
+import math
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pgfmd.assemble import assemble
+from pgfmd.scene import load_scene, scene_from_mapping
+
+pytestmark = pytest.mark.mpi
+
+PLANE = {
+    "punch": {"pattern": "sinusoid", "wavelength": "50 um", "amplitude": "1 um"},
+    "substrate": {"youngs_modulus": "2 MPa", "poisson_ratio": 0.495},
+    "rheology": {"model": "single", "modulus_ratio": 250, "relaxation_time": "400 us"},
+    "adhesion": {"work_of_adhesion": "50 mJ/m^2", "range": "0.5 um"},
+    "drive": {"speed": "1 um/s", "preload": "1 mN"},
+    "grid": {"n": 16, "length": "100 um"},
+}
+SCENES = {
+    "one element": ("tri-tack", ["grid.n=32", "drive.preload=5 mN"]),
+    "five elements, odd grid, dwell": (
+        "hex-tack",
+        ["grid.n=27", "rheology.model=geometric", "rheology.relaxation_time=40 us", "rheology.elements=5", "rheology.time_ratio=6",
+         "rheology.exponent=0.8", "drive.speed=20 um/s", "drive.dwell=10 ms", "drive.preload=5 mN"],
+    ),
+    "elastic, jumps": ("flat-punch", ["grid.n=32", "rheology.model=elastic"]),
+    "free, jitter": ("tri-tack", ["grid.n=32", "substrate.boundary=free", "punch.height_jitter=50 nm", "drive.preload=2 mN"]),
+    "without audit": ("tri-tack", ["grid.n=24", "output.energy=false", "drive.preload=2 mN"]),
+    "whole plane": (PLANE, []),
+}  # fmt: skip
+
+
+class Curve:
+    """Every step's numbers, and the times at which it asks for a step to end."""
+
+    def __init__(self, times=()):
+        self.times, self.rows, self.kinds = list(times), [], []
+
+    def next_time(self, simulation):
+        return next((time for time in self.times if time > simulation.state.time), math.inf)
+
+    def observe(self, simulation, event):
+        state = simulation.state
+        self.kinds.append(event.kind)
+        self.rows.append(
+            (state.time, state.position, state.force, state.contact_points, state.smallest_gap, state.far_displacement,
+             state.energies.residual, state.energies.viscous, state.energies.elastic, event.released)
+        )  # fmt: skip
+
+
+def run(name, comm):
+    source, overrides = SCENES[name]
+    load = load_scene if isinstance(source, str) else scene_from_mapping
+    simulation = assemble(load(source, overrides), comm)
+    curve = Curve([0.1, 0.2])
+    simulation.observers.append(curve)
+    return simulation, simulation.run(), curve
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_tack_test_has_the_same_bits_on_any_number_of_ranks(name):
+    comm = MPI.COMM_WORLD
+    shared, state, curve = run(name, comm)
+    alone, expected, expected_curve = run(name, MPI.COMM_SELF)
+    assert state.finished == expected.finished == "detached"
+    assert curve.kinds == expected_curve.kinds
+    assert len(curve.rows) > 30
+    np.testing.assert_array_equal(np.array(curve.rows), np.array(expected_curve.rows))
+    assert state.counters == expected.counters
+    assert (state.pull_off_force, state.snap_in_force) == (expected.pull_off_force, expected.snap_in_force)
+    assert state.energies == expected.energies
+    for field in ("displacement", "load", "traction"):
+        whole = np.concatenate(comm.allgather(getattr(state, field)))
+        np.testing.assert_array_equal(whole, getattr(expected, field))
+    branches = np.concatenate(comm.allgather(state.branches), axis=1)
+    np.testing.assert_array_equal(branches, expected.branches)
+    np.testing.assert_array_equal(shared.points.total, alone.points.total)
+
+
+def test_events_come_in_order_and_at_the_times_asked_for():
+    simulation, state, curve = run("one element", MPI.COMM_WORLD)
+    assert curve.kinds[0] == "start" and curve.kinds[-1] == "end"
+    assert curve.kinds.count("preload") == 1
+    met = [row[0] for row, kind in zip(curve.rows, curve.kinds, strict=True) if kind == "time"]
+    assert met == pytest.approx([0.1, 0.2], rel=1e-12)
+    at_preload = curve.rows[curve.kinds.index("preload")]
+    assert at_preload[2] == pytest.approx(5e-3, rel=1e-4)
+    assert simulation.solver.convolve.pairs == state.counters.transform_pairs
+
+
+def test_all_ranks_take_the_same_decisions():
+    comm = MPI.COMM_WORLD
+    _, state, curve = run("elastic, jumps", comm)
+    assert all(other == (state.counters, curve.kinds) for other in comm.allgather((state.counters, curve.kinds)))
+    assert state.counters.jumps > 0
