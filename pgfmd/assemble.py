@@ -22,7 +22,7 @@ from pgfmd.simulation import Simulation
 from pgfmd.topography import Topography
 from pgfmd.transform import Convolution, free_multiplier, periodic_multiplier
 
-STEP_SHARE = 0.5
+STEP_SHARE = 0.7
 """Tolerance of a step's error, in ranges of adhesion, for a `solver.accuracy` of 1."""
 
 

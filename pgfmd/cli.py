@@ -135,7 +135,8 @@ def _summary(record: dict, directory: Path) -> list[str]:
         lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
     lines.append(
         f"pull-off force {record['pull_off_force_N'] * 1e3:.4g} mN, "
-        f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ; {record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
+        f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ; "
+        f"{record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
     )
     return [*lines, f"results: {directory}    pictures: pgfmd plot {directory}"]
 
@@ -183,7 +184,7 @@ def _show(report: Any) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else 140)
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
     if report.title:
         console.print(report.title, style="bold", markup=False)
     for title, lines in report.sections.items():
@@ -199,7 +200,7 @@ def _show(report: Any) -> None:
     console.print()
     for kind, style, texts in (("warning", "yellow", report.warnings), ("note", "", report.remarks)):
         for text in texts:
-            console.print(f"{kind}: {text}", style=style, markup=False)
+            console.print(f"{kind}: {text}", style=style, markup=False, soft_wrap=not console.is_terminal)
 
 
 def _escaped(text: str) -> Any:

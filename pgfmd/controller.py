@@ -131,12 +131,13 @@ class _Bracket:
 
     def __init__(self, low: float, low_value: float):
         self.low, self.low_value = low, low_value
-        self.high = self.high_value = None
+        self.high = self.high_value = self.first = None
         self.last_side = 0
 
     def narrow(self, step: float, value: float) -> float | None:
         """Takes in the force excess [N] at a step [s]; returns the next step to try, None when there is nothing between."""
         side = 1 if value > 0.0 else -1
+        self.first = self.first or step
         if side > 0:
             self.high, self.high_value = step, value
         else:
@@ -148,7 +149,7 @@ class _Bracket:
                 self.high_value *= 0.5
         self.last_side = side
         width = self.high - self.low
-        if width <= 1e-9 * self.high:
+        if width <= 1e-6 * self.first:
             return None
         inside = self.low - self.low_value * width / (self.high_value - self.low_value)
         return min(max(inside, self.low + 1e-3 * width), self.high - 1e-3 * width)

@@ -54,7 +54,8 @@ def examine() -> Iterator[Finding]:
         except Trouble as trouble:
             yield Finding(name, False, str(trouble), trouble.cure)
         except Exception as error:  # a library may fail to load in any way, and the other checks should still run
-            yield Finding(name, False, f"{type(error).__name__}: {error}", "install it anew: pip install --force-reinstall")
+            cure = "install it anew: pip install --force-reinstall"
+            yield Finding(name, False, f"{type(error).__name__}: {error}", cure)
 
 
 def _python() -> str:
@@ -126,13 +127,14 @@ def _hdf5() -> str:
 def _mpirun() -> str:
     path = shutil.which("mpirun") or shutil.which("mpiexec")
     if path is None:
-        raise Trouble("neither mpirun nor mpiexec is on PATH", "install MPI's programs (Debian: openmpi-bin), or load its module")
+        cure = "install MPI's programs (Debian: openmpi-bin), or load its module"
+        raise Trouble("neither mpirun nor mpiexec is on PATH", cure)
     probe = "from mpi4py import MPI; print(MPI.COMM_WORLD.size, flush=True)"
     output = _under_mpirun(path, ["-c", probe])
     sizes = output.split()
     if sizes != ["2", "2"]:
         raise Trouble(
-            f"{path} starts 2 processes that see {' and '.join(sizes) or 'nothing'} ranks: it belongs to another MPI than mpi4py",
+            f"{path} starts 2 processes that see {' and '.join(sizes) or 'no'} ranks: it is another MPI's than mpi4py's",
             "put the mpirun of mpi4py's MPI first on PATH, or install mpi4py anew with this one's mpicc",
         )
     return f"{path} belongs to the same MPI"
@@ -150,7 +152,8 @@ def _transform() -> str:
         found = json.loads(target.read_text())
     if found["ranks"] != 2 or not found["error"] < _LARGEST_ERROR:
         raise Trouble(
-            f"on {found['ranks']} ranks it differs by {found['error']:.1e} from NumPy's", "install mpi4py-fft and FFTW anew"
+            f"on {found['ranks']} ranks it differs by {found['error']:.1e} from NumPy's",
+            "install mpi4py-fft and FFTW anew",
         )
     return f"on 2 ranks as NumPy's, to {found['error']:.1e}"
 
@@ -197,7 +200,8 @@ def _under_mpirun(path: str, arguments: list[str]) -> str:
         except subprocess.TimeoutExpired:
             _end(process)
             raise Trouble(
-                f"{path}: two ranks did not finish within {TIME_LIMIT:.0f} s", "check mpirun's network settings and host names"
+                f"{path}: two ranks did not finish within {TIME_LIMIT:.0f} s",
+                "check mpirun's network settings and host names",
             ) from None
         output.seek(0)
         complaints.seek(0)

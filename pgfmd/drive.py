@@ -38,6 +38,12 @@ class Phase:
         acceleration = (self.velocity_end - self.velocity_start) / self.duration
         return (self.velocity_start + 0.5 * acceleration * elapsed) * elapsed
 
+    def velocity(self, elapsed: float) -> float:
+        """Velocity [m/s] of the punch, this long after the phase began."""
+        if math.isinf(self.duration):
+            return self.velocity_start
+        return self.velocity_start + (self.velocity_end - self.velocity_start) * elapsed / self.duration
+
     @property
     def fastest(self) -> float:
         """The largest speed [m/s] within the phase."""

@@ -1,4 +1,4 @@
-"""What a scene will cost: memory from the list of arrays that a run allocates, steps and transforms from an empirical rule.
+"""What a scene will cost: memory from the arrays that a run allocates, steps and transforms from an empirical rule.
 
 No MPI; nothing large is allocated.
 """
@@ -23,8 +23,11 @@ PROGRAM_BYTES = 200e6
 
 @dataclass(frozen=True)
 class Memory:
-    """Bytes of one rank's arrays. points: vectors over the punch. transform. start: cosines of the far field, made while the
-    state (`state` bytes of the vectors) does not exist yet."""
+    """Bytes of one rank's arrays.
+
+    points: vectors over the punch, of which `state` belong to the State. transform: its arrays. start: cosines of the
+    far field, made before the State.
+    """
 
     points: float
     transform: float
@@ -45,8 +48,9 @@ class Memory:
 def vectors_of(elements: int, audit: bool, periodic: bool) -> tuple[int, int]:
     """Numbers of 8 bytes that a run keeps for every point under the punch: (state, everything else).
 
-    State: u, w, f, two past u and w; N branches; their N images where energies are followed. Scheme: u, w, f, history a stage,
-    and a fifth with energies; two stages, one where elastic. Newton: heights, f, K, r, s, t, p, y, z. Weights of the far field.
+    State: u, w, f, two past u and w; N branches; their N images where energies are followed. Scheme: u, w, f, history a
+    stage, and a fifth with energies; two stages, one where elastic. Newton: heights, f, K, r, s, t, p, y, z. Weights of
+    the far field.
     """
     stages = 2 if elements else 1
     return 7 + elements * (1 + audit), stages * (4 + audit) + 9 + periodic
@@ -60,8 +64,9 @@ def punch_points(scene) -> PunchPoints:
 def memory_of(scene, ranks: int = 1) -> Memory:
     """Memory of the rank with the largest share, out of `ranks`.
 
-    Transform: G0, (columns, n/2 + 1), and the half-transformed rows, complex, (rows, n/2 + 1); with more than one rank also
-    (nb, columns), complex. Cosines of the far field: (n/2 + 1, nb) for all of the block and for the rank's rows, and a temporary.
+    Transform: G0, (columns, n/2 + 1), and the half-transformed rows, complex, (rows, n/2 + 1); with more than one rank
+    also (nb, columns), complex. Cosines of the far field: (n/2 + 1, nb) for all of the block and a temporary, and the
+    rank's rows.
     """
     points = punch_points(scene)
     nb, modes = points.nb, scene.grid.n // 2 + 1
@@ -102,8 +107,9 @@ def depth_of(scene) -> float:
 def effort_of(scene) -> Effort:
     """Steps and transform pairs from a rule fitted to runs of the shipped scenes, n = 64 to 512.
 
-    Steps go like the travel in ranges of adhesion, times sqrt(gamma/(E* v lambda)), the longest retardation time lambda, times
-    accuracy^(-0.4); pairs a step hardly depend on the grid. Elastic adhesive scenes jump at every instability and cost far more.
+    Steps go like the travel in ranges of adhesion, times sqrt(gamma/(E* v lambda)), lambda the longest retardation time,
+    times accuracy^(-0.4); pairs a step hardly depend on the grid. Elastic adhesive scenes jump at every instability and
+    cost far more.
     """
     adhesion, drive, modulus = scene.adhesion, scene.drive, scene.substrate.contact_modulus
     creep = series_of(scene.rheology).to_creep()

@@ -98,8 +98,9 @@ def complain(message: object) -> None:
 def guarded(comm) -> Iterator[None]:
     """Around what all ranks do: whatever ends it on one of them ends the job, within seconds.
 
-    A PgfmdError that every rank has ends in one message and SystemExit with its exit code; one that a single rank has, and any
-    other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a message and exit code 130.
+    A PgfmdError that every rank has ends in one message and SystemExit with its exit code. One that a single rank has, and
+    any other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a message
+    and exit code 130 (mpirun may turn it into its own).
     """
     alone = comm.size == 1
     meeting = None if alone else comm.Dup()
@@ -122,7 +123,8 @@ def guarded(comm) -> Iterator[None]:
         if alone:
             raise
         text = "".join(traceback.format_exception(error))
-        complain(f"rank {comm.rank}: {'exit' if isinstance(error, SystemExit) else 'error'} on this rank ends the job\n{text}")
+        what = "exit" if isinstance(error, SystemExit) else "error"
+        complain(f"rank {comm.rank}: {what} on this rank ends the job\n{text}")
         comm.Abort(1)
     finally:
         for number, handler in previous.items():

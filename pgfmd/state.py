@@ -54,7 +54,8 @@ class State:
     start of the phase. displacement u [m] and load w [Pa] with u = G0 w; traction f [Pa]; branches phi_m [Pa], (N, size);
     images psi_m = G0 phi_m [m], (N, size), or (0, size) without the energy audit. `past_u`, `past_w`, `past_steps`: up to two
     earlier ends of steps, newest first, and the steps [s] that led away from them; drift: covariance of u - G0 w
-    of the surface and the past ones (drift.py). step [s]: the next step to try.
+    of the surface and the past ones (drift.py). step [s]: the next step to try. power [W]: of the punch at the start
+    of the last step.
     """
 
     displacement: np.ndarray
@@ -69,6 +70,7 @@ class State:
     phase_start: float = 0.0
     step: float = 0.0
     last_step: float = 0.0
+    power: float = 0.0
     force: float = 0.0
     contact_points: int = 0
     smallest_gap: float = np.inf

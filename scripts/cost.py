@@ -4,8 +4,8 @@
     python scripts/cost.py --n 1024 --no-reference
     mpirun -n 2 python scripts/cost.py --n 1024
 
-Errors are those against the same scene at --reference-accuracy: of the force curve, rms over time relative to the preload,
-and of the pull-off force. Counters and ratios come from one run; nothing is written.
+Errors are those against the same scene at --reference-accuracy: of the force curve, rms over time relative to the
+preload, and of the pull-off force. Counters and ratios come from one run; nothing is written.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def main() -> None:
     parser.add_argument("--scene", default="tri-tack", help="a shipped scene or a file (default: %(default)s)")
     parser.add_argument("--n", type=int, default=512, help="grid points a side (default: %(default)s)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="further changes of the scene")
-    parser.add_argument("--reference-accuracy", type=float, default=5e-4, help="of the reference (default: %(default)s)")
+    parser.add_argument("--reference-accuracy", type=float, default=5e-4, help="default: %(default)s")
     parser.add_argument("--no-reference", action="store_true", help="leave the errors out, which cost most of the time")
     options = parser.parse_args()
     comm = launch.world()

@@ -24,9 +24,10 @@ DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew as G0 w."""
 
 
-EVENT_SHARPNESS, JUMP_SHARPNESS = 0.1, 1e-3
-"""Share of the tolerance to which steps are solved that look for an event; and jumps, for just past the loss of stability the
-residual of the lost branch is tiny, and a loose solve lingers on it."""
+LOOSEST_TOLERANCE, EVENT_TOLERANCE, JUMP_SHARPNESS = 2e-2, 2.5e-4, 1e-3
+"""Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all. Largest tolerance of solves that look for an event: the force is then good to half of the preload's own tolerance. And share
+of the tolerance for jumps: just past the loss of stability the residual of the lost branch is tiny, and a loose solve
+lingers on it."""
 EQUILIBRIUM_SHARE = 0.05
 """Elastic scenes: the error that counts for the step, as a share of the distance to the extrapolated surface."""
 
@@ -36,7 +37,7 @@ class Trial:
     """The outcome of a step that was tried: nothing of it is in the State yet.
 
     error: estimated error of u over interacting points, in ranges of adhesion. potential_drop [J]: by how much the stages'
-    potentials fell from their starting points. The fields belong to the scheme and live until the next trial.
+    potentials fell from their starting points. powers [W]: of the punch, at the stages. The fields belong to the scheme and live until the next trial.
     """
 
     step: float
@@ -49,6 +50,7 @@ class Trial:
     cg_iterations: int = 0
     potential_drop: float = 0.0
     is_jump: bool = False
+    powers: list[float] = field(default_factory=list)
     weights: StepWeights | None = field(default=None, repr=False)
 
 
@@ -124,12 +126,13 @@ class Inertialess:
             self._predict(state, trial, i, node * step)
             outcome = self.solver.solve(
                 trial.position, history, weights.compliance[i], self._u[i], self._w[i],
-                self.tolerance * (JUMP_SHARPNESS if jump else EVENT_SHARPNESS if sharp else 1.0), jump,
+                self._tolerance(sharp, jump), jump,
             )  # fmt: skip
             trial.newton_iterations += outcome.newton_iterations
             trial.cg_iterations += outcome.cg_iterations
             trial.potential_drop += outcome.potential_drop
             trial.force = outcome.force
+            trial.powers.append(-outcome.force * phase.velocity(elapsed))
             if not outcome.converged:
                 trial.converged = False
                 return trial
@@ -139,8 +142,9 @@ class Inertialess:
 
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
-        weights, old_force = trial.weights, state.force
-        moved = trial.position - state.position
+        weights = trial.weights
+        start_power = -state.force * trial.phase.velocity(state.elapsed)
+        state.energies.work += self._work(state, trial, start_power)
         if self.audit:
             self._advance_energies(state, weights)
         else:
@@ -156,7 +160,12 @@ class Inertialess:
         state.elapsed += trial.step
         state.last_step = trial.step
         state.counters.steps += 1
-        state.energies.work -= 0.5 * (old_force + trial.force) * moved
+        state.power = start_power
+
+    def _tolerance(self, sharp: bool, jump: bool) -> float:
+        if jump:
+            return JUMP_SHARPNESS * self.tolerance
+        return min(EVENT_TOLERANCE if sharp else LOOSEST_TOLERANCE, self.tolerance)
 
     def _weigh(self, branches: np.ndarray, weights: StepWeights) -> None:
         kernels.weigh_branches(branches, weights.branch_weight, self._history)
@@ -210,6 +219,21 @@ class Inertialess:
         prediction = h * (h - times[1]) * (h - times[2]) / 6.0
         own = self.tableau.error_constant * h**3
         return distance * own / (prediction + own)
+
+    def _work(self, state: State, trial: Trial, start_power: float) -> float:
+        """Work of the punch [J] over the step: the parabola through its power at the start and at the stages.
+
+        A single stage (elastic) takes the end of the step before as the third point. A jump takes no time worth counting.
+        """
+        h = trial.step
+        times = [0.0, *(node * h for node in self.tableau.nodes)]
+        powers = [start_power, *trial.powers]
+        if self.tableau.stages == 1 and state.past_steps:
+            times.append(-state.past_steps[0])
+            powers.append(state.power)
+        # Exact integrals of the Lagrange polynomials: Gauss's two points are enough for a parabola.
+        halves = [0.5 * h * (1.0 - 3.0**-0.5), 0.5 * h * (1.0 + 3.0**-0.5)]
+        return sum(0.5 * h * np.dot(_lagrange(times, at), powers) for at in halves)
 
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""

@@ -1,0 +1,169 @@
+"""What `pgfmd check` says: the paper's numbers, memory as allocated, effort as measured, and when it warns."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from pgfmd.check import report
+from pgfmd.estimate import effort_of, memory_of
+from pgfmd.scene import load_scene
+
+GEOMETRIC = [
+    "rheology.model=geometric", "rheology.modulus_ratio=250", "rheology.relaxation_time=40 us", "rheology.elements=5",
+    "rheology.time_ratio=6", "rheology.exponent=0.8",
+]  # fmt: skip
+
+
+def warnings_of(name: str, *overrides: str) -> str:
+    return "\n".join(report(load_scene(name, overrides)).warnings)
+
+
+def remarks_of(name: str, *overrides: str) -> str:
+    return "\n".join(report(load_scene(name, overrides)).remarks)
+
+
+@pytest.mark.parametrize(("n", "reach", "whole", "summit"), [(2048, 0.264e-6, 10.1, 1.46), (4096, 0.187e-6, 14.2, 2.06)])
+def test_the_papers_numbers(n, reach, whole, summit):
+    found = report(load_scene("tri-tack", [f"grid.n={n}"]))
+    assert found["range rho"] == pytest.approx(reach, rel=3e-3)
+    assert found["Tabor number of the whole punch"] == pytest.approx(whole, rel=5e-3)
+    assert found["Tabor number of a summit"] == pytest.approx(summit, rel=5e-3)
+    assert found["gamma/v_full"] == pytest.approx(0.33, abs=5e-3)
+    assert found["contact modulus E*"] == 2e6 / (1 - 0.495**2)
+
+
+def test_hexagonal_punch():
+    found = report(load_scene("hex-tack"))
+    assert found["gamma/v_full"] == pytest.approx(0.062, abs=5e-4)
+    assert found["summit radius"] == pytest.approx(139.4e-6, rel=1e-3)
+
+
+def test_a_sinusoid_has_its_own_energy():
+    changes = ["punch.pattern=sinusoid", "punch.wavelength=150 um", "punch.amplitude=1 um"]
+    found = report(load_scene("tri-tack", changes))
+    # Johnson: (1/4) E* q A^2 with the amplitude A of the cosine
+    energy = found["contact modulus E*"] * 2 * np.pi / 150e-6 * 1e-12 / 8
+    assert found["gamma/v_full"] == pytest.approx(0.05 / energy, rel=1e-12)
+
+
+def test_cohesive_zone_follows_the_range():
+    own, half = (report(load_scene("tri-tack", [f"adhesion.range_factor={c}"])) for c in (0.156, 4 * 0.156))
+    name = "grid points in the cohesive zone"
+    assert own[name] == pytest.approx(1 / (4 * 0.156), rel=1e-12)
+    assert half[name] == pytest.approx(own[name] / 4, rel=1e-12)
+
+
+def test_times_of_the_rheology():
+    found = report(load_scene("tri-tack"))
+    # one element: lambda = kappa_inf tau, J_inf = 1/kappa_inf
+    assert found["retardation time 1"] == pytest.approx(250 * 400e-6, rel=1e-12)
+    assert found["J_inf"] == pytest.approx(1 / 250, rel=1e-12)
+    five = report(load_scene("tri-tack", GEOMETRIC))
+    assert "retardation time 5" in five and "retardation time 6" not in five
+
+
+def test_values_are_si():
+    found = report(load_scene("tri-tack", ["punch.radius=0.375 mm"]))
+    assert found["punch.radius"] == 375e-6
+    assert found["drive.preload"] == 40e-3
+    assert "punch.file" not in found
+
+
+def test_short_range_is_warned_of():
+    assert warnings_of("tri-tack") == ""
+    assert "mesh error is a percent or two" in warnings_of("tri-tack", "adhesion.range=0.6 um")
+    assert "rho too small for the grid" in warnings_of("tri-tack", "adhesion.range=0.37 um")
+    assert "rho" not in warnings_of("tri-tack", "adhesion.range=0.8 um")
+    assert warnings_of("hertz") == ""
+
+
+def test_coarse_wavelength_is_warned_of_and_the_cure_works():
+    assert "use n >= 80" in warnings_of("tri-tack", "grid.n=79")
+    assert warnings_of("tri-tack", "grid.n=80") == ""
+
+
+def test_preload_out_of_reach_is_warned_of():
+    assert "given up at 375 um" in warnings_of("flat-punch", "drive.preload=1 N")
+    assert "small slopes" in warnings_of("flat-punch", "drive.preload=0.2 N")
+    assert warnings_of("flat-punch", "drive.preload=50 mN") == ""
+
+
+def test_speed_beyond_relaxation_is_warned_of():
+    assert "glass" in warnings_of("flat-punch", "drive.speed=0.3 m/s")
+    assert "glass" in warnings_of("flat-punch", "drive.retract_speed=0.3 m/s")
+    assert warnings_of("flat-punch", "drive.speed=1 mm/s") == ""
+
+
+def test_close_images_and_missing_memory_are_warned_of():
+    assert "periodic images" in warnings_of("tri-tack", "grid.length=1 mm")
+    assert "GB are needed" in warnings_of("tri-tack", "grid.n=65536", "rheology.model=elastic")
+
+
+def test_jumps_and_far_displacement_are_remarked():
+    assert "jumps" not in remarks_of("flat-punch", "grid.n=512")
+    assert "jumps" in remarks_of("flat-punch", "grid.n=1024")
+    assert "elastic" in remarks_of("tri-tack", "rheology.model=elastic")
+    assert "jumps" not in remarks_of("hertz")
+    assert "11 %" in remarks_of("tri-tack") and "11 %" not in remarks_of("flat-punch")
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("tri-tack", []),
+        ("tri-tack", [*GEOMETRIC, "rheology.elements=12"]),
+        ("tri-tack", [*GEOMETRIC, "output.energy=false"]),
+        ("flat-punch", []),
+        ("hertz", []),
+    ],
+)
+def test_memory_is_what_a_run_allocates(name, overrides):
+    from mpi4py import MPI
+
+    from pgfmd.assemble import assemble
+
+    # Tables, plans and compiled kernels of the first time don't count.
+    warm = assemble(load_scene(name, [*overrides, "grid.n=32"]), MPI.COMM_SELF)
+    warm.controller.advance(warm.state, warm.phase)
+    scene = load_scene(name, [*overrides, "grid.n=512"])
+    tracemalloc.start()
+    try:
+        simulation = assemble(scene, MPI.COMM_SELF)
+        for _ in range(4):
+            simulation.controller.advance(simulation.state, simulation.phase)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert memory_of(scene).peak == pytest.approx(peak, rel=0.15)
+
+
+def test_memory_is_shared_out():
+    scene = load_scene("tri-tack", ["grid.n=2048"])
+    alone, four = memory_of(scene, 1), memory_of(scene, 4)
+    assert four.points == pytest.approx(alone.points / 4)
+    # on several ranks the rows exist twice, once whole in x and once whole in y
+    assert alone.transform < 4 * four.transform < 2 * alone.transform
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("tri-tack", ["grid.n=64"]),
+        ("tri-tack", ["grid.n=96", "solver.accuracy=1e-3"]),
+        ("tri-tack", ["grid.n=96", "drive.speed=20 um/s"]),
+        ("hex-tack", ["grid.n=96", "output.snapshots=[]"]),
+        ("flat-punch", ["grid.n=128"]),
+        ("hertz", ["grid.n=128"]),
+    ],
+)
+def test_effort_is_within_a_factor_of_three(name, overrides):
+    from mpi4py import MPI
+
+    from pgfmd.assemble import assemble
+
+    scene = load_scene(name, overrides)
+    simulation = assemble(scene, MPI.COMM_SELF)
+    state, effort = simulation.run(), effort_of(scene)
+    assert 1 / 3 < effort.steps / state.counters.steps < 3
+    assert 1 / 3 < effort.pairs / simulation.solver.convolve.pairs < 3

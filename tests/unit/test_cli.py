@@ -1,0 +1,180 @@
+"""The command line without MPI: what it prints, writes, refuses, and what it must not load."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pgfmd
+from pgfmd import launch
+from pgfmd.scene import load_scene, shipped_scenes, shipped_text
+
+sys.path.insert(0, str(Path(__file__).parent))
+from synthetic_results import write_results  # noqa: E402
+
+HEAVY = ("mpi4py.MPI", "numba", "h5py", "matplotlib")
+LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
+
+
+def pgfmd_command(arguments: list[str], folder: Path, **variables: str) -> subprocess.CompletedProcess:
+    """`pgfmd` as a user calls it, outside any MPI job; ends with the heavy modules it loaded, on stderr."""
+    script = (
+        "import atexit, sys\n"
+        f"atexit.register(lambda: print('loaded', [name for name in {HEAVY} if name in sys.modules], file=sys.stderr))\n"
+        "from pgfmd.cli import main\n"
+        "main()"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)}
+    environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "COLUMNS": "100"} | variables
+    return subprocess.run(
+        [sys.executable, "-c", script, *arguments], cwd=folder, env=environment, capture_output=True, text=True, timeout=60
+    )
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["--version"], ["run", "--help"], ["check", "tri-tack"], ["init", "hertz"], ["bench", "transform", "-h"]],
+)
+def test_light_commands_load_nothing_heavy(arguments, tmp_path):
+    done = pgfmd_command(arguments, tmp_path)
+    assert done.returncode == 0
+    assert done.stderr == "loaded []\n"
+    assert done.stdout.strip()
+
+
+def test_version(tmp_path):
+    assert pgfmd_command(["--version"], tmp_path).stdout.strip() == pgfmd.__version__
+
+
+def test_init_writes_the_commented_scene_that_check_and_run_read(tmp_path):
+    for name in shipped_scenes():
+        assert pgfmd_command(["init", name], tmp_path).returncode == 0
+        path = tmp_path / f"{name}.toml"
+        assert path.read_text(encoding="utf-8") == shipped_text(name)
+        assert load_scene(str(path)) == load_scene(name)
+
+
+def test_init_does_not_overwrite(tmp_path):
+    path = tmp_path / "hertz.toml"
+    path.write_text("mine")
+    refused = pgfmd_command(["init", "hertz"], tmp_path)
+    assert refused.returncode == 2 and "--force" in refused.stderr and path.read_text() == "mine"
+    assert pgfmd_command(["init", "hertz", "--force"], tmp_path).returncode == 0
+    assert path.read_text(encoding="utf-8") == shipped_text("hertz")
+
+
+def test_init_of_an_unknown_scene_lists_the_known_ones(tmp_path):
+    done = pgfmd_command(["init", "tri-tak"], tmp_path)
+    assert done.returncode == 2
+    assert "did you mean tri-tack?" in done.stderr and all(name in done.stderr for name in shipped_scenes())
+    assert not any(tmp_path.iterdir())
+
+
+def test_check_prints_plain_text_into_a_pipe(tmp_path):
+    done = pgfmd_command(["check", "tri-tack", "grid.n=2048", "--set", "drive.speed=5 um/s"], tmp_path)
+    assert done.returncode == 0 and "\x1b" not in done.stdout
+    words = {" ".join(line.split()[:2]) for line in done.stdout.splitlines()}
+    assert {"grid.n 2048", "drive.speed 5e-06", "kappa_inf 250"} <= words
+    assert "2.63815e-07" in done.stdout
+
+
+def test_check_writes_warnings_on_one_line_each(tmp_path):
+    done = pgfmd_command(["check", "tri-tack", "grid.n=64", "drive.preload=10 N"], tmp_path)
+    warnings = [line for line in done.stdout.splitlines() if line.startswith("warning: ")]
+    assert len(warnings) == 2 and "n >= 80" in warnings[0] and warnings[1].endswith("reduce the preload")
+
+
+def test_check_knows_the_planned_ranks(tmp_path):
+    done = pgfmd_command(["check", "tri-tack", "grid.n=32", "--ranks", "17"], tmp_path)
+    assert done.returncode == 2 and "use at most 16 ranks" in done.stderr
+    assert pgfmd_command(["check", "tri-tack", "grid.n=32", "--ranks", "16"], tmp_path).returncode == 0
+
+
+def test_plot_prints_the_pictures(tmp_path):
+    write_results(tmp_path / "out", rows=20, nb=8, snapshots=2)
+    done = pgfmd_command(["plot", "out"], tmp_path)
+    assert done.returncode == 0
+    paths = [tmp_path / line for line in done.stdout.split()]
+    assert tmp_path / "out" / "force-displacement.png" in paths
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
+    assert "mpi4py" not in done.stderr and "numba" not in done.stderr
+
+
+def test_plot_of_no_results(tmp_path):
+    done = pgfmd_command(["plot", "nothing"], tmp_path)
+    assert done.returncode == 4 and "nothing: no such folder" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("arguments", [["run"], ["rnu", "tri-tack"], ["check", "tri-tack", "--ranks", "0"], ["bench", "all"]])
+def test_usage_errors(arguments, tmp_path):
+    done = pgfmd_command(arguments, tmp_path)
+    assert done.returncode == 2 and "Usage: pgfmd" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {"OMPI_COMM_WORLD_SIZE": "3", "OMPI_COMM_WORLD_RANK": "0"},
+        {"PMI_SIZE": "3", "PMI_RANK": "0"},
+        {"SLURM_STEP_NUM_TASKS": "3", "SLURM_PROCID": "0"},
+    ],
+)
+def test_a_foreign_launcher_is_named(variables, tmp_path):
+    done = pgfmd_command(["run", "tri-tack"], tmp_path, **variables)
+    assert done.returncode == 5
+    assert "3 processes were started, but each is alone" in done.stderr and not any(tmp_path.iterdir())
+    others = {name: value if name.endswith(("SIZE", "TASKS")) else "1" for name, value in variables.items()}
+    silent = pgfmd_command(["run", "tri-tack"], tmp_path, **others)
+    assert silent.returncode == 5 and "pgfmd:" not in silent.stderr
+
+
+def test_other_processes_leave_single_commands_alone(tmp_path):
+    done = pgfmd_command(["init", "hertz"], tmp_path, OMPI_COMM_WORLD_SIZE="2", OMPI_COMM_WORLD_RANK="1")
+    assert done.returncode == 0 and not any(tmp_path.iterdir())
+
+
+def test_launched_reads_the_environment(monkeypatch):
+    for name in list(os.environ):
+        if name.startswith(LAUNCHERS):
+            monkeypatch.delenv(name)
+    assert launch.launched() == (1, 0)
+    monkeypatch.setenv("SLURM_NTASKS", "8")  # an allocation, not a step
+    assert launch.launched() == (1, 0)
+    monkeypatch.setenv("PMI_SIZE", "4")
+    monkeypatch.setenv("PMI_RANK", "3")
+    assert launch.launched() == (4, 3)
+
+
+def test_bench_prints_its_numbers(tmp_path):
+    done = pgfmd_command(["bench", "transform", "--n", "64", "--json"], tmp_path)
+    record = json.loads(done.stdout)
+    assert list(record) == ["n", "ranks", "effort", "pfft_pair_ms", "fused_pair_ms", "ratio"]
+    assert (record["n"], record["ranks"], record["effort"]) == (64, 1, "estimate")
+    assert record["ratio"] == pytest.approx(record["fused_pair_ms"] / record["pfft_pair_ms"]) and record["ratio"] > 0
+
+
+def test_doctor_says_ok_and_fails_with_a_cure(tmp_path):
+    done = pgfmd_command(["doctor"], tmp_path)
+    assert done.returncode == (1 if "FAIL" in done.stdout else 0)
+    lines = done.stdout.splitlines()
+    assert any(line.startswith("OK   transform: on 2 ranks") for line in lines)
+    # without mpirun on the path
+    lost = pgfmd_command(["doctor"], tmp_path, PATH=str(tmp_path))
+    assert lost.returncode == 1
+    failures = [line for line in lost.stdout.splitlines() if line.startswith("FAIL")]
+    assert failures[0] == "FAIL mpirun: neither mpirun nor mpiexec is on PATH"
+    assert lost.stdout.count("     cure: ") == len(failures)
+
+
+def test_the_package_is_light_and_lazy(tmp_path):
+    code = (
+        "import sys, pgfmd; light = not {'numpy', 'pydantic', 'mpi4py'} & set(sys.modules); "
+        "print(light, pgfmd.load.__module__, pgfmd.load_scene.__module__, 'mpi4py' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.stdout.split() == ["True", "pgfmd.results", "pgfmd.scene", "False"], done.stderr
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        pgfmd.nonsense  # noqa: B018
