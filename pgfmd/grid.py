@@ -128,8 +128,14 @@ class PunchPoints:
 
     def maximum_of(self, local: float) -> float:
         """The largest of one number a rank, the same on every rank. Collective."""
+        return self.maxima_of(local)[0]
+
+    def maxima_of(self, *local: float) -> list[float]:
+        """The largest of each of a rank's numbers, the same on every rank. Collective."""
         if self.comm.size == 1:
-            return float(local)
+            return [float(value) for value in local]
         from mpi4py import MPI
 
-        return self.comm.allreduce(float(local), op=MPI.MAX)
+        largest = np.empty(len(local))
+        self.comm.Allreduce(np.array(local, dtype=float), largest, op=MPI.MAX)
+        return largest.tolist()

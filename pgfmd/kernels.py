@@ -249,13 +249,14 @@ def combine(c0, a0, c1, a1, c2, a2, out):
 
 @_compile
 def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
-    """max |u - (c0 a0 + c1 a1 + c2 a2)| over points whose gap, by one or the other, is below reach; 0 where there is none."""
-    largest = 0.0
+    """max |u - (c0 a0 + c1 a1 + c2 a2)| and max |u - a0| over points whose gap, by one or the other, is below reach; 0 without any."""
+    largest, change = 0.0, 0.0
     for i in range(u.size):
         other = c0 * a0[i] + c1 * a1[i] + c2 * a2[i]
         if position + height[i] - max(u[i], other) < reach:
             largest = max(largest, abs(u[i] - other))
-    return largest
+            change = max(change, abs(u[i] - a0[i]))
+    return largest, change
 
 
 # Retardation ------------------------------------------------------------------------------------------------------------

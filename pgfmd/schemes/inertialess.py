@@ -37,7 +37,8 @@ class Trial:
     """The outcome of a step that was tried: nothing of it is in the State yet.
 
     error: estimated error of u over interacting points, in ranges of adhesion. potential_drop [J]: by how much the stages'
-    potentials fell from their starting points. powers [W]: of the punch, at the stages. The fields belong to the scheme and live until the next trial.
+    potentials fell from their starting points. change: of u over the
+    step, like the error. powers [W]: of the punch, at the stages. The fields belong to the scheme and live until the next trial.
     """
 
     step: float
@@ -50,6 +51,7 @@ class Trial:
     cg_iterations: int = 0
     potential_drop: float = 0.0
     is_jump: bool = False
+    change: float = np.inf
     powers: list[float] = field(default_factory=list)
     weights: StepWeights | None = field(default=None, repr=False)
 
@@ -198,7 +200,7 @@ class Inertialess:
     def _error(self, state: State, trial: Trial) -> float:
         """Error of the step's end, from its distance to the extrapolation through the ends of earlier steps.
 
-        Where fewer than three are known the distance itself, weighed down, is a safe guess: the steps after a kink are small.
+        Where fewer than three are known the distance, weighed down, is a safe guess: the steps after a kink are small.
         Without retardation every step ends in equilibrium: the distance then only tells how well the path is followed.
         """
         known = [state.displacement, *state.past_u]
@@ -210,15 +212,17 @@ class Inertialess:
         local = kernels.largest_difference_near(
             c[0], known[0], c[1], known[1], c[2], known[2], self._u[-1], self.solver.height, trial.position, law.range
         )
-        distance = self.points.maximum_of(local) / law.range
+        distance, trial.change = (value / law.range for value in self.points.maxima_of(*local))
         if not self.creep.elements:
             return EQUILIBRIUM_SHARE * distance
-        if len(times) < 3:
-            return (0.5, 0.25)[len(times) - 1] * distance
-        h = trial.step
-        prediction = h * (h - times[1]) * (h - times[2]) / 6.0
-        own = self.tableau.error_constant * h**3
-        return distance * own / (prediction + own)
+        share = 0.25
+        if len(times) == 3:
+            h = trial.step
+            prediction = h * (h - times[1]) * (h - times[2]) / 6.0
+            own = self.tableau.error_constant * h**3
+            share = own / (prediction + own)
+        # The error is hardly more than half of the change; extrapolated rounding and solver errors can be.
+        return min(share * distance, 0.5 * trial.change)
 
     def _work(self, state: State, trial: Trial, start_power: float) -> float:
         """Work of the punch [J] over the step: the parabola through its power at the start and at the stages.
@@ -242,7 +246,10 @@ class Inertialess:
             state.past_steps.pop()
         else:
             old_u, old_w = self.points.zeros(), self.points.zeros()
-        if not trial.is_jump:
+        if trial.change < self.tolerance:
+            # Where hardly anything moves, extrapolation would only amplify the errors of the solves.
+            state.forget_history()
+        elif not trial.is_jump:
             state.past_u.insert(0, state.displacement)
             state.past_w.insert(0, state.load)
             state.past_steps.insert(0, trial.step)
