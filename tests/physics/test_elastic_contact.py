@@ -25,7 +25,7 @@ TENSION = np.pi * WORK_OF_ADHESION * SPHERE
 # Hertz and power laws ----------------------------------------------------------------------------------------------------
 def test_hertz_force_along_the_approach_and_back():
     """From a = 9 h on the force is Hertz's to 0.5 %; the way back is the way in. No energy is lost, nothing jumps."""
-    result = run("hertz", "grid.n=128")
+    result = run("hertz", "grid.n=128", "solver.accuracy=1e-3")
     depth, force, pressing = result.phase("approach")
     later = force > 0.1 * result.scene.drive.preload
     closed = hertz.force(depth[later], SPHERE, CONTACT_MODULUS)
@@ -33,9 +33,9 @@ def test_hertz_force_along_the_approach_and_back():
     # Counting points that press: a grid line more or less at the rim.
     counted = np.sqrt(pressing[later] * result.spacing**2 / np.pi)
     assert np.max(np.abs(counted - hertz.contact_radius(depth[later], SPHERE))) < result.spacing
-    # The solver leaves a force out of balance of 0.2 x 0.005 preloads; linear interpolation between steps as much again.
+    # The solver leaves a force out of balance of 0.2 x 0.0005 preloads; linear interpolation between steps adds to that.
     back = result.force_at(depth[later], "turn", "retract")
-    assert np.max(np.abs(back - force[later])) < 2e-3 * result.scene.drive.preload
+    assert np.max(np.abs(back - force[later])) < 1e-3 * result.scene.drive.preload
     energies = result.state.energies
     assert energies.largest_residual < 3e-3 * hertz.elastic_energy(depth[-1], SPHERE, CONTACT_MODULUS)
     assert abs(energies.work) < 3e-3 * hertz.elastic_energy(depth[-1], SPHERE, CONTACT_MODULUS)
@@ -115,7 +115,7 @@ def test_maugis_brackets_the_pull_off_at_a_finite_range(spheres):
     """
     one = spheres[-1]
     reach = one.scene.adhesion.range
-    assert tabor.parabola(SPHERE, CONTACT_MODULUS, WORK_OF_ADHESION, reach) == pytest.approx(1.04, abs=0.01)
+    assert tabor.asperity(SPHERE, CONTACT_MODULUS, WORK_OF_ADHESION, reach) == pytest.approx(1.04, abs=0.01)
     found = -one.state.pull_off_force / TENSION
 
     def by_maugis(strength):
@@ -162,7 +162,8 @@ def test_westergaard_contact_fraction():
         closed = wavy.contact_fraction(pressure, 1e-6, wave_number, CONTACT_MODULUS)
         touching = pressure > 0
         error = np.abs(pressing / n**2 - closed)[touching]
-        assert error.max() < 2.0 / n
+        # Lines come in mirrored pairs, so counting is off by up to two of them, and the overlap adds a share of one.
+        assert error.max() < 2.5 / n
         assert pressing[-1] == n**2 and pressing[np.searchsorted(pressure, 0.9 * closing)] < n**2
         errors.append(error.max())
     assert orders(errors)[0] > 0.8
