@@ -1,7 +1,8 @@
 """Docstrings as they are written here, plain text that is no reStructuredText, made fit for Sphinx.
 
-Indented paragraphs are formulas or examples. Lines such as "radius: of the punch [m]" are a list where there are several, and so is
-what follows a line "Args:" or "Raises:". Everything else is text; only `names` in backticks are marked up.
+Indented paragraphs are formulas or examples. Lines such as "radius: of the punch [m]" are a list where there are
+several, and so is what follows a line "Args:" or "Raises:". Everything else is text; only `names` in backticks are
+marked up.
 """
 
 from __future__ import annotations

@@ -55,13 +55,16 @@ def _range(scene) -> Iterator[str]:
         text += "rho too small for the grid, below half of the automatic range lattice pinning spoils the result; "
     else:
         text += "at the automatic range the mesh error is a percent or two, at half of it pinning spoils all; "
-    yield text + f"use grid.n >= {math.ceil(scene.grid.n / share**2)}, or a larger range"
+    yield text + f"use grid.n >= {math.ceil(scene.grid.n / share**2 * (1.0 - 1e-9))}, or a larger range"
 
 
 def _resolution(scene) -> Iterator[str]:
     wavelength, n, length = scene.punch.wavelength, scene.grid.n, scene.grid.length
-    if wavelength is not None and wavelength * n < FEWEST_POINTS * length:
-        needed = math.ceil(FEWEST_POINTS * length / wavelength)
+    if wavelength is None:
+        return
+    # 1.5 mm over 150 um is a little more than 10 in binary.
+    needed = math.ceil(FEWEST_POINTS * length / wavelength * (1.0 - 1e-9))
+    if n < needed:
         yield (
             f"grid.n: only {wavelength * n / length:.3g} points a wavelength, fewer than {FEWEST_POINTS} distort the "
             f"asperities; use n >= {needed}"

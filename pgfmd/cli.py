@@ -107,7 +107,7 @@ def _all(changes: list[str] | None, overrides: list[str] | None) -> list[str]:
 
 
 def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -> tuple[Any, Path]:
-    """The checked scene and the folder of its results, whose parent exists."""
+    """The checked scene and the folder for its results."""
     from pgfmd.parts import confirm
     from pgfmd.scene import load_scene
 
@@ -115,13 +115,7 @@ def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -
     confirm(scene, source, ranks)
     if out is not None:
         return scene, out
-    directory = Path(scene.output.directory or Path("out", Path(source).stem)).expanduser()
-    try:
-        directory.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        cure = "choose another folder with --out"
-        raise ResultError(f"{directory.parent}: can't be made: {error.strerror}; {cure}") from None
-    return scene, directory
+    return scene, Path(scene.output.directory or Path("out", Path(source).stem)).expanduser()
 
 
 def _say(line: str) -> None:

@@ -56,9 +56,10 @@ class Simulation:
             phase = self.phase
             until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
             released = state.energies.released
-            old_position = state.position
+            before = (state.energies.work, state.force, state.position)
             trial, why = self.controller.advance(state, phase, until)
-            self._measure(old_position)
+            self._measure()
+            self._count_separation(phase, *before)
             self._note(Event("jump" if trial.is_jump else "step", state.energies.released - released))
             if why == "time":
                 self._note(Event("time"))
@@ -69,8 +70,9 @@ class Simulation:
 
     def _start(self) -> None:
         self.state.force = self.scheme.start(self.state)
-        self._measure(self.state.position)
+        self._measure()
         self.state.energies.adhesive_start = self.state.energies.adhesive
+        self.state.energies.largest_residual = 0.0
         self._note(Event("start"))
 
     def _turn_page(self, phase, why: str) -> None:
@@ -90,7 +92,7 @@ class Simulation:
         if not state.finished and state.counters.steps >= self.max_steps:
             state.finished = STOPPED_STEPS
 
-    def _measure(self, old_position: float) -> None:
+    def _measure(self) -> None:
         """Derives from the fields what rows of the curve and of the energy audit hold."""
         state, solver, energies = self.state, self.solver, self.state.energies
         kernels.observe(
@@ -115,7 +117,18 @@ class Simulation:
             state.snap_in_force = min(state.snap_in_force, state.force)
         elif name != "dwell":
             state.pull_off_force = min(state.pull_off_force, state.force)
-            energies.work_of_separation -= min(state.force, 0.0) * max(state.position - old_position, 0.0)
+
+    def _count_separation(self, phase, old_work: float, old_force: float, old_position: float) -> None:
+        """Adds the work of the step, if the punch pulled; of a step through zero force only the part under tension."""
+        state, energies = self.state, self.state.energies
+        moved = state.position - old_position
+        if phase.velocity_end <= 0.0 or moved <= 0.0:
+            return
+        if max(old_force, state.force) <= 0.0:
+            energies.work_of_separation += energies.work - old_work
+        elif min(old_force, state.force) < 0.0:
+            tension = -min(old_force, state.force)
+            energies.work_of_separation += 0.5 * tension * moved * tension / abs(old_force - state.force)
 
     def _note(self, event: Event) -> None:
         for observer in self.observers:

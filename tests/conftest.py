@@ -1,8 +1,8 @@
-"""What all tests share: fixed examples for hypothesis, counts for `scripts/test`, and tests on several ranks that can't hang.
+"""What all tests share: fixed examples for hypothesis, counts for `scripts/test`, and an end for tests that would hang.
 
-Under `mpirun -n N pytest --with-mpi` every rank runs every test. A test that fails on one rank alone may leave the others
-waiting for it. So after each test the ranks compare notes: failed everywhere, the run goes on; failed on some, or no answer from
-the others for a while, the failing rank prints its report and ends the whole job.
+Under `mpirun -n N pytest --with-mpi` every rank runs every test. A test that fails on one rank alone may leave the
+others waiting for it. So after each test the ranks compare notes: failed everywhere, the run goes on; failed on some, or
+no answer from the others for a while, the failing rank prints its report and ends the whole job.
 """
 
 from __future__ import annotations

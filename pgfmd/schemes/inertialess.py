@@ -28,6 +28,9 @@ LOOSEST_TOLERANCE, EVENT_TOLERANCE, JUMP_SHARPNESS = 2e-2, 2.5e-4, 1e-3
 """Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all. Largest tolerance of solves that look for an event: the force is then good to half of the preload's own tolerance. And share
 of the tolerance for jumps: just past the loss of stability the residual of the lost branch is tiny, and a loose solve
 lingers on it."""
+SMALLEST_SHARE = 0.03
+"""The error is at least this share of the distance to the extrapolated surface. For steps much shorter than those before, a smooth
+motion has a far smaller one; but a jump does not shrink with the step, and would pass for one."""
 EQUILIBRIUM_SHARE = 0.05
 """Elastic scenes: the error that counts for the step, as a share of the distance to the extrapolated surface."""
 
@@ -220,7 +223,7 @@ class Inertialess:
             h = trial.step
             prediction = h * (h - times[1]) * (h - times[2]) / 6.0
             own = self.tableau.error_constant * h**3
-            share = own / (prediction + own)
+            share = max(SMALLEST_SHARE, own / (prediction + own))
         # The error is hardly more than half of the change; extrapolated rounding and solver errors can be.
         return min(share * distance, 0.5 * trial.change)
 

@@ -23,11 +23,15 @@ SCENES = {
     "one element": ("tri-tack", ["grid.n=32", "drive.preload=5 mN"]),
     "five elements, odd grid, dwell": (
         "hex-tack",
-        ["grid.n=27", "rheology.model=geometric", "rheology.relaxation_time=40 us", "rheology.elements=5", "rheology.time_ratio=6",
-         "rheology.exponent=0.8", "drive.speed=20 um/s", "drive.dwell=10 ms", "drive.preload=5 mN"],
+        ["grid.n=27", "rheology.model=geometric", "rheology.relaxation_time=40 us", "rheology.elements=5",
+         "rheology.time_ratio=6", "rheology.exponent=0.8", "drive.speed=20 um/s", "drive.dwell=10 ms",
+         "drive.preload=5 mN"],
     ),
     "elastic, jumps": ("flat-punch", ["grid.n=32", "rheology.model=elastic"]),
-    "free, jitter": ("tri-tack", ["grid.n=32", "substrate.boundary=free", "punch.height_jitter=50 nm", "drive.preload=2 mN"]),
+    "free, jitter": (
+        "tri-tack",
+        ["grid.n=32", "substrate.boundary=free", "punch.height_jitter=50 nm", "drive.preload=2 mN"],
+    ),
     "without audit": ("tri-tack", ["grid.n=24", "output.energy=false", "drive.preload=2 mN"]),
     "whole plane": (PLANE, []),
 }  # fmt: skip

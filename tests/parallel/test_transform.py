@@ -1,4 +1,4 @@
-"""The fused transform on any number of ranks: against numpy.fft on the whole plane, and the same bits as on one rank."""
+"""The fused transform on any number of ranks: against numpy.fft on the whole plane, with the same bits as on one."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,10 @@ pytestmark = pytest.mark.mpi
 
 MODULUS, LENGTH = 2.65e6, 1.5e-3
 # Grid points, and the radius as a share of the cell: even, odd, prime, blocks of one, two and three rows, whole cells.
-CELLS = [(16, 0.25), (27, 0.25), (64, 0.25), (97, 0.3), (100, 0.23), (100, 0.5), (4, 0.25), (5, 0.1), (5, 0.25), (16, None), (27, None)]
+CELLS = [
+    (16, 0.25), (27, 0.25), (64, 0.25), (97, 0.3), (100, 0.23), (100, 0.5), (4, 0.25), (5, 0.1), (5, 0.25), (16, None),
+    (27, None),
+]  # fmt: skip
 
 
 def gathered(comm, values):
@@ -118,7 +121,8 @@ def test_every_call_gives_the_same_and_keeps_its_input(make):
     assert convolve(field, out) is out
     np.testing.assert_array_equal(out, first)
     np.testing.assert_array_equal(field, before)
-    np.testing.assert_allclose(convolve(field, points.zeros(), -2.5), -2.5 * first, atol=1e-15 * np.abs(first).max(initial=0))
+    scaled = convolve(field, points.zeros(), -2.5)
+    np.testing.assert_allclose(scaled, -2.5 * first, atol=1e-15 * np.abs(first).max(initial=0))
 
 
 def test_a_result_may_overwrite_its_input():
@@ -176,7 +180,8 @@ def test_sums_and_maxima_have_the_same_bits_on_every_rank():
         a, b = random_field(points, 1), random_field(points, 2)
         rows = np.zeros((1, points.rows))
         kernels.dot(a, b, points.offset, rows)
-        totals.append((points.total_of(rows)[0], points.all_rows(rows).max(), points.maximum_of(a.max(initial=-np.inf))))
+        largest = points.maximum_of(a.max(initial=-np.inf))
+        totals.append((points.total_of(rows)[0], points.all_rows(rows).max(), largest))
     assert totals[0] == totals[1]
     assert len(set(comm.allgather(totals[0]))) == 1
 

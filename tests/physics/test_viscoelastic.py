@@ -1,4 +1,4 @@
-"""Viscoelastic contact against closed forms: one mode, a full-contact sinusoid, Lee-Radok's sphere; and tack tests against tight runs."""
+"""Viscoelastic contact: a mode, a sinusoid and Lee-Radok's sphere in closed form; tack tests against tighter runs."""
 
 import math
 
@@ -61,7 +61,7 @@ def run(scene, **options):
     return simulation, state, np.array(recorder.rows), np.array(recorder.phases)
 
 
-# One mode --------------------------------------------------------------------------------------------------------------
+# One mode ------------------------------------------------------------------------------------------------------------
 def stepped(series, end, steps, traction=None, displacement=None):
     """w and f at the end of a history of f or of w = u/G0, from rest; by the weights alone."""
     creep = series.to_creep()
@@ -80,8 +80,14 @@ def stepped(series, end, steps, traction=None, displacement=None):
 
 
 ONE_MODE = {
-    "creep": (lambda s, t, n: stepped(s, t, n, traction=lambda _: 3.0)[0], lambda s, t: prony.creep(t, 3.0, 1.0, s.to_creep())),
-    "relaxation": (lambda s, t, n: stepped(s, t, n, displacement=lambda _: 3.0)[1], lambda s, t: prony.relaxation(t, 3.0, 1.0, s)),
+    "creep": (
+        lambda s, t, n: stepped(s, t, n, traction=lambda _: 3.0)[0],
+        lambda s, t: prony.creep(t, 3.0, 1.0, s.to_creep()),
+    ),
+    "relaxation": (
+        lambda s, t, n: stepped(s, t, n, displacement=lambda _: 3.0)[1],
+        lambda s, t: prony.relaxation(t, 3.0, 1.0, s),
+    ),
     "traction ramp": (
         lambda s, t, n: stepped(s, t, n, traction=lambda x: 3.0 * x)[0],
         lambda s, t: prony.traction_ramp(t, 3.0, 1.0, s.to_creep()),
@@ -124,7 +130,7 @@ def test_one_elastic_mode_is_exact():
         assert numeric(SPECTRA["N = 0"], 1.7, 3) == pytest.approx(float(exact(SPECTRA["N = 0"], 1.7)), rel=1e-15)
 
 
-# A sinusoid in full contact ----------------------------------------------------------------------------------------------
+# A sinusoid in full contact ------------------------------------------------------------------------------------------
 WAVELENGTH, RANGE = 50e-6, 0.5e-6
 WAVE_NUMBER = 2 * math.pi / WAVELENGTH
 
@@ -169,6 +175,7 @@ def exact_wave(simulation, time, position, series, amplitude):
     )  # fmt: skip
 
 
+@pytest.mark.timeout(15, method="signal")
 @pytest.mark.parametrize("name", SPECTRA)
 def test_sinusoid_in_full_contact_through_approach_dwell_and_retraction(name):
     series, amplitude = SPECTRA[name], 10e-9
@@ -205,6 +212,7 @@ def fixed_steps(scene, end, steps):
     return simulation
 
 
+@pytest.mark.timeout(15, method="signal")
 @pytest.mark.parametrize("name", SPECTRA)
 def test_sinusoid_with_fixed_steps_is_second_order_in_time(name):
     series, amplitude = SPECTRA[name], 50e-9
@@ -242,17 +250,19 @@ def test_sinusoid_is_exact_on_any_grid(n):
 @pytest.mark.parametrize("name", ["N = 1", "N = 5", "N = 20"])
 def test_error_of_the_sinusoid_falls_with_the_accuracy(name):
     # Waves of two ranges, pushed in so far that contact stays complete though they level out by more than one range.
-    series, amplitude, errors = SPECTRA[name], 1e-6, []
-    for accuracy in (1e-1, 1e-2, 1e-3, 1e-4):
+    series, amplitude, errors, audit = SPECTRA[name], 1e-6, [], []
+    for accuracy in (1e-2, 1e-3, 1e-4):
         scene = wavy_scene(series, amplitude, accuracy, speed=1e-5, depth=2.2e-6)
-        simulation, _, rows, phases = run(scene, measure=wave_of, last="preload")
+        simulation, state, rows, _ = run(scene, measure=wave_of, last="preload")
         time, position, _, _, wave, _, largest_gap = rows.T
         assert np.all(largest_gap < 0)
         _, expected = exact_wave(simulation, time, position, series, amplitude)
         errors.append(np.abs(wave - expected).max() / (RANGE * simulation.solver.law.stiffness))
-    print(name, errors)
-    assert errors[1] < 5e-3
+        # The audit counts from the first state, which is in contact already.
+        audit.append(state.energies.largest_residual / state.energies.viscous)
+    assert errors[0] < 5e-3
     assert all(fine < 0.5 * coarse for coarse, fine in zip(errors, errors[1:], strict=False))
+    assert audit[0] < 0.01 and all(fine < 0.5 * coarse for coarse, fine in zip(audit, audit[1:], strict=False))
 
 
 # A sphere, while its contact grows -----------------------------------------------------------------------------------
@@ -282,7 +292,6 @@ def test_sphere_follows_lee_and_radok_on_approach(name):
     expected = ting.force(time + ahead, speed, radius, CONTACT_MODULUS, series)
     developed = time > 0.2 * end
     error = force[developed] / expected[developed] - 1
-    print(name, error[-1], np.abs(error).max())
     assert np.abs(error).max() < 0.01
     assert abs(error[-1]) < 0.002
     radius_found = math.sqrt(state.contact_points * simulation.points.grid.cell_area / math.pi)
@@ -291,7 +300,7 @@ def test_sphere_follows_lee_and_radok_on_approach(name):
     assert force[-1] > 2 * 4 / 3 * CONTACT_MODULUS * math.sqrt(radius) * (speed * end) ** 1.5
 
 
-# Tack tests --------------------------------------------------------------------------------------------------------------
+# Tack tests ----------------------------------------------------------------------------------------------------------
 TACKS = {"triangular": ("tri-tack", []), "hexagonal": ("hex-tack", []), "triangular, model 3": ("tri-tack", MODEL_3)}
 
 
@@ -313,12 +322,13 @@ def test_tack_test_converges_with_the_accuracy(name):
         found = np.interp(time, rows[:, 0], rows[:, 2], right=0.0)
         rms[accuracy] = math.sqrt(np.mean((found - force) ** 2)) / tight.preload
         audit[accuracy] = state.energies.largest_residual / state.energies.work
-    print(name, rms, audit)
-    # Measured at the default: 0.02 to 0.06 % of the preload.
-    assert rms[1e-2] < 1.5e-3
+    # Measured at the default: 0.03 to 0.1 % of the preload, pull-off within 0.8 %.
+    default, _ = results[1e-2]
+    assert rms[1e-2] < 2e-3
     assert rms[1e-3] < 0.3 * rms[1e-2] < 0.3 * rms[1e-1]
-    assert results[1e-2][0].pull_off_force == pytest.approx(tight.pull_off_force, rel=0.005)
-    assert results[1e-2][0].snap_in_force == pytest.approx(tight.snap_in_force, rel=0.01)
-    assert results[1e-2][0].preload_time == pytest.approx(tight.preload_time, rel=2e-4)
+    assert default.pull_off_force == pytest.approx(tight.pull_off_force, rel=0.01)
+    assert results[1e-3][0].pull_off_force == pytest.approx(tight.pull_off_force, rel=0.003)
+    assert default.snap_in_force == pytest.approx(tight.snap_in_force, rel=0.01)
+    assert default.preload_time == pytest.approx(tight.preload_time, rel=1e-3)
     assert audit[1e-2] < 0.05
     assert audit[3e-5] < audit[1e-3] < 0.3 * audit[1e-2] and audit[1e-2] < 0.3 * audit[1e-1]

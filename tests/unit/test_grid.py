@@ -1,4 +1,4 @@
-"""The cell, the punch block and its points: by brute force over all grid points, and shared over any number of ranks."""
+"""The cell, the punch block and its points: by brute force over all grid points, and on any number of ranks."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,9 @@ class Recording(Alone):
         gathered[:] = whole.reshape(gathered.shape)
 
 
-CASES = [(16, 0.25), (17, 0.25), (64, 0.25), (97, 0.23), (100, 0.5), (5, 0.1), (4, 0.02), (9, 0.499), (12, None), (13, None)]
+CASES = [
+    (16, 0.25), (17, 0.25), (64, 0.25), (97, 0.23), (100, 0.5), (5, 0.1), (4, 0.02), (9, 0.499), (12, None), (13, None),
+]  # fmt: skip
 
 
 def brute_force(n, length, radius):

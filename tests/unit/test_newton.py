@@ -18,7 +18,7 @@ RANGE = 0.5e-6
 
 
 class Problem:
-    """A solver on a tiny grid, and the same problem with G0 as a dense matrix. Displacements in ranges, loads in strengths."""
+    """A solver on a tiny grid, and the same problem with G0 as a dense matrix."""
 
     def __init__(self, n=10, radius=0.25 * LENGTH, free=False, attractive=True, seed=0, roughness=0.5, preload=1e-4):
         grid = Grid(n, LENGTH)
@@ -71,7 +71,8 @@ class Problem:
             return (G / compliance + G @ (stiffness[:, None] * G)) * self.scale / RANGE
 
         found = scipy.optimize.minimize(
-            value, start / self.scale, jac=slope, hess=bend, method="trust-exact", options={"gtol": 1e-12, "maxiter": 2000}
+            value, start / self.scale, jac=slope, hess=bend, method="trust-exact",
+            options={"gtol": 1e-12, "maxiter": 2000},
         )
         x = found.x
         for _ in range(3):

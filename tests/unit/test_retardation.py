@@ -1,4 +1,4 @@
-"""The weights of an implicit step: against the Runge-Kutta stages written out, sum rules, limits, order, and stability."""
+"""The weights of an implicit step: against the stages written out, sum rules, limits, order, and stability."""
 
 import math
 
@@ -29,7 +29,7 @@ def creep(request):
 
 
 def stages_one_element(a, speed, phi, traction):
-    """Stages k_i of dphi/dt = (f - phi)/lambda, speed = h/lambda, solved one after the other: (rates k, values phi_i)."""
+    """Stages of dphi/dt = (f - phi)/lambda, speed = h/lambda, one after the other: (rates k_i, values phi_i)."""
     count = len(a)
     rates, values = [], []
     for i in range(count):
@@ -64,7 +64,8 @@ def test_weights_are_those_of_the_stages_written_out(creep, method, step):
         rates, values = stages_one_element(method.a, speed, phi[m], f)
         load = load + creep.J[m] * np.array(values)
         ends.append(values[-1])
-        np.testing.assert_allclose(weights.rate_decay[m] * phi[m] + weights.rate_gain[m] @ f, rates, rtol=1e-12, atol=1e-13)
+        found = weights.rate_decay[m] * phi[m] + weights.rate_gain[m] @ f
+        np.testing.assert_allclose(found, rates, rtol=1e-12, atol=1e-13)
         # The energy lost in the element: h J/lambda sum b_i k_i^2.
         lost += speed * creep.J[m] * sum(b * k * k for b, k in zip(method.a[-1], rates, strict=True))
     history = weights.branch_weight @ phi + weights.stage_weight @ f
@@ -106,8 +107,8 @@ def test_no_digits_are_lost_over_24_decades(method, exponent):
     creep = CreepSeries(0.5, [0.5], [1.0])
     weights = step_weights(creep, method, speed)
     decay, gain = exact_weights(speed, method)
-    # Slow elements: relative to a gain that is itself as small as the speed. Fast ones: what vanishes like 1/speed, next to weights
-    # that add to one, needs its digits relative to one.
+    # Slow elements: relative to a gain that is itself as small as the speed. Fast ones: what vanishes like 1/speed,
+    # next to weights that add to one, needs its digits relative to one.
     rounding = 2e-15 * min(speed, 1.0)
     np.testing.assert_allclose(weights.gain[0], gain, rtol=1e-15, atol=rounding)
     np.testing.assert_allclose(weights.decay[0], decay, rtol=1e-15, atol=1e-15)
@@ -218,7 +219,7 @@ def test_the_energy_of_one_mode_balances_better_with_every_step_halved(name, met
     assert residuals[1] < 0.65 * residuals[0] and residuals[2] < 0.65 * residuals[1]
 
 
-# Drift -------------------------------------------------------------------------------------------------------------------
+# Drift ---------------------------------------------------------------------------------------------------------------
 def weights_of_a_growing_history(count):
     """Weights of quadratic extrapolation where every step is 1.5 times the last."""
     ahead, past = 1.5, [0.0, -1.0, -1.0 - 1 / 1.5]

@@ -1,0 +1,107 @@
+"""What imports what, and how long things are."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pgfmd
+
+PACKAGE = Path(pgfmd.__file__).parent
+FILES = sorted(PACKAGE.rglob("*.py"))
+def dotted(file):
+    """The name by which a file of the package is imported."""
+    return ".".join(("pgfmd", *file.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
+
+
+NAMES = {file: dotted(file) for file in FILES}
+
+LONGEST_FILE, LONGEST_FUNCTION = 300, 60
+
+PLAIN = ["rheology", "cohesion", "drive", "topography", "asperities", "heightfile", "halfspace", "film", "free_kernel",
+         "retardation", "drift", "reference", "units", "errors"]  # fmt: skip
+READERS = ["results", "plots", "map_plots"]
+HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
+
+
+def imported_by(file):
+    """Names of the modules that a file imports anywhere, functions included."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            package = NAMES[file].split(".")
+            package = package if file.name == "__init__.py" else package[:-1]
+            start = package[: len(package) - node.level + 1] if node.level else []
+            module = ".".join([*start, *([node.module] if node.module else [])])
+            found |= {module} | {f"{module}.{alias.name}" for alias in node.names}
+    return found
+
+
+IMPORTS = {NAMES[file]: imported_by(file) for file in FILES}
+
+
+def loaded_by(module):
+    """Top-level names in sys.modules after importing a module in a fresh interpreter, and the package's own modules."""
+    program = f"import sys, {module}; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    return set(done.stdout.split())
+
+
+@pytest.mark.parametrize("module", PLAIN)
+def test_plain_modules_know_no_mpi_no_hdf5_and_no_scene(module):
+    loaded = loaded_by(f"pgfmd.{module}")
+    assert not loaded & set(HEAVY)
+    assert not {name for name in loaded if name.startswith("pgfmd.scene")}
+
+
+@pytest.mark.parametrize("module", READERS)
+def test_analysis_and_plots_know_no_mpi(module):
+    loaded = loaded_by(f"pgfmd.{module}")
+    assert not loaded & {"mpi4py", "mpi4py_fft"}
+    assert "pgfmd.simulation" not in loaded and "pgfmd.transform" not in loaded
+
+
+def test_reading_a_scene_needs_no_mpi():
+    assert not loaded_by("pgfmd.scene") & set(HEAVY)
+
+
+def test_one_module_alone_computes_with_mpi4py_fft():
+    users = {name for name, modules in IMPORTS.items() if any(m.split(".")[0] == "mpi4py_fft" for m in modules)}
+    # The doctor asks whether it is there, and computes nothing with it.
+    assert users - {"pgfmd.doctor"} == {"pgfmd.transform"}
+
+
+def test_nothing_imports_the_command_line():
+    users = {name for name, modules in IMPORTS.items() if any(m.startswith("pgfmd.cli") for m in modules)}
+    assert users <= {"pgfmd.__main__"}
+
+
+def test_the_core_knows_no_scene_and_no_files():
+    """Only what puts a run together knows how scenes are written and where results go."""
+    for core in ("grid", "transform", "kernels", "newton", "retardation", "drift", "controller", "state", "simulation"):
+        own = {module for module in IMPORTS[f"pgfmd.{core}"] if module.startswith("pgfmd.")}
+        others = ("scene", "assemble", "storage", "curve_file", "fields", "observers", "runner", "results", "plots")
+        for other in others:
+            assert not {module for module in own if module.startswith(f"pgfmd.{other}")}, core
+    assert not {m for m in IMPORTS["pgfmd.schemes.inertialess"] if "scene" in m or "storage" in m}
+
+
+def test_closed_forms_import_nothing_of_the_solver():
+    allowed = ("pgfmd.reference", "pgfmd.rheology")
+    for name, modules in IMPORTS.items():
+        if name.startswith("pgfmd.reference"):
+            assert all(module.startswith(allowed) for module in modules if module.startswith("pgfmd")), name
+
+
+@pytest.mark.parametrize("file", FILES, ids=[str(file.relative_to(PACKAGE)) for file in FILES])
+def test_files_and_functions_stay_short(file):
+    text = file.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= LONGEST_FILE
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            length = node.end_lineno - node.lineno + 1
+            assert length <= LONGEST_FUNCTION, f"{node.name} has {length} lines"
