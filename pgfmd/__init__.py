@@ -15,7 +15,13 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-_HOMES = {"load": "results", "load_scene": "scene", "run_scene": "runner", "PgfmdError": "errors", "plot_results": "plots"}
+_HOMES = {
+    "load": "results",
+    "load_scene": "scene",
+    "run_scene": "runner",
+    "plot_results": "plots",
+    "PgfmdError": "errors",
+}
 
 __all__ = ["__version__", *_HOMES]
 

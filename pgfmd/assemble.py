@@ -48,7 +48,7 @@ def assemble(scene, comm) -> Simulation:
     tolerance = STEP_SHARE * scene.solver.accuracy
     scheme = SCHEMES[scene.solver.scheme](solver, series.to_creep(), tolerance, scene.output.energy)
     shortest = float(series.tau.min()) if series.elements else math.inf
-    controller = Controller(scheme, StepLimits(tolerance, law.range, shortest), scene.drive.preload)
+    controller = Controller(scheme, StepLimits(tolerance, law.range, shortest, law.attractive), scene.drive.preload)
     periodic = scene.substrate.boundary == "periodic"
     weights = far_weights(parts.compliance_of(scene), points) if periodic else np.zeros(0)
     deepest = parts.deepest_indentation(scene)

@@ -20,8 +20,8 @@ SHARE_OF_A_ROUND = 0.5
 def transform(comm, n: int, effort: str = "estimate", rounds: int = 4) -> dict[str, int | float | str]:
     """Time [ms] of a pair of n x n transforms, mpi4py-fft's own and the fused one, and the ratio fused/own. Collective.
 
-    effort: of FFTW's planner, "estimate" or "measure", the same for both. The two take turns, `rounds` each, and the best
-    of all calls counts, so that other load disturbs both alike; a call takes as long as its slowest rank.
+    effort: of FFTW's planner, "estimate" or "measure", the same for both. The two take turns, `rounds` each, and the
+    best of all calls counts, so that other load disturbs both alike; a call takes as long as its slowest rank.
     """
     points = PunchPoints(Grid(n, LENGTH), RADIUS, comm)
     fused = Convolution(points, n, periodic_multiplier(HalfSpace(2.65e6), LENGTH), effort)

@@ -128,7 +128,7 @@ def _summary(record: dict, directory: Path) -> list[str]:
     if record["finished"] != "detached":
         lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
     lines.append(
-        f"pull-off force {record['pull_off_force_N'] * 1e3:.4g} mN, "
+        f"pull-off force {record['pull_off_force_N'] * 1e3 + 0.0:.4g} mN, "
         f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ; "
         f"{record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
     )

@@ -24,15 +24,19 @@ the time in which the punch moves by tolerance times range."""
 
 @dataclass(frozen=True)
 class StepLimits:
-    """tolerance of a step's error [ranges of adhesion]; range [m]; shortest relaxation time [s], infinite where elastic."""
+    """tolerance of a step's error [ranges of adhesion]; range [m]; shortest relaxation time [s], infinite where elastic.
+
+    attractive: whether the law attracts. Without attraction nothing snaps: no jumps, and steps as long as the error allows.
+    """
 
     tolerance: float
     range: float
     shortest_time: float
+    attractive: bool
 
     def largest(self, phase: Phase) -> float:
         """Longest step [s]: the punch moves by at most one range, so that no contact is passed over."""
-        return self.range / phase.fastest if phase.fastest > 0.0 else math.inf
+        return self.range / phase.fastest if self.attractive and phase.fastest > 0.0 else math.inf
 
     def first(self, phase: Phase) -> float:
         """A step [s] to begin a phase with, where nothing is known yet."""
@@ -42,6 +46,8 @@ class StepLimits:
 
     def jump(self, phase: Phase) -> float:
         """Refused steps [s] below this are jumps."""
+        if not self.attractive:
+            return 0.0
         if phase.fastest == 0.0:
             return JUMP_STEP * self.shortest_time if math.isfinite(self.shortest_time) else 0.0
         motion = JUMP_MOTION * self.tolerance * self.range / phase.fastest

@@ -129,12 +129,13 @@ def _mpirun() -> str:
     if path is None:
         cure = "install MPI's programs (Debian: openmpi-bin), or load its module"
         raise Trouble("neither mpirun nor mpiexec is on PATH", cure)
-    probe = "from mpi4py import MPI; print(MPI.COMM_WORLD.size, flush=True)"
+    # One write each: two processes that print may mix up their lines.
+    probe = "import os; from mpi4py import MPI; os.write(1, b'%d\\n' % MPI.COMM_WORLD.size)"
     output = _under_mpirun(path, ["-c", probe])
     sizes = output.split()
     if sizes != ["2", "2"]:
         raise Trouble(
-            f"{path} starts 2 processes that see {' and '.join(sizes) or 'no'} ranks: it is another MPI's than mpi4py's",
+            f"{path} starts 2 processes that see {' and '.join(sizes) or 'no'} ranks: it is not mpi4py's MPI",
             "put the mpirun of mpi4py's MPI first on PATH, or install mpi4py anew with this one's mpicc",
         )
     return f"{path} belongs to the same MPI"

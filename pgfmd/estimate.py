@@ -17,8 +17,8 @@ from pgfmd.grid import Grid, PunchPoints
 from pgfmd.parts import series_of, transform_side
 from pgfmd.reference import flat_punch, hertz
 
-PROGRAM_BYTES = 200e6
-"""Python, compiled kernels and libraries on every rank."""
+PROGRAM_BYTES = 245e6
+"""Python, compiled kernels and libraries on every rank: peak resident memory less the fields, with 1 and 2 ranks."""
 
 
 @dataclass(frozen=True)
@@ -107,30 +107,32 @@ def depth_of(scene) -> float:
 def effort_of(scene) -> Effort:
     """Steps and transform pairs from a rule fitted to runs of the shipped scenes, n = 64 to 512.
 
-    Steps go like the travel in ranges of adhesion, times sqrt(gamma/(E* v lambda)), lambda the longest retardation time,
-    times accuracy^(-0.4); pairs a step hardly depend on the grid. Elastic adhesive scenes jump at every instability and
-    cost far more.
+    With adhesion, steps go like the travel in ranges, times sqrt(gamma/(E* v lambda)), lambda the longest retardation time,
+    times accuracy^(-0.4), and pairs a step hardly depend on the grid; elastic scenes jump at every instability and cost far
+    more. Without adhesion a few dozen steps are enough.
     """
     adhesion, drive, modulus = scene.adhesion, scene.drive, scene.substrate.contact_modulus
     creep = series_of(scene.rheology).to_creep()
     way = depth_of(scene)
     back = way
-    if scene.punch.pattern == "flat" and adhesion.law == "cosine":
+    if scene.punch.pattern == "flat":
         back += math.sqrt(2.0 * math.pi * adhesion.work_of_adhesion * scene.punch.radius / modulus)
     way += max(drive.clearance, 0.0)
     tightness = adhesion.work_of_adhesion / modulus
+    refinement = (1e-2 / scene.solver.accuracy) ** 0.4
+    if adhesion.law == "repulsive":
+        steps = 30.0 * math.sqrt(refinement)
+        return Effort(steps, steps * 24.0 * (scene.grid.n / 128) ** 0.6, pair_seconds(scene))
     steps = pairs = 0.0
     for length, speed in ((way, drive.speed), (back, drive.retract_speed)):
-        ranges = length / adhesion.range
         if creep.elements:
             longest = float(creep.retardation_times.max())
-            rate = min(max(23.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0)
-            each = 8.0
+            rate, each = min(max(20.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0), 7.5
         else:
-            rate, each = (4.0, 13.0) if adhesion.law == "repulsive" else (100.0, 45.0)
-        refinement = (1e-2 / scene.solver.accuracy) ** 0.4
-        steps += rate * ranges * refinement
-        pairs += rate * ranges * each * refinement**0.6
+            rate, each = 70.0, 45.0
+        here = rate * length / adhesion.range * refinement
+        steps += here
+        pairs += here * each * refinement**-0.4
     return Effort(steps, pairs, pair_seconds(scene))
 
 

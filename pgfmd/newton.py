@@ -47,11 +47,16 @@ class NewtonSolver:
     """CG ends when its last move is below half this fraction of the correction so far (inexact Newton)."""
     linear_share = 1.0
     """CG also ends when its last move is below this share of the tolerance."""
+    patience = 1
+    """So many moves of CG in a row have to be that small. One is enough where the compliance is that of a short time; for a relaxed or
+    elastic surface, CG is slower, and one small move may be followed by larger ones."""
     force_share = 0.2
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
 
     def __init__(self, points, convolve, height: np.ndarray, law, force_scale: float):
         self.force_scale = force_scale
+        # A traction on the whole plane has a mean, and a half-space no compliance for it.
+        self.floating = points.total == points.grid.n**2 and convolve.mean_compliance == 0.0
         self.points, self.convolve, self.height, self.law = points, convolve, height, law
         self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
         self.traction, self.curvature, self._r = points.zeros(), points.zeros(), points.zeros()
@@ -69,15 +74,15 @@ class NewtonSolver:
         trust, cg_count, negative, renewed = 1.0, 0, False, False
         self._s[:] = 0.0
         self._t[:] = 0.0
-        potential, pull, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+        potential, pull, imbalance = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
         start = potential
         unbalanced = self.force_share * tolerance * self.force_scale / self.points.grid.cell_area
         most = self.largest_jump_count if jump else self.largest_newton_count
         for count in range(1, most + 1):
-            used, size, bent = self._correct(compliance, tolerance, unbalanced, trust)
+            used, size, bent = self._correct(compliance, tolerance, unbalanced, trust, imbalance)
             cg_count += used
             negative |= bent
-            longest = trust / size if bent or size > trust else 1.0
+            longest = trust / size if size > trust or (bent and size > 0.0) else 1.0
             shortest = 1e-3 * tolerance / max(size, 1.0)
             scale, (trial, pull, imbalance) = self._go_down(
                 position, u, w, history, compliance, potential, longest, shortest
@@ -88,7 +93,7 @@ class NewtonSolver:
                     break
                 self.convolve(w, u)
                 renewed = True
-                potential, pull, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+                potential, pull, imbalance = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
                 continue
             kernels.move(u, w, self._s, self._t, scale, scale * compliance)
             gained, potential = potential - trial, trial
@@ -122,13 +127,16 @@ class NewtonSolver:
         )  # fmt: skip
         return self.points.total_of(self._rows)
 
-    def _correct(self, compliance: float, tolerance: float, unbalanced: float, trust: float) -> tuple[int, float, bool]:
+    def _correct(
+        self, compliance: float, tolerance: float, unbalanced: float, trust: float, imbalance: float
+    ) -> tuple[int, float, bool]:
         """Newton's correction s and its dual t by CG; (iterations, largest |s| in ranges, negative curvature met)."""
         points, s, t, p, y, z, r = self.points, self._s, self._t, self._p, self._y, self._z, self._r
         per_range = 1.0 / self.law.range
         for vector in (s, t, p, y):
             vector[:] = 0.0
-        size, previous = 0.0, 1.0
+        size, previous, quiet = 0.0, 1.0, 0
+        imbalance = self._level(imbalance)
         for count in range(1, self.largest_cg_count + 1):
             self.convolve(r, z, compliance)
             kernels.dot(r, z, points.offset, self._rows)
@@ -143,17 +151,30 @@ class NewtonSolver:
             kernels.advance(energy / bend, p, y, self.curvature, s, t, r, points.offset, self._rows)
             rows = points.all_rows(self._rows)
             change, size = rows[:2].max(axis=1) * per_range
-            previous = energy
+            previous, imbalance = energy, self._level(rows[2].sum())
             small = change < max(self.linear_share * tolerance, 0.5 * self.forcing * size)
-            if size > 2.0 * trust or (small and abs(rows[2].sum()) <= 0.5 * unbalanced):
+            quiet = quiet + 1 if small and abs(imbalance) <= 0.5 * unbalanced else 0
+            if size > 2.0 * trust or quiet >= self.patience:
                 break
         return count, size, False
+
+    def _level(self, imbalance: float) -> float:
+        """Lets the mean load take up the mean residual where it moves nothing, A being singular there; what is left of the sum."""
+        if not self.floating:
+            return imbalance
+        mean = imbalance / self.points.total
+        self._r -= mean
+        self._t += mean
+        return 0.0
 
     def _to_edge(self, trust: float) -> float:
         """Follows the last direction, along which Phi bends down, to the edge of the region of trust; largest |s| in ranges."""
         points = self.points
         kernels.largest_in_rows(self._p, self.curvature, points.offset, self._rows)
-        # At least one interacting point moves, for elsewhere K = 0 and the curvature is positive.
-        alpha = trust * self.law.range / points.all_rows(self._rows[:1]).max()
+        largest = points.all_rows(self._rows[:1]).max()
+        if largest == 0.0:
+            # No interacting point moves, so the curvature was positive but for rounding: the solve has ended.
+            return 0.0
+        alpha = trust * self.law.range / largest
         kernels.advance(alpha, self._p, self._y, self.curvature, self._s, self._t, self._r, points.offset, self._rows)
         return points.all_rows(self._rows[:2]).max(axis=1)[1] / self.law.range

@@ -161,6 +161,6 @@ class Progress(_Observer):
         rate = state.counters.steps / max(now - self.began, 1e-9)
         what = state.finished if event.kind == "end" else event.kind if event.kind == "preload" else simulation.phase.name
         self.say(
-            f"{what:>9}  t {state.time:.4g} s  indentation {-state.position * 1e6:.4f} um  force {state.force * 1e3:.4f} mN"
+            f"{what:>9}  t {state.time:.4g} s  indentation {-state.position * 1e6:.4f} um  force {state.force * 1e3 + 0.0:.4f} mN"
             f"  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s  {state.counters.steps} steps, {rate:.1f}/s"
         )

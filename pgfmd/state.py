@@ -53,7 +53,8 @@ class State:
     time [s], position d [m], phase (index in the programme), elapsed [s] and phase_start [m]: time since and position at the
     start of the phase. displacement u [m] and load w [Pa] with u = G0 w; traction f [Pa]; branches phi_m [Pa], (N, size);
     images psi_m = G0 phi_m [m], (N, size), or (0, size) without the energy audit. `past_u`, `past_w`, `past_steps`: up to two
-    earlier ends of steps, newest first, and the steps [s] that led away from them; drift: covariance of u - G0 w
+    earlier ends of steps, newest first, and the steps [s] that led away from
+    them, with the forces [N] there; drift: covariance of u - G0 w
     of the surface and the past ones (drift.py). step [s]: the next step to try. power [W]: of the punch at the start
     of the last step.
     """
@@ -84,6 +85,7 @@ class State:
     past_u: list[np.ndarray] = field(default_factory=list)
     past_w: list[np.ndarray] = field(default_factory=list)
     past_steps: list[float] = field(default_factory=list)
+    past_forces: list[float] = field(default_factory=list)
     drift: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
     energies: Energies = field(default_factory=Energies)
     counters: Counters = field(default_factory=Counters)
@@ -93,4 +95,5 @@ class State:
         self.past_u.clear()
         self.past_w.clear()
         self.past_steps.clear()
+        self.past_forces.clear()
         self.drift = self.drift[:1, :1]

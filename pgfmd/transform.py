@@ -20,7 +20,7 @@ import numpy as np
 from mpi4py_fft import PFFT, fftw, newDistArray
 from mpi4py_fft.pencil import Pencil, Subcomm
 
-from pgfmd import kernels
+from pgfmd import transform_kernels as kernels
 
 EFFORTS = {"estimate": fftw.FFTW_ESTIMATE, "measure": fftw.FFTW_MEASURE}
 _CACHE_BYTES = 1 << 18
@@ -101,6 +101,8 @@ class Convolution:
         if self.spectrum.rows.subshape[0] != points.rows or self.spectrum.rows.substart[0] != points.row_start:
             raise AssertionError("the pencils of mpi4py-fft share rows in another way than grid.share")
         self.multiplier = np.ascontiguousarray(make_multiplier(self.spectrum) / n**2, dtype=self.dtype)
+        # G at q = 0, the same on every rank.
+        self.mean_compliance = self.comm.bcast(float(self.multiplier[0, 0])) * n**2
         self._rows = np.empty(self.spectrum.rows.subshape, self.complex)
         if self.comm.size == 1:
             self._columns, self._transfer = self._rows, None

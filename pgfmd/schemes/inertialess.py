@@ -15,6 +15,7 @@ import numpy as np
 from pgfmd import kernels
 from pgfmd.drift import Drift
 from pgfmd.drive import Phase
+from pgfmd.extrapolation import lagrange_weights, parabola_integral
 from pgfmd.newton import NewtonSolver
 from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, StepWeights, step_weights
 from pgfmd.rheology import CreepSeries
@@ -31,8 +32,12 @@ lingers on it."""
 SMALLEST_SHARE = 0.03
 """The error is at least this share of the distance to the extrapolated surface. For steps much shorter than those before, a smooth
 motion has a far smaller one; but a jump does not shrink with the step, and would pass for one."""
+ELASTIC_PATIENCE, EQUILIBRIUM_SHARPNESS = 2, 0.25
+"""Patience of CG (newton.py) and share of the tolerance for elastic scenes."""
 EQUILIBRIUM_SHARE = 0.05
-"""Elastic scenes: the error that counts for the step, as a share of the distance to the extrapolated surface."""
+CURVE_SHARE = 0.25
+"""Elastic scenes: the error that counts, as a share of the distance of the surface to the extrapolated one, and of the force.
+The second keeps the curve smooth between the ends of steps."""
 
 
 @dataclass
@@ -40,8 +45,8 @@ class Trial:
     """The outcome of a step that was tried: nothing of it is in the State yet.
 
     error: estimated error of u over interacting points, in ranges of adhesion. potential_drop [J]: by how much the stages'
-    potentials fell from their starting points. change: of u over the
-    step, like the error. powers [W]: of the punch, at the stages. The fields belong to the scheme and live until the next trial.
+    potentials fell from their starting points. change, force_change: of u over the
+    step, like the error, and of the force, relative to the largest so far. powers [W]: of the punch, at the stages. The fields belong to the scheme and live until the next trial.
     """
 
     step: float
@@ -55,6 +60,7 @@ class Trial:
     potential_drop: float = 0.0
     is_jump: bool = False
     change: float = np.inf
+    force_change: float = np.inf
     powers: list[float] = field(default_factory=list)
     weights: StepWeights | None = field(default=None, repr=False)
 
@@ -70,6 +76,7 @@ class Inertialess:
         self.solver, self.creep, self.tolerance, self.audit = solver, creep, tolerance, audit
         # Without retardation each step is an equilibrium of its own: one stage.
         self.tableau = SDIRK2 if creep.elements else IMPLICIT_EULER
+        solver.patience = 1 if creep.elements else ELASTIC_PATIENCE
         points, stages = solver.points, self.tableau.stages
         self.points = points
         self._u = [points.zeros() for _ in range(stages)]
@@ -170,7 +177,9 @@ class Inertialess:
     def _tolerance(self, sharp: bool, jump: bool) -> float:
         if jump:
             return JUMP_SHARPNESS * self.tolerance
-        return min(EVENT_TOLERANCE if sharp else LOOSEST_TOLERANCE, self.tolerance)
+        # An elastic step's only error is that of its solve.
+        usual = self.tolerance if self.creep.elements else EQUILIBRIUM_SHARPNESS * self.tolerance
+        return min(EVENT_TOLERANCE if sharp else LOOSEST_TOLERANCE, usual)
 
     def _weigh(self, branches: np.ndarray, weights: StepWeights) -> None:
         kernels.weigh_branches(branches, weights.branch_weight, self._history)
@@ -186,7 +195,7 @@ class Inertialess:
             u, w = [self._u[last], *u], [self._w[last], *w]
         else:
             self._drift = Drift(state.drift)
-        c = _lagrange(times[: 1 if trial.is_jump else 3], ahead)
+        c = lagrange_weights(times[: 1 if trial.is_jump else 3], ahead)
         self._combine(c, u, self._u[stage])
         self._combine(c, w, self._w[stage])
         size = abs(trial.position) / self.solver.law.range
@@ -201,14 +210,14 @@ class Inertialess:
         kernels.combine(c[0], a[0], c[1], a[1], c[2], a[2], out)
 
     def _error(self, state: State, trial: Trial) -> float:
-        """Error of the step's end, from its distance to the extrapolation through the ends of earlier steps.
+        """Error of the step's end, of u or of the force, from its distance to the extrapolation of earlier ends of steps.
 
         Where fewer than three are known the distance, weighed down, is a safe guess: the steps after a kink are small.
         Without retardation every step ends in equilibrium: the distance then only tells how well the path is followed.
         """
         known = [state.displacement, *state.past_u]
         times = [0.0, *-np.cumsum(state.past_steps)]
-        c = _lagrange(times, trial.step)
+        c = lagrange_weights(times, trial.step)
         while len(known) < 3:
             c, known = [*c, 0.0], [*known, known[0]]
         law = self.solver.law
@@ -216,8 +225,14 @@ class Inertialess:
             c[0], known[0], c[1], known[1], c[2], known[2], self._u[-1], self.solver.height, trial.position, law.range
         )
         distance, trial.change = (value / law.range for value in self.points.maxima_of(*local))
+        forces = [state.force, *state.past_forces]
+        extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=False))
+        scale = max(self.solver.force_scale, abs(trial.force), -state.pull_off_force, -state.snap_in_force)
+        force_distance, trial.force_change = abs(trial.force - extrapolated) / scale, abs(trial.force - state.force) / scale
         if not self.creep.elements:
-            return EQUILIBRIUM_SHARE * distance
+            # Without attraction the equilibrium is unique, and the path to it of no concern.
+            curve = min(CURVE_SHARE * force_distance, 0.5 * trial.force_change)
+            return max(EQUILIBRIUM_SHARE * distance if law.attractive else 0.0, curve)
         share = 0.25
         if len(times) == 3:
             h = trial.step
@@ -225,7 +240,7 @@ class Inertialess:
             own = self.tableau.error_constant * h**3
             share = max(SMALLEST_SHARE, own / (prediction + own))
         # The error is hardly more than half of the change; extrapolated rounding and solver errors can be.
-        return min(share * distance, 0.5 * trial.change)
+        return max(min(share * distance, 0.5 * trial.change), min(share * force_distance, 0.5 * trial.force_change))
 
     def _work(self, state: State, trial: Trial, start_power: float) -> float:
         """Work of the punch [J] over the step: the parabola through its power at the start and at the stages.
@@ -238,24 +253,24 @@ class Inertialess:
         if self.tableau.stages == 1 and state.past_steps:
             times.append(-state.past_steps[0])
             powers.append(state.power)
-        # Exact integrals of the Lagrange polynomials: Gauss's two points are enough for a parabola.
-        halves = [0.5 * h * (1.0 - 3.0**-0.5), 0.5 * h * (1.0 + 3.0**-0.5)]
-        return sum(0.5 * h * np.dot(_lagrange(times, at), powers) for at in halves)
+        return parabola_integral(times, powers, h)
 
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
         if len(state.past_u) == 2:
             old_u, old_w = state.past_u.pop(), state.past_w.pop()
             state.past_steps.pop()
+            state.past_forces.pop()
         else:
             old_u, old_w = self.points.zeros(), self.points.zeros()
-        if trial.change < self.tolerance:
+        if max(trial.change, trial.force_change) < self.tolerance:
             # Where hardly anything moves, extrapolation would only amplify the errors of the solves.
             state.forget_history()
         elif not trial.is_jump:
             state.past_u.insert(0, state.displacement)
             state.past_w.insert(0, state.load)
             state.past_steps.insert(0, trial.step)
+            state.past_forces.insert(0, state.force)
         state.displacement, self._u[-1] = self._u[-1], old_u
         state.load, self._w[-1] = self._w[-1], old_w
         # Of the surfaces that the drift knows, newest first, the end of the step stays, and those before the step.
@@ -283,15 +298,3 @@ class Inertialess:
         stored += 0.5 * self.creep.J_inf * self.points.total_of(self._rows[:1])[0]
         state.energies.elastic = stored * area
         state.energies.viscous += lost * area
-
-
-def _lagrange(times: list[float], at: float) -> list[float]:
-    """Weights of the polynomial through values at `times`, evaluated `at`."""
-    weights = []
-    for i, here in enumerate(times):
-        weight = 1.0
-        for j, other in enumerate(times):
-            if j != i:
-                weight *= (at - other) / (here - other)
-        weights.append(weight)
-    return weights

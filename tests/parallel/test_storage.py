@@ -128,7 +128,11 @@ def test_prepare_moves_earlier_results_and_says_so(comm, folder):
     assert all("previous-" in line for line in said)
 
 
-@pytest.mark.parametrize("where", ["missing/out", "file", "file/out"])
+def test_prepare_makes_missing_folders(comm, folder):
+    assert prepare_directory(folder / "missing" / "out", comm).is_dir()
+
+
+@pytest.mark.parametrize("where", ["file", "file/out"])
 def test_prepare_fails_alike_on_all_ranks(comm, folder, where):
     if comm.rank == 0:
         (folder / "file").write_text("")

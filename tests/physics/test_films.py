@@ -1,4 +1,4 @@
-"""Films on a rigid base against closed forms, through whole runs: a flat punch on a free film, and a film in a periodic cell."""
+"""Films on a rigid base against closed forms, in whole runs: flat punch on a free film, film in a periodic cell."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def stiffness(n: int, poisson_ratio: float, *substrate: str) -> float:
 
 @pytest.mark.parametrize(("base", "ratio"), [("bonded", 1.26), ("sliding", 1.16)])
 def test_flat_punch_on_a_film(base, ratio):
-    """1.26 and 1.16 times as stiff as on a half-space, to their last digit. (The overlap in series costs 0.2 % at n = 64.)"""
+    """1.26 and 1.16 times as stiff as on a half-space, to their last digit. (The overlap in series costs 0.2 %.)"""
     half_space = stiffness(64, 0.495)
     on_film = stiffness(64, 0.495, f"substrate.thickness={THICKNESS:.9g} m", f"substrate.base={base}")
     assert on_film / half_space == pytest.approx(ratio, abs=6e-3)
@@ -32,8 +32,8 @@ def test_flat_punch_on_a_film(base, ratio):
 def test_flat_punch_on_a_thick_film(base):
     """To first order in a/h the base's image is uniform over the contact: k = k_half / (1 - 2 a D(0)/(pi h)).
 
-    D(0) is the integral of 1 - G_film/G_half over x = q h, here from the compliance that the reference gets by solving for the
-    stresses. The next order is (a/h)^3.
+    D(0) is the integral of 1 - G_film/G_half over x = q h, here from the compliance that the reference gets by solving
+    for the stresses. The next order is (a/h)^3.
     """
 
     def deficit(x):
@@ -44,7 +44,7 @@ def test_flat_punch_on_a_thick_film(base):
     half_space = stiffness(32, 0.3)
     for radii in (10.0, 20.0):
         on_film = stiffness(32, 0.3, f"substrate.thickness={radii * 375e-6:.9g} m", f"substrate.base={base}")
-        # The contact stiffness of the half-space as the grid has it takes the overlap and the outline out of the comparison.
+        # The half-space's stiffness as the grid has it takes overlap and outline out of the comparison.
         effective = half_space / CONTACT_MODULUS_03
         errors.append(abs(1 - half_space / on_film - effective * image / (np.pi * radii * 375e-6)))
     assert errors[0] < 1e-3
@@ -57,7 +57,7 @@ CONTACT_MODULUS_03 = 2e6 / (1 - 0.3**2)
 @pytest.mark.parametrize("base", ["bonded", "sliding"])
 @pytest.mark.parametrize("thickness", ["2 um", "200 um"])
 def test_film_in_a_periodic_cell_is_oedometric(base, thickness):
-    """In complete contact the mean displacement answers the mean pressure with h/M + 1/K_0, whatever the wave on top."""
+    """In complete contact the mean displacement answers the mean pressure with h/M + 1/K_0, whatever the wave."""
     result = run(
         SINUSOID, "punch.amplitude=0.01 um", "substrate.poisson_ratio=0.3", f"substrate.thickness={thickness}",
         f"substrate.base={base}", "adhesion.range=0.05 um", "drive.preload=1 mN", "grid.n=16", "solver.accuracy=1e-4",
@@ -72,7 +72,7 @@ def test_film_in_a_periodic_cell_is_oedometric(base, thickness):
 
 
 def test_a_thick_film_in_a_periodic_cell_is_a_half_space_plus_a_spring():
-    """q h = 6.3: the wave under the punch no longer feels the base. Force against depth shifts by the oedometric spring alone."""
+    """q h = 6.3: the wave no longer feels the base. Force against depth shifts by the oedometric spring alone."""
     preload = "drive.preload=0.2 mN"
     half_space = run(SINUSOID, "grid.n=32", "solver.accuracy=1e-3", preload)
     thick = run(SINUSOID, "grid.n=32", "solver.accuracy=1e-3", preload, "substrate.thickness=100 um")

@@ -23,7 +23,9 @@ def remarks_of(name: str, *overrides: str) -> str:
     return "\n".join(report(load_scene(name, overrides)).remarks)
 
 
-@pytest.mark.parametrize(("n", "reach", "whole", "summit"), [(2048, 0.264e-6, 10.1, 1.46), (4096, 0.187e-6, 14.2, 2.06)])
+@pytest.mark.parametrize(
+    ("n", "reach", "whole", "summit"), [(2048, 0.264e-6, 10.1, 1.46), (4096, 0.187e-6, 14.2, 2.06)]
+)
 def test_the_papers_numbers(n, reach, whole, summit):
     found = report(load_scene("tri-tack", [f"grid.n={n}"]))
     assert found["range rho"] == pytest.approx(reach, rel=3e-3)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pgfmd import kernels
+from pgfmd import kernels, transform_kernels
 from pgfmd.cohesion import CohesiveLaw
 from pgfmd.grid import Grid, PunchPoints
 
@@ -71,11 +71,11 @@ def test_rows_are_scattered_with_zeros_around_and_gathered_back(points, rng):
     for row in range(0, points.rows, lines):
         count = min(lines, points.rows - row)
         line = np.full((lines, length), np.nan)
-        kernels.scatter_rows(vector, points.offset, points.first, row, count, points.nb, -2.5, line)
+        transform_kernels.scatter_rows(vector, points.offset, points.first, row, count, points.nb, -2.5, line)
         np.testing.assert_array_equal(line[:count, : points.nb], -2.5 * padded[row : row + count])
         np.testing.assert_array_equal(line[:count, points.nb :], 0.0)
         assert np.all(np.isnan(line[count:])), "wrote behind its rows"
-        kernels.gather_rows(line, points.offset, points.first, row, count, back)
+        transform_kernels.gather_rows(line, points.offset, points.first, row, count, back)
     np.testing.assert_array_equal(back, -2.5 * vector)
 
 
@@ -92,16 +92,16 @@ def test_columns_are_loaded_multiplied_and_stored(nb, n, width, batch, rng):
         for column in range(0, width, batch):
             count = min(batch, width - column)
             buffer = np.full((batch, n), np.nan, dtype=complex)
-            kernels.load_columns(columns, column, count, buffer)
+            transform_kernels.load_columns(columns, column, count, buffer)
             expected = np.zeros((count, n), dtype=complex)
             expected[:, :nb] = columns[:, column : column + count].T
             np.testing.assert_array_equal(buffer[:count], expected)
             assert np.all(np.isnan(buffer[count:]))
-            kernels.multiply_columns(buffer, multiplier, column, count)
+            transform_kernels.multiply_columns(buffer, multiplier, column, count)
             expected *= multiplier[column : column + count][:, ky]
             np.testing.assert_array_equal(buffer[:count], expected)
             buffer[:count] += np.arange(n)
-            kernels.store_columns(buffer, column, count, first, stored)
+            transform_kernels.store_columns(buffer, column, count, first, stored)
             wanted = (first + np.arange(nb)) % n
             np.testing.assert_array_equal(stored[:, column : column + count], buffer[:count, wanted].T)
         assert not np.any(np.isnan(stored))

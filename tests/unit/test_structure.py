@@ -11,6 +11,8 @@ import pgfmd
 
 PACKAGE = Path(pgfmd.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
+
+
 def dotted(file):
     """The name by which a file of the package is imported."""
     return ".".join(("pgfmd", *file.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
