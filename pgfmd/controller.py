@@ -46,8 +46,6 @@ class StepLimits:
 
     def jump(self, phase: Phase) -> float:
         """Refused steps [s] below this are jumps."""
-        if not self.attractive:
-            return 0.0
         if phase.fastest == 0.0:
             return JUMP_STEP * self.shortest_time if math.isfinite(self.shortest_time) else 0.0
         motion = JUMP_MOTION * self.tolerance * self.range / phase.fastest
@@ -76,11 +74,13 @@ class Controller:
         # The force must be known better than the preload is to be met.
         close = phase.ends_with == PRELOAD and state.force > CLOSE_TO_PRELOAD * self.preload
         for _ in range(self.largest_try_count):
-            is_jump = refused and bracket is None and step < limits.jump(phase)
-            trial = self.scheme.try_step(state, phase, step, sharp=bracket is not None or close, jump=is_jump)
+            last_resort = refused and bracket is None and step < limits.jump(phase)
+            trial = self.scheme.try_step(state, phase, step, sharp=bracket is not None or close, jump=last_resort)
+            # Without attraction nothing jumps: what kept the step from being taken was a loose solve before it.
+            trial.is_jump = last_resort and limits.attractive
             self._count(state, trial)
-            if not trial.converged or not (is_jump or trial.error <= limits.tolerance):
-                if is_jump:
+            if not trial.converged or not (last_resort or trial.error <= limits.tolerance):
+                if last_resort:
                     break
                 state.counters.rejected_steps += 1
                 step, why, bracket, refused = step * self._cut(trial), "", None, True

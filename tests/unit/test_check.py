@@ -157,6 +157,8 @@ def test_memory_is_shared_out():
         ("hex-tack", ["grid.n=96", "output.snapshots=[]"]),
         ("flat-punch", ["grid.n=128"]),
         ("hertz", ["grid.n=128"]),
+        ("hertz", ["grid.n=64", "drive.preload=20 mN"]),
+        ("tri-tack", ["grid.n=32", "rheology.model=elastic"]),
     ],
 )
 def test_effort_is_within_a_factor_of_three(name, overrides):
