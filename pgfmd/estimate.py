@@ -107,10 +107,10 @@ def depth_of(scene) -> float:
 def effort_of(scene) -> Effort:
     """Steps and transform pairs from a rule fitted to runs of the shipped scenes, n = 64 to 512.
 
-    With adhesion, steps go like the travel in ranges, times sqrt(gamma/(E* v lambda)), lambda the longest retardation
-    time, times accuracy^(-0.4), and pairs a step hardly depend on the grid; elastic scenes jump at every instability and
-    cost far more. Without adhesion a few dozen steps are enough; fitted to elastic scenes, it is five times too much for
-    a fast viscoelastic one.
+    With adhesion, steps go like the travel in ranges, times sqrt(gamma/(E* v lambda)), lambda the longest
+    retardation time, times accuracy^(-0.4); pairs a step hardly depend on the grid; elastic scenes jump at every
+    instability and cost far more. Without adhesion a few dozen steps are enough; fitted to elastic scenes, it is five
+    times too much for a fast viscoelastic one.
     """
     adhesion, drive, modulus = scene.adhesion, scene.drive, scene.substrate.contact_modulus
     creep = series_of(scene.rheology).to_creep()

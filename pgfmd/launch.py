@@ -99,8 +99,8 @@ def guarded(comm) -> Iterator[None]:
     """Around what all ranks do: whatever ends it on one of them ends the job, within seconds.
 
     A PgfmdError that every rank has ends in one message and SystemExit with its exit code. One that a single rank has,
-    and any other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a message
-    and exit code 130 (mpirun may turn it into its own).
+    and any other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a
+    message and exit code 130 (mpirun may turn it into its own).
     """
     alone = comm.size == 1
     meeting = None if alone else comm.Dup()
