@@ -1,8 +1,9 @@
 """Which steps are tried, and which are taken.
 
-A step is taken when its error is below the tolerance; the next one aims at 0.85 of it. Phases with a duration and wanted times end on
-the spot. The end of the approach, where the force passes the preload, is found by regula falsi on the step. A step that is still
-refused when it is far shorter than anything the material can resolve is a jump of the surface: it is taken as such.
+A step is taken when its error is below the tolerance; the next one aims at 0.85 of it. Phases with a duration and
+wanted times end on the spot. The end of the approach, where the force passes the preload, is found by regula falsi on
+the step. A step that is still refused when it is far shorter than anything the material can resolve is a jump of the
+surface: it is taken as such.
 """
 
 from __future__ import annotations
@@ -18,15 +19,17 @@ SAFETY, LARGEST_GROWTH, STRONGEST_CUT, CUT_ON_FAILURE = 0.85, 2.0, 0.2, 0.25
 PRELOAD_TOLERANCE, CLOSE_TO_PRELOAD = 1e-4, 0.95
 """The preload is met to this fraction; from the second fraction of it on, steps are solved tightly."""
 JUMP_STEP, JUMP_MOTION = 1e-3, 0.5
-"""A refused step becomes a jump when it is below this fraction of the shortest relaxation time, and below this fraction of
-the time in which the punch moves by tolerance times range."""
+"""A refused step becomes a jump when it is below this fraction of the shortest relaxation time, and below this fraction
+of the time in which the punch moves by tolerance times range."""
 
 
 @dataclass(frozen=True)
 class StepLimits:
-    """tolerance of a step's error [ranges of adhesion]; range [m]; shortest relaxation time [s], infinite where elastic.
+    """tolerance of a step's error [ranges of adhesion]; range [m]; shortest relaxation time [s], infinite where
+    elastic.
 
-    attractive: whether the law attracts. Without attraction nothing snaps: no jumps, and steps as long as the error allows.
+    attractive: whether the law attracts. Without attraction nothing snaps: no jumps, and steps as long as the error
+    allows.
     """
 
     tolerance: float
@@ -61,10 +64,11 @@ class Controller:
         self.scheme, self.limits, self.preload = scheme, limits, preload
 
     def advance(self, state: State, phase: Phase, until: float = math.inf):
-        """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted Trial, why it ended).
+        """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted Trial, why it
+        ended).
 
-        The second is "preload" when the preload has been met, "duration" at the end of the phase, "time" at `until`, else "".
-        Raises RunError where no step, however short, can be solved.
+        The second is "preload" when the preload has been met, "duration" at the end of the phase, "time" at `until`,
+        else "". Raises RunError where no step, however short, can be solved.
         """
         limits = self.limits
         end = phase.duration - state.elapsed
@@ -141,7 +145,8 @@ class _Bracket:
         self.last_side = 0
 
     def narrow(self, step: float, value: float) -> float | None:
-        """Takes in the force excess [N] at a step [s]; returns the next step to try, None when there is nothing between."""
+        """Takes in the force excess [N] at a step [s]; returns the next step to try, None when there is nothing
+        between."""
         side = 1 if value > 0.0 else -1
         self.first = self.first or step
         if side > 0:
@@ -162,7 +167,8 @@ class _Bracket:
 
 
 def _fit(step: float, end: float, until: float) -> tuple[float, str]:
-    """The step, shortened or a little stretched to end at the phase's end or the wanted time; and which of them it meets."""
+    """The step, shortened or a little stretched to end at the phase's end or the wanted time; and which of them it
+    meets."""
     target, why = (end, "duration") if end <= until else (until, "time")
     if step >= target * (1.0 - 1e-9):
         return target, why

@@ -1,4 +1,5 @@
-"""The live tables of a run, `curve.csv`, `energy.csv` and `events.csv`: units in the header, a line a row, readable at any time."""
+"""The live tables of a run, `curve.csv`, `energy.csv` and `events.csv`: units in the header, a line a row, readable at
+any time."""
 
 from __future__ import annotations
 

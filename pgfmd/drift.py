@@ -1,9 +1,9 @@
 """How far rounding has driven the surfaces u from their loads, u = G0 w. Plain NumPy.
 
-Newton's corrections keep u = G0 w to rounding, and so does extrapolation; but where steps grow again and again after a snap, extrapolation
-amplifies that rounding as it amplifies a parabola, by many orders. No local residual can see it. So the variances and
-covariances of the drift of the known surfaces are followed through the very weights that extrapolate them. Where they tell that
-a drift is about to matter, the scheme evaluates u = G0 w anew, for one transform pair.
+Newton's corrections keep u = G0 w to rounding, and so does extrapolation; but where steps grow again and again after a
+snap, extrapolation amplifies that rounding as it amplifies a parabola, by many orders. No local residual can see it. So
+the variances and covariances of the drift of the known surfaces are followed through the very weights that extrapolate
+them. Where they tell that a drift is about to matter, the scheme evaluates u = G0 w anew, for one transform pair.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ A programme is a list of phases, in each of which the punch's velocity changes l
     d(t) = d_0 + v_0 t + (v_1 - v_0) t^2 / (2 T)        t counted from the start of the phase
 
 A phase ends after its duration T, or, where it has none, with an event: the preload is reached, or the punch is free.
-The turn-round is as smooth as in the paper ("Refinements and corrections"): the velocity goes from -v to +v over the time T,
-the punch overshoots its turning point by v T / 4.
+The turn-round is as smooth as in the paper ("Refinements and corrections"): the velocity goes from -v to +v over the
+time T, the punch overshoots its turning point by v T / 4.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ OVERSHOOT = 0.02
 
 @dataclass(frozen=True)
 class Phase:
-    """One phase: name as in curve.csv, velocities [m/s] at its start and end, duration [s] or infinity, event that ends it."""
+    """One phase: name as in curve.csv, velocities [m/s] at its start and end, duration [s] or infinity, event that ends
+    it."""
 
     name: str
     velocity_start: float
@@ -54,8 +55,8 @@ class Phase:
 class Drive:
     """The whole programme of a tack test.
 
-    speed, retract_speed [m/s], preload [N], turn_time [s], dwell [s] at constant displacement, clearance [m]: the position d
-    at which the punch starts.
+    speed, retract_speed [m/s], preload [N], turn_time [s], dwell [s] at constant displacement, clearance [m]: the
+    position d at which the punch starts.
     """
 
     speed: float

@@ -18,7 +18,8 @@ def lagrange_weights(times: Sequence[float], at: float) -> list[float]:
 
 
 def parabola_integral(times: Sequence[float], values: Sequence[float], span: float) -> float:
-    """Integral from 0 to `span` of the polynomial, at most of degree 3, through `values` at `times`: Gauss's two points."""
+    """Integral from 0 to `span` of the polynomial, at most of degree 3, through `values` at `times`: Gauss's two
+    points."""
     total = 0.0
     for at in (0.5 * span * (1.0 - 3.0**-0.5), 0.5 * span * (1.0 + 3.0**-0.5)):
         total += sum(weight * value for weight, value in zip(lagrange_weights(times, at), values, strict=True))

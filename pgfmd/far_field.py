@@ -1,6 +1,7 @@
 """The surface far from the punch in a periodic cell, from the traction alone (paper, "Refinements and corrections").
 
-    u_inf = 6 u(L/2, L/2) - 5 u(L/2, 0)        relative to the punch's axis: the cell's corner, and the middle of its edge
+    u_inf = 6 u(L/2, L/2) - 5 u(L/2, 0)        relative to the punch's axis: the cell's corner, and the middle of its
+    edge
 
 is linear in w, so it is a sum over the punch, u_inf = <weights, w>, that needs no transform once the weights are known.
 Plain NumPy.
@@ -14,10 +15,12 @@ _ROWS_OF_MODES = 256
 
 
 def far_weights(compliance, points) -> np.ndarray:
-    """Weights [m/Pa] of the local points under the punch, (size,), such that u_inf [m] = sum of weights * w over all ranks.
+    """Weights [m/Pa] of the local points under the punch, (size,), such that u_inf [m] = sum of weights * w over all
+    ranks.
 
-    compliance: the periodic G0(qx, qy). points: PunchPoints. The two points lie between grid points; the displacement there is
-    that of the trigonometric interpolation. At L = 4a, u_inf is about 11 % off the displacement at infinity of a free surface.
+    compliance: the periodic G0(qx, qy). points: PunchPoints. The two points lie between grid points; the displacement
+    there is that of the trigonometric interpolation. At L = 4a, u_inf is about 11 % off the displacement at infinity of
+    a free surface.
     """
     grid = points.grid
     n, unit = grid.n, 2.0 * np.pi / grid.length

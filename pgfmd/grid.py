@@ -1,9 +1,10 @@
 """The cell, the punch block in it, and who owns which of its points.
 
-The cell is a square of side L with n x n points at x_i = (i + 1/2) h - L/2, h = L/n, centred on the punch's axis, so that a
-mirror-symmetric scene stays symmetric on the grid for even and odd n. Axis 0 is y, axis 1 is x. Only points under the
-punch carry tractions. They fill, row by row, one interval of columns: fields live in *point vectors* that hold these
-points only, in row order, the rows shared evenly over the ranks. A point vector's order does not depend on the number of ranks.
+The cell is a square of side L with n x n points at x_i = (i + 1/2) h - L/2, h = L/n, centred on the punch's axis, so
+that a mirror-symmetric scene stays symmetric on the grid for even and odd n. Axis 0 is y, axis 1 is x. Only points
+under the punch carry tractions. They fill, row by row, one interval of columns: fields live in *point vectors* that
+hold these points only, in row order, the rows shared evenly over the ranks. A point vector's order does not depend on
+the number of ranks.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ class Grid:
 
 
 def share(count: int, parts: int, part: int) -> tuple[int, int]:
-    """(start, size) of one part of `count` things shared evenly; the first parts take one more where it does not divide."""
+    """(start, size) of one part of `count` things shared evenly; the first parts take one more where it does not
+    divide."""
     size, extra = divmod(count, parts)
     return part * size + min(part, extra), size + (part < extra)
 
@@ -57,8 +59,9 @@ class PunchPoints:
     """The points under the punch, and this rank's share of them.
 
     Attributes: `block_start`, `nb` (first row and column of the block in the cell, its side), `row_start`, `rows`
-    (this rank's rows within the block), `first`, `last` (rows,) the interval of columns under the punch in each local row,
-    `offset` (rows + 1,) where each local row begins in the point vector, `size` local points, `total` points on all ranks.
+    (this rank's rows within the block), `first`, `last` (rows,) the interval of columns under the punch in each local
+    row, `offset` (rows + 1,) where each local row begins in the point vector, `size` local points, `total` points on
+    all ranks.
     """
 
     def __init__(self, grid: Grid, radius: float | None, comm):

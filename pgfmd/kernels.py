@@ -1,8 +1,9 @@
-"""Compiled kernels: one pass over memory where NumPy needs several. Each stands beside the line of mathematics it evaluates.
+"""Compiled kernels: one pass over memory where NumPy needs several. Each stands beside the line of mathematics it
+evaluates.
 
-Sums are left as one partial sum a row of the punch block (`offset` marks the rows in a point vector); `PunchPoints.total_of`
-adds them in an order that does not depend on the number of ranks. Loops over a row's points run over unsigned indices, as the test
-for negative ones keeps them from being vectorised. One thread a rank.
+Sums are left as one partial sum a row of the punch block (`offset` marks the rows in a point vector);
+`PunchPoints.total_of` adds them in an order that does not depend on the number of ranks. Loops over a row's points run
+over unsigned indices, as the test for negative ones keeps them from being vectorised. One thread a rank.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ _compile = numba.njit(cache=True, nogil=True)
 # Sums over a row may be vectorised; the order within a row then depends on its length alone.
 _compile_sums = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
 
-# Maxima and minima vectorise only where NaN is ruled out: `observe`, which looks at every accepted step, is not among these.
+# Maxima and minima vectorise only where NaN is ruled out: `observe`, which looks at every accepted step, is not among
+# these.
 _compile_maxima = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz", "nnan"})
 
 
@@ -84,7 +86,8 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
 
 @_compile_sums
 def observe(height, position, u, f, weights, law, offset, rows):
-    """What a curve row needs. rows: [0] points with gap < 0, [1] Gamma [J/m^2], [2] weights f, [3] minus the smallest gap."""
+    """What a curve row needs. rows: [0] points with gap < 0, [1] Gamma [J/m^2], [2] weights f, [3] minus the smallest
+    gap."""
     stiffness, reach, attractive = law
     depth = attractive * stiffness * reach * reach / math.pi**2
     per_range = 1.0 / reach
@@ -109,7 +112,8 @@ def observe(height, position, u, f, weights, law, offset, rows):
         rows[3, row] = -closest
 
 
-# Conjugate gradients ---------------------------------------------------------------------------------------------------
+# Conjugate gradients
+# ---------------------------------------------------------------------------------------------------
 @_compile_sums
 def dot(a, b, offset, rows):
     """rows[0] of a b."""
@@ -176,7 +180,8 @@ def move(u, w, s, t, step, weight):
         w[i] += weight * t[i]
 
 
-# Prediction and its error ----------------------------------------------------------------------------------------------
+# Prediction and its error
+# ----------------------------------------------------------------------------------------------
 @_compile
 def combine(c0, a0, c1, a1, c2, a2, out):
     """out = c0 a0 + c1 a1 + c2 a2."""
@@ -186,7 +191,8 @@ def combine(c0, a0, c1, a1, c2, a2, out):
 
 @_compile
 def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
-    """max |u - (c0 a0 + c1 a1 + c2 a2)| and max |u - a0| over points whose gap, by one or the other, is below reach; 0 without any."""
+    """max |u - (c0 a0 + c1 a1 + c2 a2)| and max |u - a0| over points whose gap, by one or the other, is below reach; 0
+    without any."""
     largest, change = 0.0, 0.0
     for i in range(u.size):
         other = c0 * a0[i] + c1 * a1[i] + c2 * a2[i]
@@ -196,7 +202,8 @@ def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
     return largest, change
 
 
-# Retardation ------------------------------------------------------------------------------------------------------------
+# Retardation
+# ------------------------------------------------------------------------------------------------------------
 @_compile
 def weigh_branches(branches, weights, out):
     """out[i] = sum_m weights[i, m] branches[m], for all stages i in one pass over the branches."""
@@ -231,7 +238,8 @@ def advance_branches_and_energy(
 ):
     """`advance_branches` for phi and for psi = G0 phi, with the energies that they store and dissipate.
 
-    The rates of stage i are k_i = f_i - phi_i = rate_decay[m, i] phi_n + sum_j rate_gain[m, i, j] f_j, likewise for psi.
+    The rates of stage i are k_i = f_i - phi_i = rate_decay[m, i] phi_n + sum_j rate_gain[m, i, j] f_j, likewise for
+    psi.
     rows[0] of sum_m J_m phi_m psi_m / 2;  rows[1] of sum_m sum_i quadrature[m, i] k_i G0 k_i,  [Pa m].
     """
     elements = phi.shape[0]

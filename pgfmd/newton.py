@@ -4,10 +4,11 @@ A step asks for w and u = G0 w with w = J f(d + z - u) + w_hist. Its solutions a
 
     Phi(u) = sum u (w/2 - w_hist) / J + Gamma(d + z - u)
 
-Newton's correction s solves (A^-1 + K) s = r with A = J G0, K = Gamma'' and r = f - (w - w_hist) / J. It is found by conjugate
-gradients preconditioned by A. With every direction p its dual y = A^-1 p is carried along, so A^-1 is never applied; u, w and Phi
-are updated locally, and one application of G0 a CG iteration is the only transform. Where the curvature along p is negative, or
-the correction leaves the region of trust, the step ends at that region's edge; Phi must go down.
+Newton's correction s solves (A^-1 + K) s = r with A = J G0, K = Gamma'' and r = f - (w - w_hist) / J. It is found by
+conjugate gradients preconditioned by A. With every direction p its dual y = A^-1 p is carried along, so A^-1 is never
+applied; u, w and Phi are updated locally, and one application of G0 a CG iteration is the only transform. Where the
+curvature along p is negative, or the correction leaves the region of trust, the step ends at that region's edge; Phi
+must go down.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from pgfmd import kernels
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a solve ended: whether it converged, the iterations it took, the force on the punch [N], by how much Phi fell [J]."""
+    """How a solve ended: whether it converged, its iterations, the force on the punch [N], by how much Phi fell [J]."""
 
     converged: bool
     newton_iterations: int
@@ -34,22 +35,23 @@ class Outcome:
 class NewtonSolver:
     """Solves implicit steps on point vectors. Holds the work arrays; keeps nothing from one solve to the next.
 
-    points: PunchPoints. convolve: the Convolution with G0. height z [m] (size,). law: CohesiveLaw. force_scale [N]: the force that
-    a relative error of one would be, the preload.
+    points: PunchPoints. convolve: the Convolution with G0. height z [m] (size,). law: CohesiveLaw. force_scale [N]: the
+    force that a relative error of one would be, the preload.
     After a solve, `traction` and `curvature` are those of the solution.
     """
 
     largest_newton_count = 60
     largest_jump_count = 20_000
-    """Correction counts at which a solve gives up. In a jump a crack may run through the whole punch, a cell or so a correction."""
+    """Correction counts at which a solve gives up. In a jump a crack may run through the whole punch, a cell or so a
+    correction."""
     largest_cg_count = 400
     forcing = 0.1
     """CG ends when its last move is below half this fraction of the correction so far (inexact Newton)."""
     linear_share = 1.0
     """CG also ends when its last move is below this share of the tolerance."""
     patience = 1
-    """So many moves of CG in a row have to be that small. One is enough where the compliance is that of a short time; for a relaxed or
-    elastic surface, CG is slower, and one small move may be followed by larger ones."""
+    """So many moves of CG in a row have to be that small. One is enough where the compliance is that of a short time;
+    for a relaxed or elastic surface, CG is slower, and one small move may be followed by larger ones."""
     force_share = 0.2
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
 
@@ -63,13 +65,16 @@ class NewtonSolver:
         self._s, self._t, self._p, self._y, self._z = (points.zeros() for _ in range(5))
         self._rows = np.zeros((3, points.rows))
 
-    def solve(self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False) -> Outcome:
+    def solve(
+        self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False
+    ) -> Outcome:
         """Moves u [m] and w [Pa] (in place, consistent: u = G0 w) to a minimum of Phi downhill of where they are.
 
         position d [m]; history w_hist [Pa] (size,); compliance J (dimensionless, relative to the relaxed one);
-        tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the force
-        that is out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0 rho is no
-        small stress.) jump: the way down may be long. Where it does not converge, u and w stay at the lowest Phi found.
+        tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the
+        force that is out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0
+        rho is no small stress.) jump: the way down may be long. Where it does not converge, u and w stay at the lowest
+        Phi found.
         """
         trust, cg_count, negative, renewed = 1.0, 0, False, False
         self._s[:] = 0.0
@@ -105,7 +110,8 @@ class NewtonSolver:
         return self._outcome(False, count, cg_count, pull, start - potential, negative)
 
     def _go_down(self, position, u, w, history, compliance, potential, longest, shortest):
-        """Halves the step along s until Phi does not rise; (step, what `_evaluate` gives there), step 0 where it always rises."""
+        """Halves the step along s until Phi does not rise; (step, what `_evaluate` gives there), step 0 where it always
+        rises."""
         scale = longest
         slack = 1e-12 * abs(potential) + 1e-13 * self.law.work_of_adhesion * self.points.total
         while scale >= shortest:
@@ -159,7 +165,8 @@ class NewtonSolver:
         return count, size, False
 
     def _level(self, imbalance: float) -> float:
-        """Lets the mean load take up the mean residual where it moves nothing, A being singular there; what is left of the sum."""
+        """Lets the mean load take up the mean residual where it moves nothing, A being singular there; what is left of
+        the sum."""
         if not self.floating:
             return imbalance
         mean = imbalance / self.points.total
@@ -168,7 +175,8 @@ class NewtonSolver:
         return 0.0
 
     def _to_edge(self, trust: float) -> float:
-        """Follows the last direction, along which Phi bends down, to the edge of the region of trust; largest |s| in ranges."""
+        """Follows the last direction, along which Phi bends down, to the edge of the region of trust; largest |s| in
+        ranges."""
         points = self.points
         kernels.largest_in_rows(self._p, self.curvature, points.offset, self._rows)
         largest = points.all_rows(self._rows[:1]).max()

@@ -86,8 +86,9 @@ class _Frame:
 class Snapshots(_Observer):
     """Writes `fields.h5`: at wanted times, at the preload, and at the largest tension of the retraction.
 
-    wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface_of: gives the whole cell's surface
-    for a load, or None. The largest tension is known only when it is over: the surface is kept back until then.
+    wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface_of: gives
+    the whole cell's surface for a load, or None. The largest tension is known only when it is over: the surface is kept
+    back until then.
     """
 
     def __init__(self, file: FieldsFile, wanted: list[tuple[float, str]], fractions: list[float], surface_of=None):
@@ -159,8 +160,9 @@ class Progress(_Observer):
         state = simulation.state
         area = state.contact_points * simulation.points.grid.cell_area
         rate = state.counters.steps / max(now - self.began, 1e-9)
-        what = state.finished if event.kind == "end" else event.kind if event.kind == "preload" else simulation.phase.name
+        what = {"end": state.finished, "preload": "preload"}.get(event.kind, simulation.phase.name)
         self.say(
-            f"{what:>9}  t {state.time:.4g} s  indentation {-state.position * 1e6:.4f} um  force {state.force * 1e3 + 0.0:.4f} mN"
-            f"  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s  {state.counters.steps} steps, {rate:.1f}/s"
+            f"{what:>9}  t {state.time:.4g} s  indentation {-state.position * 1e6:.4f} um"
+            f"  force {state.force * 1e3 + 0.0:.4f} mN  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s"
+            f"  {state.counters.steps} steps, {rate:.1f}/s"
         )

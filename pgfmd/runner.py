@@ -21,8 +21,9 @@ _LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
 def run_scene(scene, comm, directory: str | Path, say=print) -> dict:
     """Runs a scene on a communicator and writes its results into `directory`; returns the record that is in `run.json`.
 
-    say: called on rank 0 with lines of progress. Collective. Raises SceneError before any field is allocated, ResultError when
-    the folder can't be written, RunError when a step can't be solved: what was written before stays, and is valid.
+    say: called on rank 0 with lines of progress. Collective. Raises SceneError before any field is allocated,
+    ResultError when the folder can't be written, RunError when a step can't be solved: what was written before stays,
+    and is valid.
     """
     began = time.perf_counter()
     simulation = assemble(scene, comm)
@@ -76,8 +77,8 @@ SCOUT_ACCURACY = 0.1
 def _scouted(scene, comm, fractions: list[float], say) -> list[tuple[float, str]]:
     """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
 
-    How long the approach takes is known only at its end, so a coarse one is run ahead; its t_pl is good to a few tenths of a
-    percent. Nothing is run where no such snapshot is asked for.
+    How long the approach takes is known only at its end, so a coarse one is run ahead; its t_pl is good to a few tenths
+    of a percent. Nothing is run where no such snapshot is asked for.
     """
     if not fractions:
         return []

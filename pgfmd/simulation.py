@@ -29,11 +29,13 @@ class Event:
 class Simulation:
     """A tack test: scheme, controller, programme and state, with observers that are called after each step.
 
-    deepest [m]: indentation at which an approach is given up. An observer is an object with `observe(simulation, event)` and
-    `next_time(simulation)`, the next time [s] at which a step must end, or infinity.
+    deepest [m]: indentation at which an approach is given up. An observer is an object with `observe(simulation,
+    event)` and `next_time(simulation)`, the next time [s] at which a step must end, or infinity.
     """
 
-    def __init__(self, scheme, controller: Controller, drive: Drive, far_weights: np.ndarray, deepest: float, max_steps: int):
+    def __init__(
+        self, scheme, controller: Controller, drive: Drive, far_weights: np.ndarray, deepest: float, max_steps: int
+    ):
         self.scheme, self.controller, self.drive = scheme, controller, drive
         self.points, self.solver = scheme.points, scheme.solver
         self.far_weights, self.deepest, self.max_steps = far_weights, deepest, max_steps
@@ -104,8 +106,9 @@ class Simulation:
         state.contact_points, state.smallest_gap, state.far_displacement = int(contact), -rows[3].max(), far
         if not (math.isfinite(state.force) and math.isfinite(energy)):
             raise RunError(
-                f"the surface is no longer finite in step {state.counters.steps} ({self.phase.name}, t = {state.time:.6g} s, "
-                f"d = {state.position:.6g} m): force {state.force}, adhesive energy {energy}. What was written before is valid."
+                f"the surface is no longer finite in step {state.counters.steps} ({self.phase.name}, "
+                f"t = {state.time:.6g} s, d = {state.position:.6g} m): force {state.force}, adhesive energy {energy}. "
+                "What was written before is valid. Try a smaller solver.accuracy."
             )
         energies.adhesive = energy * self.points.grid.cell_area
         if self.scheme.audit:

@@ -50,10 +50,10 @@ class Counters:
 class State:
     """Time, programme, fields, history of the predictor, step controller, energies, counters.
 
-    time [s], position d [m], phase (index in the programme), elapsed [s] and phase_start [m]: time since and position at the
-    start of the phase. displacement u [m] and load w [Pa] with u = G0 w; traction f [Pa]; branches phi_m [Pa], (N, size);
-    images psi_m = G0 phi_m [m], (N, size), or (0, size) without the energy audit. `past_u`, `past_w`, `past_steps`: up to two
-    earlier ends of steps, newest first, and the steps [s] that led away from
+    time [s], position d [m], phase (index in the programme), elapsed [s] and phase_start [m]: time since and position
+    at the start of the phase. displacement u [m] and load w [Pa] with u = G0 w; traction f [Pa]; branches phi_m [Pa],
+    (N, size); images psi_m = G0 phi_m [m], (N, size), or (0, size) without the energy audit. `past_u`, `past_w`,
+    `past_steps`: up to two earlier ends of steps, newest first, and the steps [s] that led away from
     them, with the forces [N] there; drift: covariance of u - G0 w
     of the surface and the past ones (drift.py). step [s]: the next step to try. power [W]: of the punch at the start
     of the last step.

@@ -1,15 +1,15 @@
 """Traction to displacement on the punch block by one fused, pruned pair of distributed Fourier transforms.
 
-The only module that imports mpi4py-fft. A traction that lives on `nb` rows and columns is convolved with an even kernel, whose
-multiplier G(kx, ky) is real and even, and the result is wanted on `out` rows and columns:
+The only module that imports mpi4py-fft. A traction that lives on `nb` rows and columns is convolved with an even
+kernel, whose multiplier G(kx, ky) is real and even, and the result is wanted on `out` rows and columns:
 
 1. real-to-complex along x, of the occupied rows only;
 2. global transpose of those rows (on one rank: none);
-3. for a few columns at a time, in cache: pad with zeros, complex transform along y, times G, back, keep the wanted rows;
-4. transpose back; 5. complex-to-real along x of the wanted rows.
+3. for a few columns at a time, in cache: pad with zeros, complex transform along y, times G, back, keep the wanted
+rows; 4. transpose back; 5. complex-to-real along x of the wanted rows.
 
-No array of the whole plane exists. All sums run in an order that does not depend on the number of ranks, and plans are made with
-FFTW_ESTIMATE unless asked otherwise, so the result has the same bits for any number of ranks.
+No array of the whole plane exists. All sums run in an order that does not depend on the number of ranks, and plans are
+made with FFTW_ESTIMATE unless asked otherwise, so the result has the same bits for any number of ranks.
 """
 
 from __future__ import annotations
@@ -88,9 +88,9 @@ def free_multiplier(compliance, spacing: float):
 class Convolution:
     """u = G * w between point vectors: one pair of transforms a call.
 
-    points: the PunchPoints that the traction lives on. n: points a side of the transform, at least what the kernel needs not
-    to wrap around. make_multiplier: gives G for a Spectrum's columns, (columns, n//2 + 1), as `periodic_multiplier`.
-    Counts its calls in `pairs` and their time in `seconds`.
+    points: the PunchPoints that the traction lives on. n: points a side of the transform, at least what the kernel
+    needs not to wrap around. make_multiplier: gives G for a Spectrum's columns, (columns, n//2 + 1), as
+    `periodic_multiplier`. Counts its calls in `pairs` and their time in `seconds`.
     """
 
     def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
@@ -142,10 +142,11 @@ class Convolution:
         return displacement
 
     def whole_cell(self, traction: np.ndarray) -> tuple[np.ndarray, int]:
-        """Displacement of every point of the cell for a traction on the punch: (rows of this rank, n), first row; collective.
+        """Displacement of every point of the cell for a traction on the punch: (rows of this rank, n), first row;
+        collective.
 
-        The transform must be large enough for the whole cell: its n at least the cell's in a periodic cell, the cell's plus
-        the block's for a free surface.
+        The transform must be large enough for the whole cell: its n at least the cell's in a periodic cell, the cell's
+        plus the block's for a free surface.
         """
         cell, start = self.points.grid.n, self.points.block_start
         rows = Pencil(self.spectrum.subcomm, (cell, self.spectrum.width), axis=1)

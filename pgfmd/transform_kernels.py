@@ -1,6 +1,7 @@
 """Compiled kernels of the transform: rows and columns in and out of the buffers of one batch.
 
-A point vector's row `i` runs from `offset[i]` to `offset[i + 1]` and begins at column `first[i]` of the punch block (grid.py).
+A point vector's row `i` runs from `offset[i]` to `offset[i + 1]` and begins at column `first[i]` of the punch block
+(grid.py).
 """
 
 from __future__ import annotations

@@ -2,13 +2,12 @@
 
     u = G0 w,   w = J_inf f + sum_m J_m phi_m,   lambda_m dphi_m/dt = f - phi_m,   f = Gamma'(d(t) + z - u)
 
-Each stage of a step (retardation.py) is a static contact problem (newton.py) with the compliance J_i G0. The start of each
-solve is extrapolated from the last ends of steps; the difference between that and the solution is the error estimate.
+Each stage of a step (retardation.py) is a static contact problem (newton.py) with the compliance J_i G0. The start of
+each solve is extrapolated from the last ends of steps; the difference between that and the solution is the error
+estimate.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,57 +18,28 @@ from pgfmd.extrapolation import lagrange_weights, parabola_integral
 from pgfmd.newton import NewtonSolver
 from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, StepWeights, step_weights
 from pgfmd.rheology import CreepSeries
+from pgfmd.schemes.trial import Change, Trial
 from pgfmd.state import State
 
 DRIFT_SHARE = 1e-2
-"""Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew as G0 w."""
-
-
-LOOSEST_TOLERANCE, EVENT_TOLERANCE, JUMP_SHARPNESS = 2e-2, 2.5e-4, 1e-3
-"""Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all. Largest tolerance of solves that look for an event: the force is then good to half of the preload's own tolerance. And share
-of the tolerance for jumps: just past the loss of stability the residual of the lost branch is tiny, and a loose solve
-lingers on it."""
-SMALLEST_SHARE = 0.03
-"""The error is at least this share of the distance to the extrapolated surface. For steps much shorter than those before, a smooth
-motion has a far smaller one; but a jump does not shrink with the step, and would pass for one."""
-ELASTIC_PATIENCE, EQUILIBRIUM_SHARPNESS = 2, 0.25
-"""Patience of CG (newton.py) and share of the tolerance for elastic scenes."""
-EQUILIBRIUM_SHARE = 0.05
-CURVE_SHARE = 0.25
-"""Elastic scenes: the error that counts, as a share of the distance of the surface to the extrapolated one, and of the force.
-The second keeps the curve smooth between the ends of steps."""
-
-
-@dataclass
-class Trial:
-    """The outcome of a step that was tried: nothing of it is in the State yet.
-
-    error: estimated error of u over interacting points, in ranges of adhesion. potential_drop [J]: by how much the stages'
-    potentials fell from their starting points. change, force_change: of u over the
-    step, like the error, and of the force, relative to the largest so far. powers [W]: of the punch, at the stages. The fields belong to the scheme and live until the next trial.
-    """
-
-    step: float
-    position: float
-    phase: Phase
-    converged: bool
-    error: float = np.inf
-    force: float = 0.0
-    newton_iterations: int = 0
-    cg_iterations: int = 0
-    potential_drop: float = 0.0
-    is_jump: bool = False
-    change: float = np.inf
-    force_change: float = np.inf
-    powers: list[float] = field(default_factory=list)
-    weights: StepWeights | None = field(default=None, repr=False)
+"""Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
+LOOSEST_TOLERANCE = 2e-2
+"""Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
+EVENT_TOLERANCE = 2.5e-4
+"""Largest tolerance of solves that look for an event: the force is then good to half of the preload's own tolerance."""
+JUMP_SHARPNESS = 1e-3
+"""Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
+tiny, and a loose solve lingers on it."""
+ELASTIC_PATIENCE, ELASTIC_SHARPNESS = 2, 0.25
+"""Elastic scenes: patience of CG (newton.py), and share of the tolerance to which steps are solved."""
 
 
 class Inertialess:
     """Steps of the massless model. `try_step` leaves the state alone; `accept` moves it on.
 
-    solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are solved to the same
-    tolerance, as their errors enter the error estimate with a tenth of their size. audit: whether to follow energies.
+    solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are
+    solved to the same tolerance, as their errors enter the error estimate with a tenth of their size. audit: whether to
+    follow energies.
     """
 
     def __init__(self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool):
@@ -123,8 +93,8 @@ class Inertialess:
     def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> Trial:
         """Solves the stages of a step of `step` [s] from `state`. Collective.
 
-        sharp: solve tighter, for finding events. jump: solve tighter still, and start each stage from the last one instead of extrapolating, so that the
-        potential drop is that of the surface's jump.
+        sharp: solve tighter, for finding events. jump: solve tighter still, and start each stage from the last one
+        instead of extrapolating, so that the potential drop is that of the surface's jump.
         """
         weights = step_weights(self.creep, self.tableau, step)
         self._weigh(state.branches, weights)
@@ -149,7 +119,11 @@ class Inertialess:
                 trial.converged = False
                 return trial
             self._f[i] = self.solver.traction
-        trial.error = self._error(state, trial)
+        trial.change = self._change(state, trial)
+        if self.creep.elements:
+            trial.error = trial.change.error(self.tableau.error_constant)
+        else:
+            trial.error = trial.change.elastic_error(self.solver.law.attractive)
         return trial
 
     def accept(self, state: State, trial: Trial) -> None:
@@ -178,7 +152,7 @@ class Inertialess:
         if jump:
             return JUMP_SHARPNESS * self.tolerance
         # An elastic step's only error is that of its solve.
-        usual = self.tolerance if self.creep.elements else EQUILIBRIUM_SHARPNESS * self.tolerance
+        usual = self.tolerance if self.creep.elements else ELASTIC_SHARPNESS * self.tolerance
         return min(EVENT_TOLERANCE if sharp else LOOSEST_TOLERANCE, usual)
 
     def _weigh(self, branches: np.ndarray, weights: StepWeights) -> None:
@@ -209,43 +183,31 @@ class Inertialess:
         c, a = [*weights, 0.0, 0.0], [*surfaces, surfaces[0], surfaces[0]]
         kernels.combine(c[0], a[0], c[1], a[1], c[2], a[2], out)
 
-    def _error(self, state: State, trial: Trial) -> float:
-        """Error of the step's end, of u or of the force, from its distance to the extrapolation of earlier ends of steps.
-
-        Where fewer than three are known the distance, weighed down, is a safe guess: the steps after a kink are small.
-        Without retardation every step ends in equilibrium: the distance then only tells how well the path is followed.
-        """
+    def _change(self, state: State, trial: Trial) -> Change:
+        """How far the step has moved surface and force, and how far from where the last steps point."""
         known = [state.displacement, *state.past_u]
         times = [0.0, *-np.cumsum(state.past_steps)]
         c = lagrange_weights(times, trial.step)
+        extrapolated = sum(weight * force for weight, force in zip(c, [state.force, *state.past_forces], strict=True))
+        law, scale = self.solver.law, max(
+            self.solver.force_scale, abs(trial.force), -state.pull_off_force, -state.snap_in_force
+        )  # fmt: skip
         while len(known) < 3:
             c, known = [*c, 0.0], [*known, known[0]]
-        law = self.solver.law
         local = kernels.largest_difference_near(
             c[0], known[0], c[1], known[1], c[2], known[2], self._u[-1], self.solver.height, trial.position, law.range
         )
-        distance, trial.change = (value / law.range for value in self.points.maxima_of(*local))
-        forces = [state.force, *state.past_forces]
-        extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=False))
-        scale = max(self.solver.force_scale, abs(trial.force), -state.pull_off_force, -state.snap_in_force)
-        force_distance, trial.force_change = abs(trial.force - extrapolated) / scale, abs(trial.force - state.force) / scale
-        if not self.creep.elements:
-            # Without attraction the equilibrium is unique, and the path to it of no concern.
-            curve = min(CURVE_SHARE * force_distance, 0.5 * trial.force_change)
-            return max(EQUILIBRIUM_SHARE * distance if law.attractive else 0.0, curve)
-        share = 0.25
-        if len(times) == 3:
-            h = trial.step
-            prediction = h * (h - times[1]) * (h - times[2]) / 6.0
-            own = self.tableau.error_constant * h**3
-            share = max(SMALLEST_SHARE, own / (prediction + own))
-        # The error is hardly more than half of the change; extrapolated rounding and solver errors can be.
-        return max(min(share * distance, 0.5 * trial.change), min(share * force_distance, 0.5 * trial.force_change))
+        distance, moved = (value / law.range for value in self.points.maxima_of(*local))
+        return Change(
+            moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
+            tuple(times), trial.step,
+        )  # fmt: skip
 
     def _work(self, state: State, trial: Trial, start_power: float) -> float:
         """Work of the punch [J] over the step: the parabola through its power at the start and at the stages.
 
-        A single stage (elastic) takes the end of the step before as the third point. A jump takes no time worth counting.
+        A single stage (elastic) takes the end of the step before as the third point. A jump takes no time worth
+        counting.
         """
         h = trial.step
         times = [0.0, *(node * h for node in self.tableau.nodes)]
@@ -263,7 +225,7 @@ class Inertialess:
             state.past_forces.pop()
         else:
             old_u, old_w = self.points.zeros(), self.points.zeros()
-        if max(trial.change, trial.force_change) < self.tolerance:
+        if trial.change.largest < self.tolerance:
             # Where hardly anything moves, extrapolation would only amplify the errors of the solves.
             state.forget_history()
         elif not trial.is_jump:
@@ -278,7 +240,8 @@ class Inertialess:
         state.drift = self._drift.kept([0, *before]).covariance
 
     def _advance_energies(self, state: State, weights: StepWeights) -> None:
-        """Branches and their images phi_m, G0 phi_m, with what they store and dissipate. No transform: G0 f = (u - G0 w_hist) / J."""
+        """Branches and their images phi_m, G0 phi_m, with what they store and dissipate. No transform: G0 f = (u - G0
+        w_hist) / J."""
         stages, area = self.tableau.stages, self.points.grid.cell_area
         self_images = self._g
         kernels.weigh_branches(state.images, weights.branch_weight, self_images)
