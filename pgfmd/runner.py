@@ -14,6 +14,7 @@ from pgfmd.assemble import assemble, convolution_of
 from pgfmd.curve_file import CurveFile, EnergyFile, EventFile
 from pgfmd.errors import RunError
 from pgfmd.fields_file import FieldsFile
+from pgfmd.scene import load_scene
 
 _LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
 
@@ -26,6 +27,7 @@ def run_scene(scene, comm, directory: str | Path, say=print) -> dict:
     and is valid.
     """
     began = time.perf_counter()
+    compile_kernels(comm)
     simulation = assemble(scene, comm)
     folder = storage.prepare_directory(directory, comm, say)
     text = scene.to_toml().encode()
@@ -45,6 +47,25 @@ def run_scene(scene, comm, directory: str | Path, say=print) -> dict:
     if failure:
         raise failure
     return record
+
+
+def compile_kernels(comm) -> None:
+    """Has rank 0 compile the kernels, by a tack test of a fraction of a second, while the others wait.
+
+    All ranks would otherwise compile the same at once, and race for numba's cache. One rank compiles when it gets there.
+    """
+    if comm.size > 1:
+        if comm.rank == 0:
+            warm_up()
+        comm.Barrier()
+
+
+def warm_up() -> None:
+    """Runs tiny tack tests that use every kernel, so that numba has them in its cache."""
+    from mpi4py import MPI
+
+    for changes in (["rheology.model=elastic"], ["output.energy=false"], []):
+        assemble(load_scene("tri-tack", ["grid.n=20", "drive.preload=1 mN", *changes]), MPI.COMM_SELF).run()
 
 
 def _attach(simulation, scene, comm, folder: Path, say) -> list:
