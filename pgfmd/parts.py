@@ -108,8 +108,12 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         dotted = "substrate.compliance_file" if own else "grid.n"
         problems.append(Problem(dotted, own or scene.grid.n, "a usable compliance", str(error)))
     _, nb = Grid(scene.grid.n, scene.grid.length).block(scene.punch.radius)
-    if ranks > nb:
-        expected = f"a row of points under the punch for each of the {ranks} ranks, but there are {nb} rows"
-        problems.append(Problem("grid.n", scene.grid.n, expected, f"use at most {nb} ranks, or raise grid.n"))
+    # Rows are shared out, and in the middle of a transform the columns of its half spectrum.
+    columns = transform_side(scene, nb) // 2 + 1
+    most = min(nb, columns)
+    if ranks > most:
+        what = f"{nb} rows of points" if nb <= columns else f"{columns} columns of waves"
+        expected = f"work for each of the {ranks} ranks, but there are only {what}"
+        problems.append(Problem("grid.n", scene.grid.n, expected, f"use at most {most} ranks, or raise grid.n"))
     if problems:
         raise SceneError(source, problems)
