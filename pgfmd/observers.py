@@ -101,10 +101,7 @@ class Snapshots(_Observer):
 
     def observe(self, simulation, event) -> None:
         state = simulation.state
-        if event.kind == "time":
-            _, label = self.wanted.pop(0)
-            self._write(simulation, label, self._frame(state))
-        elif event.kind == "preload":
+        if event.kind == "preload":
             self._write(simulation, "preload", self._frame(state))
             self._schedule(state)
         elif event.kind in ("step", "jump"):
@@ -113,6 +110,15 @@ class Snapshots(_Observer):
                 self.tension = self._frame(state, self.tension)
         elif event.kind == "end" and self.tension is not None:
             self._write(simulation, "largest tension", self.tension)
+        if event.kind != "end":
+            self._write_due(simulation)
+
+    def _write_due(self, simulation) -> None:
+        """Writes what is wanted by now; twice the same time, or one that has passed, would ask for a step of no length."""
+        state = simulation.state
+        while self.wanted and self.wanted[0][0] <= state.time + 1e-9 * state.last_step:
+            _, label = self.wanted.pop(0)
+            self._write(simulation, label, self._frame(state))
 
     def _schedule(self, state) -> None:
         """Turns fractions of the time to the preload into times."""

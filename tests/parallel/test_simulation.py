@@ -7,6 +7,8 @@ import pytest
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble
+from pgfmd.results import load
+from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene, scene_from_mapping
 
 pytestmark = pytest.mark.mpi
@@ -100,3 +102,22 @@ def test_all_ranks_take_the_same_decisions():
     _, state, curve = run("elastic, jumps", comm)
     assert all(other == (state.counters, curve.kinds) for other in comm.allgather((state.counters, curve.kinds)))
     assert state.counters.jumps > 0
+
+
+def test_snapshots_at_the_start_twice_at_once_and_around_the_preload(tmp_path_factory):
+    """Wanted times that are over, or equal, must not ask for a step of no length; each gets its frame at its time."""
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(str(tmp_path_factory.mktemp("snapshots")) if comm.rank == 0 else None)
+    wanted = '["1e-9 s", "1 s", "1 s", "0.5 t_pl", "1.1 t_pl", "1.1 t_pl"]'
+    scene = load_scene("hex-tack", ["grid.n=40", "drive.preload=2 mN", f"output.snapshots={wanted}"])
+    record = run_scene(scene, comm, folder, lambda line: None)
+    if comm.rank == 0:
+        with load(folder) as results:
+            labels, times = list(results.labels), np.asarray(results.fields["time"])
+            curve = np.asarray(results.curve["time [s]"])
+        assert record["finished"] == "detached"
+        assert labels.count("t = 1 s") == 2 and labels.count("1.1 t_pl") == 2
+        assert {"t = 1e-09 s", "0.5 t_pl", "preload", "largest tension"} <= set(labels)
+        assert np.all(times[[label == "t = 1 s" for label in labels]] == pytest.approx(1.0, abs=1e-12))
+        assert np.all(np.diff(curve) > 0.0) and np.all(np.diff(times[:-1]) >= 0.0)
+    comm.Barrier()
