@@ -18,7 +18,7 @@ PRELOAD, DETACHED = "preload", "detached"
 """Events that end the phases without a duration."""
 
 OVERSHOOT = 0.02
-"""Default turn-round: the largest overshoot v T / 4, in ranges of adhesion."""
+"""Largest overshoot v T / 4 of the automatic turn, in ranges of adhesion (v: speed of the approach)."""
 
 
 @dataclass(frozen=True)

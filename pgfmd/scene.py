@@ -19,15 +19,13 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from pgfmd.drive import OVERSHOOT
 from pgfmd.errors import Problem, SceneError
 from pgfmd.scene_checks import MISSING, Draft, check, example
 from pgfmd.scene_fields import expectation
 from pgfmd.scene_model import PATTERNS, RHEOLOGIES, SECTIONS, Scene
 
 __all__ = ["Scene", "load_scene", "parse_scene", "scene_from_mapping", "shipped_scenes", "shipped_text"]
-
-OVERSHOOT = 0.02
-"""Largest overshoot v T/4 of the automatic turn, in ranges of adhesion (v: speed of the approach, T: turn time)."""
 
 
 def shipped_scenes() -> list[str]:

@@ -97,7 +97,7 @@ class Inertialess:
         instead of extrapolating, so that the potential drop is that of the surface's jump.
         """
         weights = step_weights(self.creep, self.tableau, step)
-        self._weigh(state.branches, weights)
+        kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
         trial = Trial(step, state.position, phase, converged=True, is_jump=jump, weights=weights)
         for i, node in enumerate(self.tableau.nodes):
             history = self._history[i]
@@ -155,9 +155,6 @@ class Inertialess:
         usual = self.tolerance if self.creep.elements else ELASTIC_SHARPNESS * self.tolerance
         return min(EVENT_TOLERANCE if sharp else LOOSEST_TOLERANCE, usual)
 
-    def _weigh(self, branches: np.ndarray, weights: StepWeights) -> None:
-        kernels.weigh_branches(branches, weights.branch_weight, self._history)
-
     def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:
         """Start of a stage's solve: through the last three known surfaces, this step's stages included."""
         nodes = self.tableau.nodes
@@ -170,18 +167,13 @@ class Inertialess:
         else:
             self._drift = Drift(state.drift)
         c = lagrange_weights(times[: 1 if trial.is_jump else 3], ahead)
-        self._combine(c, u, self._u[stage])
-        self._combine(c, w, self._w[stage])
+        kernels.combine(*_terms(c, u), self._u[stage])
+        kernels.combine(*_terms(c, w), self._w[stage])
         size = abs(trial.position) / self.solver.law.range
         self._drift = self._drift.extrapolated(c, size)
         if self._drift.newest > DRIFT_SHARE * self.tolerance:
             self.solver.convolve(self._w[stage], self._u[stage])
             self._drift = self._drift.renewed(size)
-
-    @staticmethod
-    def _combine(weights: list[float], surfaces: list[np.ndarray], out: np.ndarray) -> None:
-        c, a = [*weights, 0.0, 0.0], [*surfaces, surfaces[0], surfaces[0]]
-        kernels.combine(c[0], a[0], c[1], a[1], c[2], a[2], out)
 
     def _change(self, state: State, trial: Trial) -> Change:
         """How far the step has moved surface and force, and how far from where the last steps point."""
@@ -192,10 +184,8 @@ class Inertialess:
         law, scale = self.solver.law, max(
             self.solver.force_scale, abs(trial.force), -state.pull_off_force, -state.snap_in_force
         )  # fmt: skip
-        while len(known) < 3:
-            c, known = [*c, 0.0], [*known, known[0]]
         local = kernels.largest_difference_near(
-            c[0], known[0], c[1], known[1], c[2], known[2], self._u[-1], self.solver.height, trial.position, law.range
+            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.range
         )
         distance, moved = (value / law.range for value in self.points.maxima_of(*local))
         return Change(
@@ -242,22 +232,27 @@ class Inertialess:
     def _advance_energies(self, state: State, weights: StepWeights) -> None:
         """Branches and their images phi_m, G0 phi_m, with what they store and dissipate. No transform: G0 f = (u - G0
         w_hist) / J."""
-        stages, area = self.tableau.stages, self.points.grid.cell_area
-        self_images = self._g
-        kernels.weigh_branches(state.images, weights.branch_weight, self_images)
+        stages, area, images = self.tableau.stages, self.points.grid.cell_area, self._g
+        kernels.weigh_branches(state.images, weights.branch_weight, images)
         for i in range(stages):
-            g = self_images[i]
+            g = images[i]
             for j in range(i):
-                g += weights.stage_weight[i, j] * self_images[j]
+                g += weights.stage_weight[i, j] * images[j]
             np.subtract(self._u[i], g, out=g)
             g /= weights.compliance[i]
         offset = self.points.offset
         kernels.advance_branches_and_energy(
-            state.branches, state.images, weights.decay, self._f, self_images, weights.gain, weights.rate_decay,
+            state.branches, state.images, weights.decay, self._f, images, weights.gain, weights.rate_decay,
             weights.rate_gain, weights.quadrature, self.creep.J, stages, offset, self._rows,
         )  # fmt: skip
         stored, lost = self.points.total_of(self._rows)
-        kernels.dot(self._f[-1], self_images[-1], offset, self._rows)
+        kernels.dot(self._f[-1], images[-1], offset, self._rows)
         stored += 0.5 * self.creep.J_inf * self.points.total_of(self._rows[:1])[0]
         state.energies.elastic = stored * area
         state.energies.viscous += lost * area
+
+
+def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:
+    """Weight, surface, weight, surface, weight, surface: what kernels take as a sum, with zeros where there are fewer."""
+    c, a = [*weights, 0.0, 0.0], [*surfaces, surfaces[0], surfaces[0]]
+    return c[0], a[0], c[1], a[1], c[2], a[2]
