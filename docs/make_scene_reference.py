@@ -16,7 +16,8 @@ from pydantic.fields import FieldInfo
 
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene_fields import limits_text, written
-from pgfmd.scene_model import PATTERNS, PRECISIONS, RHEOLOGIES, SCHEMES, SECTIONS, Keys
+from pgfmd.scene_model import PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from pgfmd.scene_solver import PRECISIONS, SCHEMES
 from pgfmd.units import DIMENSIONS
 
 PAGE = Path(__file__).parent / "reference" / "scene.md"

@@ -11,9 +11,9 @@ from pgfmd.controller import Controller, StepLimits
 from pgfmd.far_field import far_weights
 from pgfmd.grid import Grid, PunchPoints
 from pgfmd.newton import NewtonSolver
-from pgfmd.schemes import SCHEMES
+from pgfmd.schemes.inertialess import Inertialess
 from pgfmd.simulation import Simulation
-from pgfmd.transform import Convolution, free_multiplier, periodic_multiplier
+from pgfmd.transform import Convolution, Plane, free_multiplier, periodic_multiplier
 
 STEP_SHARE = 0.7
 """Tolerance of a step's error, in ranges of adhesion, for a `solver.accuracy` of 1. On tri-tack at n = 512 the default
@@ -40,16 +40,39 @@ def heights_of(scene, points: PunchPoints) -> np.ndarray:
 
 def assemble(scene, comm) -> Simulation:
     """A simulation of the scene on a communicator, without observers. Collective."""
+    make = _gfmd if scene.solver.scheme == "gfmd" else _inertialess
+    scheme, controller = make(scene, comm)
+    drive = parts.drive_of(scene.drive)
+    return Simulation(scheme, controller, drive, parts.deepest_indentation(scene), scene.solver.max_steps)
+
+
+def _inertialess(scene, comm):
+    """Scheme and controller of the massless limit."""
     points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm)
     law = parts.law_of(scene.adhesion)
     convolve, height = convolution_of(scene, points), heights_of(scene, points)
     solver = NewtonSolver(points, convolve, height, law, scene.drive.preload)
     series = parts.series_of(scene.rheology)
     tolerance = STEP_SHARE * scene.solver.accuracy
-    scheme = SCHEMES[scene.solver.scheme](solver, series.to_creep(), tolerance, scene.output.energy)
-    shortest = float(series.tau.min()) if series.elements else math.inf
-    controller = Controller(scheme, StepLimits(tolerance, law.range, shortest, law.attractive), scene.drive.preload)
     periodic = scene.substrate.boundary == "periodic"
     weights = far_weights(parts.compliance_of(scene), points) if periodic else np.zeros(0)
-    deepest = parts.deepest_indentation(scene)
-    return Simulation(scheme, controller, parts.drive_of(scene.drive), weights, deepest, scene.solver.max_steps)
+    scheme = Inertialess(solver, series.to_creep(), tolerance, scene.output.energy, weights)
+    shortest = float(series.tau.min()) if series.elements else math.inf
+    limits = StepLimits(tolerance, law.range, shortest, law.attractive)
+    return scheme, Controller(scheme, limits, scene.drive.preload)
+
+
+def _gfmd(scene, comm):
+    """Scheme and controller of the paper's method."""
+    # Its kernels and its transform are of no use to other schemes.
+    from pgfmd.fixed_steps import FixedSteps
+    from pgfmd.schemes.gfmd import Gfmd
+
+    plane = Plane(comm, scene.grid.n)
+    slab = (plane.row_start, plane.real.shape[0])
+    points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm, slab)
+    law, series, inertia = parts.law_of(scene.adhesion), parts.series_of(scene.rheology), parts.inertia_of_scene(scene)
+    compliance = parts.compliance_of(scene)
+    height = heights_of(scene, points)
+    scheme = Gfmd(points, plane, compliance, height, law, series, inertia, scene.output.energy)
+    return scheme, FixedSteps(scheme, inertia.step, scene.drive.preload)

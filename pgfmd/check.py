@@ -62,7 +62,7 @@ def cohesive_zone(scene) -> float:
 
 def _values(scene) -> Iterator[Line]:
     for name, model in SECTIONS.items():
-        section = getattr(scene, name)
+        section = scene.section(name)
         for field, info in model.model_fields.items():
             value = getattr(section, field)
             if value is None or value == () or field in unused_keys(scene, name):

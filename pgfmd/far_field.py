@@ -42,3 +42,29 @@ def far_weights(compliance, points) -> np.ndarray:
 def _cosines(modes: np.ndarray, indices: np.ndarray, n: int) -> np.ndarray:
     """cos(2 pi k (i + 1/2) / n), (modes, indices): a wave's value at a point, counted from the corner of the cell."""
     return np.cos(2.0 * np.pi / n * np.outer(modes, indices + 0.5))
+
+
+class FarPoints:
+    """The same u_inf [m] out of the whole plane, where that is at hand: means over the grid points next to the two.
+
+    plane: transform.Plane. Rows 0 and n - 1 are next to the corner, the middle one or two to the middle of the edge; in
+    each the first and last column.
+    """
+
+    def __init__(self, plane):
+        n = plane.n
+        rows = np.array([0, n - 1, (n - 1) // 2, n // 2])
+        local = rows - plane.row_start
+        self.plane = plane
+        self._here = (local >= 0) & (local < plane.real.shape[0])
+        self._rows = np.where(self._here, local, 0)
+        self._weights = 0.5 * np.array([6.0, 6.0, -5.0, -5.0])
+
+    def displacement(self) -> float:
+        """u_inf of the surface that the plane holds, the same on every rank. Collective."""
+        real = self.plane.real
+        means = np.zeros(4)
+        if self._here.any():
+            means[self._here] = 0.5 * (real[self._rows, 0] + real[self._rows, -1])[self._here]
+        # Each entry comes from one rank alone, so the sum over ranks is exact.
+        return float((self._weights * self.plane.sum_over_ranks(means)).sum())

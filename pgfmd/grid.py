@@ -58,16 +58,26 @@ def share(count: int, parts: int, part: int) -> tuple[int, int]:
 class PunchPoints:
     """The points under the punch, and this rank's share of them.
 
+    slab: this rank's rows of the whole cell, (first, count), where these and not even shares decide which rows of the
+    block it owns; it may own none. In a slab layout, `comm` is asked once for everyone's share.
+
     Attributes: `block_start`, `nb` (first row and column of the block in the cell, its side), `row_start`, `rows`
     (this rank's rows within the block), `first`, `last` (rows,) the interval of columns under the punch in each local
     row, `offset` (rows + 1,) where each local row begins in the point vector, `size` local points, `total` points on
     all ranks.
     """
 
-    def __init__(self, grid: Grid, radius: float | None, comm):
+    def __init__(self, grid: Grid, radius: float | None, comm, slab: tuple[int, int] | None = None):
         self.grid, self.comm = grid, comm
         self.block_start, self.nb = grid.block(radius)
-        self.row_start, self.rows = share(self.nb, comm.size, comm.rank)
+        if slab is None:
+            self.row_start, self.rows = share(self.nb, comm.size, comm.rank)
+            counts = [size for _, size in (share(self.nb, comm.size, rank) for rank in range(comm.size))]
+        else:
+            ends = np.clip([slab[0] - self.block_start, sum(slab) - self.block_start], 0, self.nb)
+            self.row_start, self.rows = int(ends[0]), int(ends[1] - ends[0])
+            counts = comm.allgather(self.rows)
+        self._row_counts = np.array(counts)
         first, last = self._columns(radius)
         self.total = int((last - first).sum())
         counts = np.concatenate(([0], np.cumsum(last - first)))
@@ -76,8 +86,6 @@ class PunchPoints:
         self.offset = counts[self.row_start : self.row_start + self.rows + 1] - counts[self.row_start]
         self.first_point = int(counts[self.row_start])
         self.size = int(self.offset[-1])
-        shares = [share(self.nb, comm.size, rank) for rank in range(comm.size)]
-        self._row_counts = np.array([size for _, size in shares])
 
     def _columns(self, radius: float | None) -> tuple[np.ndarray, np.ndarray]:
         """First and one-past-last block column under the punch, for every row of the block."""

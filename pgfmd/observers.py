@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from pgfmd.curve_file import CurveFile, CurveRow, EnergyFile, EnergyRow, EventFile, EventRow
 from pgfmd.fields_file import FieldsFile
+from pgfmd.state import State
 
 INDENTATION_OFFSET = 0.0
 """k [m] of indentation = -d - k: zero, indentation counts from the first touch of the undeformed surface."""
@@ -80,19 +82,32 @@ class _Frame:
     force: float
     displacement: np.ndarray
     traction: np.ndarray
-    load: np.ndarray
+    kept: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Surface:
+    """How the surface of the whole cell is had: what is kept of a state, and how the surface is made of that.
+
+    make: gives (rows of this rank, n) [m], and the first row's index. Collective.
+    """
+
+    keep: Callable[[State], np.ndarray]
+    make: Callable[[np.ndarray], tuple[np.ndarray, int]]
 
 
 class Snapshots(_Observer):
     """Writes `fields.h5`: at wanted times, at the preload, and at the largest tension of the retraction.
 
-    wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface_of: gives
-    the whole cell's surface for a load, or None. The largest tension is known only when it is over: the surface is kept
+    wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface: how
+    to have the whole cell's surface, or None. The largest tension is known only when it is over: the surface is kept
     back until then.
     """
 
-    def __init__(self, file: FieldsFile, wanted: list[tuple[float, str]], fractions: list[float], surface_of=None):
-        self.file, self.surface_of = file, surface_of
+    def __init__(
+        self, file: FieldsFile, wanted: list[tuple[float, str]], fractions: list[float], surface: Surface | None = None
+    ):
+        self.file, self.surface = file, surface
         self.wanted, self.fractions = sorted(wanted), fractions
         self.tension: _Frame | None = None
 
@@ -124,19 +139,20 @@ class Snapshots(_Observer):
         """Turns fractions of the time to the preload into times."""
         self.wanted = sorted(self.wanted + [(time_of(state, value), f"{value:g} t_pl") for value in self.fractions])
 
-    @staticmethod
-    def _frame(state, old: _Frame | None = None) -> _Frame:
-        fields = (state.displacement, state.traction, state.load)
+    def _frame(self, state, old: _Frame | None = None) -> _Frame:
+        """The present state's fields, in the arrays of a frame that is no longer wanted."""
+        kept = self.surface.keep(state) if self.surface else None
         if old is None:
-            return _Frame(state.time, state.position, state.force, *(field.copy() for field in fields))
-        for kept, field in zip((old.displacement, old.traction, old.load), fields, strict=True):
-            kept[:] = field
-        return _Frame(state.time, state.position, state.force, old.displacement, old.traction, old.load)
+            displacement, traction = state.displacement.copy(), state.traction.copy()
+        else:
+            displacement, traction = old.displacement, old.traction
+            displacement[:], traction[:] = state.displacement, state.traction
+        return _Frame(state.time, state.position, state.force, displacement, traction, kept)
 
     def _write(self, simulation, label: str, frame: _Frame) -> None:
         points = simulation.points
-        gap = frame.position + simulation.solver.height - frame.displacement
-        surface = self.surface_of(frame.load) if self.surface_of else None
+        gap = frame.position + simulation.scheme.height - frame.displacement
+        surface = self.surface.make(frame.kept) if self.surface else None
         self.file.append(
             label, frame.time, frame.position, frame.force, points.to_rows(gap), points.to_rows(frame.traction),
             points.to_rows(frame.displacement), surface=surface,

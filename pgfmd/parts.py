@@ -17,6 +17,7 @@ from pgfmd.film import Film
 from pgfmd.free_kernel import FreeFilm, FreeHalfSpace
 from pgfmd.grid import Grid
 from pgfmd.halfspace import HalfSpace, TabulatedCompliance
+from pgfmd.inertia import Inertia, contact_stiffness, inertia_of, instability
 from pgfmd.rheology import PronySeries
 from pgfmd.topography import Topography
 
@@ -67,6 +68,11 @@ def law_of(adhesion) -> CohesiveLaw:
     return CohesiveLaw(adhesion.work_of_adhesion, adhesion.range, LAWS[adhesion.law])
 
 
+def inertia_of_scene(scene) -> Inertia:
+    """The auxiliary inertia of a scene with the scheme gfmd."""
+    return inertia_of(scene.solver_gfmd, series_of(scene.rheology), law_of(scene.adhesion), drive_of(scene.drive))
+
+
 def deepest_indentation(scene) -> float:
     """Indentation [m] at which an approach is given up: there linear elasticity has long lost its meaning."""
     return min(scene.punch.radius or 0.5 * scene.grid.length, scene.substrate.thickness)
@@ -115,5 +121,15 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         what = f"{nb} rows of points" if nb <= columns else f"{columns} columns of waves"
         expected = f"work for each of the {ranks} ranks, but there are only {what}"
         problems.append(Problem("grid.n", scene.grid.n, expected, f"use at most {most} ranks, or raise grid.n"))
+    if scene.solver.scheme == "gfmd" and not problems:
+        problems += _inertia_problems(scene)
     if problems:
         raise SceneError(source, problems)
+
+
+def _inertia_problems(scene) -> list[Problem]:
+    """Whether the scheme gfmd can step this scene at all."""
+    stiffness = contact_stiffness(compliance_of(scene), law_of(scene.adhesion), scene.grid.n, scene.grid.length)
+    inertia = inertia_of_scene(scene)
+    cure = instability(inertia, stiffness, series_of(scene.rheology).kappa_inf)
+    return [Problem("solver.gfmd", f"dt = {inertia.step:.3g} s", "a stable time step", cure)] if cure else []

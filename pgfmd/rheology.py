@@ -180,6 +180,10 @@ class PronySeries:
         decay = np.exp(-np.multiply.outer(np.maximum(time, 0), 1 / self.tau))
         return np.where(time < 0, 0.0, 1.0 + decay @ self.kappa)
 
+    def creep(self, time: ArrayLike) -> NDArray:
+        """Strain after a stress step at time 0 (s), over the static one: `CreepSeries.creep` of `to_creep`."""
+        return self.to_creep().creep(time)
+
     def to_creep(self) -> CreepSeries:
         """The exact creep form of the same law, N retardation times, relative accuracy about 1e-14.
 
@@ -235,6 +239,18 @@ class CreepSeries:
         time = np.asarray(time, dtype=float)
         growth = -np.expm1(-np.multiply.outer(np.maximum(time, 0), 1 / self.retardation_times))
         return np.where(time < 0, 0.0, self.J_inf + growth @ self.J)
+
+    def relaxation(self, time: ArrayLike) -> NDArray:
+        """Stress after a strain step at time 0 (s), over the static one: `PronySeries.relaxation` of `to_maxwell`."""
+        return self.to_maxwell().relaxation(time)
+
+    def storage(self, omega: ArrayLike) -> NDArray:
+        """Storage modulus over E(0), as `PronySeries.storage`; same shape as omega (rad/s)."""
+        return self.to_maxwell().storage(omega)
+
+    def loss(self, omega: ArrayLike) -> NDArray:
+        """Loss modulus over E(0), as `PronySeries.loss`; same shape as omega (rad/s)."""
+        return self.to_maxwell().loss(omega)
 
     def to_maxwell(self) -> PronySeries:
         """The exact Maxwell form of the same law. Inverse of `PronySeries.to_creep`.

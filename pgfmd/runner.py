@@ -64,7 +64,8 @@ def warm_up() -> None:
     """Runs tiny tack tests that use every kernel, so that numba has them in its cache."""
     from mpi4py import MPI
 
-    for changes in (["rheology.model=elastic"], ["output.energy=false"], []):
+    brief = ["solver.scheme=gfmd", "solver.max_steps=3"]
+    for changes in (["rheology.model=elastic"], ["output.energy=false"], [], brief):
         assemble(load_scene("tri-tack", ["grid.n=20", "drive.preload=1 mN", *changes]), MPI.COMM_SELF).run()
 
 
@@ -82,11 +83,11 @@ def _attach(simulation, scene, comm, folder: Path, say) -> list:
     fractions = [value for value, relative in output.snapshot_times if relative]
     wanted += _scouted(scene, comm, [value for value in fractions if value < 1.0], say)
     later = [value for value in fractions if value > 1.0]
-    surface_of = _surface(simulation, scene) if output.surface else None
+    surface = _surface(simulation, scene) if output.surface else None
     simulation.observers += [
         observers.Curve(curve, energy),
         observers.Events(events),
-        observers.Snapshots(fields, wanted, later, surface_of),
+        observers.Snapshots(fields, wanted, later, surface),
         observers.Progress(comm, say),
     ]
     return [file for file in (curve, energy, events) if file]
@@ -113,23 +114,27 @@ def _scouted(scene, comm, fractions: list[float], say) -> list[tuple[float, str]
     return [(observers.time_of(state, value), f"{value:g} t_pl") for value in fractions]
 
 
-def _surface(simulation, scene):
-    """A function that gives the whole cell's surface for a load; a free surface needs a larger transform of its own."""
+def _surface(simulation, scene) -> observers.Surface:
+    """How this scene's whole surface is had."""
+    scheme = simulation.scheme
+    if scene.solver.scheme == "gfmd":
+        return observers.Surface(lambda state: scheme.plane.real.copy(), lambda rows: (rows, scheme.plane.row_start))
     if scene.substrate.boundary == "periodic":
-        return simulation.solver.convolve.whole_cell
+        whole_cell = scheme.solver.convolve.whole_cell
+    else:
+        # A free surface needs a larger transform of its own.
+        def whole_cell(load):
+            return convolution_of(scene, simulation.points, whole_cell=True).whole_cell(load)
 
-    def surface(load):
-        return convolution_of(scene, simulation.points, whole_cell=True).whole_cell(load)
-
-    return surface
+    return observers.Surface(lambda state: state.load.copy(), whole_cell)
 
 
 def record_of(simulation, scene, comm, wall: float) -> dict:
     """The contents of `run.json` (docs: results). Collective."""
-    state, convolve = simulation.state, simulation.solver.convolve
+    state, scheme = simulation.state, simulation.scheme
     counters, energies = state.counters, state.energies
     memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
-    transform = max(comm.allgather(convolve.seconds))
+    transform = max(comm.allgather(scheme.transform_seconds))
     audit = scene.output.energy and energies.work != 0.0
     return {
         "finished": state.finished,
@@ -143,7 +148,7 @@ def record_of(simulation, scene, comm, wall: float) -> dict:
         "rejected_steps": counters.rejected_steps,
         "newton_iterations": counters.newton_iterations,
         "cg_iterations": counters.cg_iterations,
-        "transform_pairs": convolve.pairs,
+        "transform_pairs": scheme.pairs,
         "jumps": counters.jumps,
         "wall_s": wall,
         "transform_s": transform,

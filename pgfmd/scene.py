@@ -21,7 +21,8 @@ from pydantic import BaseModel, ValidationError
 
 from pgfmd.drive import OVERSHOOT
 from pgfmd.errors import Problem, SceneError
-from pgfmd.scene_checks import MISSING, Draft, check, example
+from pgfmd.scene_checks import check
+from pgfmd.scene_draft import MISSING, Draft, example
 from pgfmd.scene_fields import expectation
 from pgfmd.scene_model import PATTERNS, RHEOLOGIES, SECTIONS, Scene
 
@@ -77,6 +78,7 @@ def scene_from_mapping(
 ) -> Scene:
     """The checked and resolved scene of nested dicts as TOML would give them (quantities are texts with units)."""
     mapping = copy.deepcopy(dict(mapping))
+    _flatten(mapping)
     problems = _apply(mapping, overrides)
     draft = Draft(Path(folder).absolute())
     problems += _read_sections(mapping, draft)
@@ -98,12 +100,23 @@ def _did_you_mean(word: str, known: Sequence[str]) -> str:
     return f"did you mean {near[0]}?" if near else ""
 
 
+def _flatten(mapping: dict[str, Any]) -> None:
+    """Gives a table within a table, such as [solver.gfmd], its full name."""
+    for name in SECTIONS:
+        outer, dot, inner = name.rpartition(".")
+        if dot and isinstance(mapping.get(outer), dict) and inner in mapping[outer]:
+            mapping[outer] = dict(mapping[outer])
+            mapping[name] = mapping[outer].pop(inner)
+
+
 def _apply(mapping: dict[str, Any], overrides: Sequence[str]) -> list[Problem]:
     """Write overrides into the mapping; a new pattern or model drops keys of the scene that it has no use for."""
     problems, replaced = [], {}
     for override in overrides:
         name, equals, text = override.partition("=")
-        section, dot, field_name = (part.strip() for part in name.partition("."))
+        section, dot, field_name = (part.strip() for part in name.rpartition("."))
+        if not dot:
+            section, field_name = field_name, ""
         if not equals or not section or (dot and not field_name) or (not dot and section != "title"):
             problems.append(Problem("override", override, "section.key=value", "for instance drive.speed=10 um/s"))
             continue
@@ -181,7 +194,7 @@ def _resolve(title: str, draft: Draft) -> Scene:
     """The scene with defaults, automatic values and absolute paths filled in; the draft is free of problems."""
     from pgfmd.cohesion import range_of_adhesion
 
-    parts = {section: model.model_construct(**draft.values[section]) for section, model in SECTIONS.items()}
+    parts = {name: model.model_construct(**draft.values[name]) for name, model in SECTIONS.items()}
     adhesion, drive, substrate = parts["adhesion"], parts["drive"], parts["substrate"]
     q_ref = adhesion.q_ref
     if q_ref == "grid":
@@ -203,7 +216,9 @@ def _resolve(title: str, draft: Draft) -> Scene:
             "base": (substrate.base or "bonded") if math.isfinite(substrate.thickness) else None,
         },
     }
-    resolved = {name: part.model_copy(update=automatic.get(name, {})) for name, part in parts.items()}
+    resolved = {
+        name.replace(".", "_"): part.model_copy(update=automatic.get(name, {})) for name, part in parts.items()
+    }
     return Scene.model_construct(title=title, **resolved)
 
 

@@ -10,75 +10,15 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 from pgfmd.errors import Problem
-from pgfmd.scene_fields import expectation, written
+from pgfmd.scene_draft import MISSING, Draft, Unread, example
+from pgfmd.scene_fields import expectation
 from pgfmd.scene_model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
-from pgfmd.units import DIMENSIONS, format_quantity
+from pgfmd.units import format_quantity
 
 ROUNDING = 1.0 + 1e-9
 LONGEST_TIME = 1e15
-
-
-class _Missing:
-    def __repr__(self) -> str:
-        return "(missing)"
-
-
-MISSING = _Missing()
-"""The `value` of a Problem about a key that is not there."""
-
-
-class Unread(Exception):
-    """A rule asked for a value that could not be read."""
-
-
-@dataclass
-class Draft:
-    """A scene half read: `raw` as written, `values` in SI for what could be read, by section and key."""
-
-    folder: Path
-    raw: dict[str, dict[str, Any]] = field(default_factory=dict)
-    values: dict[str, dict[str, Any]] = field(default_factory=dict)
-
-    def __getitem__(self, dotted: str) -> Any:
-        """The value of a key such as "grid.length", or its default. Raises Unread where it is missing or wrong."""
-        section, name = dotted.split(".")
-        if name in self.values[section]:
-            return self.values[section][name]
-        if self.given(dotted) or SECTIONS[section].model_fields[name].is_required():
-            raise Unread(dotted)
-        return SECTIONS[section].model_fields[name].default
-
-    def given(self, dotted: str) -> bool:
-        """Whether the scene names this key."""
-        section, name = dotted.split(".")
-        return name in self.raw[section]
-
-    def problem(self, dotted: str, expected: str, cure: str = "") -> Problem:
-        """A Problem about a key, with the value as the scene has it or its default."""
-        section, name = dotted.split(".")
-        model_field = SECTIONS[section].model_fields[name]
-        default = MISSING if model_field.is_required() else written(model_field.default, model_field.json_schema_extra)
-        value = self.raw[section].get(name, default)
-        return Problem(dotted, MISSING if value is None else value, expected, cure)
-
-    def path(self, dotted: str) -> Path | None:
-        """The absolute path that a key means, relative to the scene's folder."""
-        text = self[dotted]
-        return None if text is None else (self.folder / Path(text).expanduser()).absolute()
-
-
-def example(section: str, name: str) -> str:
-    """How a line with this key may look, for messages: 'radius = "375 um"'."""
-    extra = SECTIONS[section].model_fields[name].json_schema_extra or {}
-    kind = DIMENSIONS.get(extra.get("dimension", ""))
-    if kind is None:
-        return f"{name} = ..."
-    return f'{name} = "{kind.example}"' if extra["count"] is None else f'{name} = ["{kind.example}", ...]'
 
 
 def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
@@ -242,6 +182,37 @@ def files_exist(draft: Draft) -> Iterator[Problem]:
             yield draft.problem(dotted, "a file that exists", cure)
 
 
+def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
+    if draft["solver.scheme"] != "gfmd":
+        return
+    keys = ("omega", "dt")
+    given = [draft.given(f"solver.gfmd.{name}") for name in keys]
+    elastic = draft["rheology.model"] == "elastic"
+    for name, here in zip(keys, given, strict=True):
+        if not here and (any(given) or elastic):
+            why = "an elastic substrate, which has no relaxation time" if elastic else "the other one given alone"
+            cure = f"add {example('solver.gfmd', name)} to [solver.gfmd]"
+            yield draft.problem(f"solver.gfmd.{name}", f"both omega and dt, because of {why}", cure)
+    if draft["substrate.boundary"] == "free":
+        cure = 'set substrate.boundary = "periodic", or solver.scheme = "inertialess"'
+        yield draft.problem("substrate.boundary", "a periodic cell, because the scheme gfmd steps its modes", cure)
+
+
+def gfmd_starts_out_of_reach(draft: Draft) -> Iterator[Problem]:
+    clearance = draft["drive.clearance"]
+    if draft["solver.scheme"] != "gfmd" or clearance == "auto":
+        return
+    reach = draft["adhesion.range"]
+    if clearance < 0.0 or (reach != "auto" and clearance < reach):
+        cure = 'leave it out, or set solver.scheme = "inertialess"'
+        yield draft.problem("drive.clearance", "a start out of reach, as gfmd begins with a surface at rest", cure)
+
+
+def gfmd_is_double(draft: Draft) -> Iterator[Problem]:
+    if draft["solver.scheme"] == "gfmd" and draft["solver.precision"] != "double":
+        yield draft.problem("solver.precision", "'double' with the scheme gfmd", "delete it")
+
+
 RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     punch_keys,
     rheology_keys,
@@ -254,6 +225,9 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     substrate_is_of_one_kind,
     prony_series_is_sound,
     geometric_times_are_finite,
+    gfmd_can_run,
+    gfmd_starts_out_of_reach,
+    gfmd_is_double,
     files_exist,
 )
 

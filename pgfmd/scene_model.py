@@ -14,6 +14,7 @@ from pydantic import field_validator
 from pydantic_core import PydanticCustomError
 
 from pgfmd.scene_fields import Section, key, number, quantity, refuse, snapshot_time, written
+from pgfmd.scene_solver import GfmdKeys, Solver
 from pgfmd.units import UnitError, format_quantity
 
 Keys = tuple[frozenset[str], frozenset[str]]
@@ -41,10 +42,6 @@ RHEOLOGIES: dict[str, Keys] = {
     "prony": _keys("kappa tau"),
 }
 """For every `rheology.model` the keys of [rheology] it needs and those it may have."""
-
-SCHEMES = {"inertialess": True, "gfmd": False, "quasistatic": False}
-PRECISIONS = {"double": True, "single": False, "mixed": False}
-"""The time-stepping schemes and precisions that have a name, and whether this version has them."""
 
 LARGEST_MODULUS_RATIO = 1e6
 
@@ -172,34 +169,6 @@ class Grid(Section):
     length: float = quantity("length", "side L of the cell")
 
 
-def _refuse_planned(value: str, table: dict[str, bool], what: str) -> str:
-    if not table[value]:
-        here = " or ".join(f"'{name}'" for name, available in table.items() if available)
-        raise refuse(value, here, f"the {what} '{value}' is not part of this version")
-    return value
-
-
-class Solver(Section):
-    """The numerics."""
-
-    scheme: Literal["inertialess", "gfmd", "quasistatic"] = key(
-        "time-stepping scheme; only `inertialess` as yet", "inertialess"
-    )
-    accuracy: float = number("relative error allowed in one time step", 1e-2, at_least=1e-6, at_most=0.3)
-    precision: Literal["double", "single", "mixed"] = key("precision of the transforms; only `double` as yet", "double")
-    max_steps: int = key("largest number of steps", 1_000_000, ge=1)
-
-    @field_validator("scheme")
-    @classmethod
-    def _scheme(cls, value: str) -> str:
-        return _refuse_planned(value, SCHEMES, "scheme")
-
-    @field_validator("precision")
-    @classmethod
-    def _precision(cls, value: str) -> str:
-        return _refuse_planned(value, PRECISIONS, "precision")
-
-
 class Output(Section):
     """What is written."""
 
@@ -244,14 +213,21 @@ class Scene(Section):
     drive: Drive
     grid: Grid
     solver: Solver
+    solver_gfmd: GfmdKeys
     output: Output
+
+    def section(self, name: str) -> Section:
+        """The section that a scene calls by this name, such as "solver.gfmd"."""
+        return getattr(self, name.replace(".", "_"))
 
     def to_toml(self) -> str:
         """The complete scene as TOML in SI units; loading it gives an equal scene. Keys without a use are left out."""
         lines = [f"title = {_toml(self.title)}"] if self.title else []
         for name, model in SECTIONS.items():
+            if unused_keys(self, name).issuperset(model.model_fields):
+                continue
             lines += [""] * bool(lines) + [f"[{name}]"]
-            section = getattr(self, name)
+            section = self.section(name)
             for field_name, field in model.model_fields.items():
                 value = getattr(section, field_name)
                 if value is not None and field_name not in unused_keys(self, name):
@@ -260,8 +236,11 @@ class Scene(Section):
 
 
 SECTIONS: dict[str, type[Section]] = {
-    name: field.annotation for name, field in Scene.model_fields.items() if field.annotation is not str
+    "solver.gfmd" if name == "solver_gfmd" else name: field.annotation
+    for name, field in Scene.model_fields.items()
+    if field.annotation is not str
 }
+"""The sections by the names that a scene gives them, in the order of the resolved scene."""
 
 
 def unused_keys(scene: Scene, section: str) -> frozenset[str]:
@@ -272,6 +251,8 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "rheology":
         required, optional = RHEOLOGIES[scene.rheology.model]
         return frozenset(Rheology.model_fields) - required - optional - {"model"}
+    if section == "solver.gfmd" and scene.solver.scheme != "gfmd":
+        return frozenset(GfmdKeys.model_fields)
     return frozenset()
 
 

@@ -5,10 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from pgfmd import kernels
-from pgfmd.controller import Controller
 from pgfmd.drive import DETACHED, Drive
 from pgfmd.errors import RunError
 from pgfmd.state import State
@@ -29,20 +25,16 @@ class Event:
 class Simulation:
     """A tack test: scheme, controller, programme and state, with observers that are called after each step.
 
-    deepest [m]: indentation at which an approach is given up. An observer is an object with `observe(simulation,
+    scheme: of schemes/; controller: controller.Controller, or fixed_steps.FixedSteps for an explicit scheme. deepest [m]: indentation at which an approach is given up. An observer is an object with `observe(simulation,
     event)` and `next_time(simulation)`, the next time [s] at which a step must end, or infinity.
     """
 
-    def __init__(
-        self, scheme, controller: Controller, drive: Drive, far_weights: np.ndarray, deepest: float, max_steps: int
-    ):
+    def __init__(self, scheme, controller, drive: Drive, deepest: float, max_steps: int):
         self.scheme, self.controller, self.drive = scheme, controller, drive
-        self.points, self.solver = scheme.points, scheme.solver
-        self.far_weights, self.deepest, self.max_steps = far_weights, deepest, max_steps
+        self.points, self.deepest, self.max_steps = scheme.points, deepest, max_steps
         self.phases = drive.phases
         self.observers = []
         self.state: State = scheme.new_state(drive.clearance)
-        self._rows = np.zeros((4, self.points.rows))
 
     @property
     def phase(self):
@@ -59,14 +51,14 @@ class Simulation:
             until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
             released = state.energies.released
             before = (state.energies.work, state.force, state.position)
-            trial, why = self.controller.advance(state, phase, until)
+            taken, why = self.controller.advance(state, phase, until)
             self._measure()
             self._count_separation(phase, *before)
-            self._note(Event("jump" if trial.is_jump else "step", state.energies.released - released))
+            self._note(Event("jump" if taken.is_jump else "step", state.energies.released - released))
             if why == "time":
                 self._note(Event("time"))
             self._turn_page(phase, why)
-        state.counters.transform_pairs = self.solver.convolve.pairs
+        state.counters.transform_pairs = self.scheme.pairs
         self._note(Event("end"))
         return state
 
@@ -87,7 +79,7 @@ class Simulation:
             state.phase += 1
             state.elapsed, state.phase_start, state.step = 0.0, state.position, 0.0
             state.forget_history()
-        elif phase.ends_with == DETACHED and state.smallest_gap >= self.solver.law.reach:
+        elif phase.ends_with == DETACHED and state.smallest_gap >= self.scheme.law.reach:
             state.finished = FINISHED
         elif phase.name == "approach" and -state.position > self.deepest:
             state.finished = STOPPED_PRELOAD
@@ -96,21 +88,14 @@ class Simulation:
 
     def _measure(self) -> None:
         """Derives from the fields what rows of the curve and of the energy audit hold."""
-        state, solver, energies = self.state, self.solver, self.state.energies
-        kernels.observe(
-            solver.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
-            self.points.offset, self._rows,
-        )  # fmt: skip
-        rows = self.points.all_rows(self._rows)
-        contact, energy, far = rows[:3].sum(axis=1)
-        state.contact_points, state.smallest_gap, state.far_displacement = int(contact), -rows[3].max(), far
-        if not (math.isfinite(state.force) and math.isfinite(energy)):
+        state, energies = self.state, self.state.energies
+        self.scheme.measure(state)
+        if not (math.isfinite(state.force) and math.isfinite(energies.adhesive)):
             raise RunError(
                 f"the surface is no longer finite in step {state.counters.steps} ({self.phase.name}, "
-                f"t = {state.time:.6g} s, d = {state.position:.6g} m): force {state.force}, adhesive energy {energy}. "
-                "What was written before is valid. Try a smaller solver.accuracy."
+                f"t = {state.time:.6g} s, d = {state.position:.6g} m): force {state.force}, adhesive energy "
+                f"{energies.adhesive}. What was written before is valid. {self.scheme.cure}"
             )
-        energies.adhesive = energy * self.points.grid.cell_area
         if self.scheme.audit:
             energies.largest_residual = max(energies.largest_residual, abs(energies.residual))
         if state.contact_points and state.first_contact_time is None:

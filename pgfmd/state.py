@@ -57,6 +57,10 @@ class State:
     them, with the forces [N] there; drift: covariance of u - G0 w
     of the surface and the past ones (drift.py). step [s]: the next step to try. power [W]: of the punch at the start
     of the last step.
+
+    The scheme gfmd keeps no load, images or past, but `modes` u [m] and `mode_velocities` du/dt [m/s] (of the middle of
+    the last step), spectral, complex, (n, columns of this rank), and `branches` u_m [m], (N, n, columns); its `power`
+    is what the elements dissipate at the end of the last step.
     """
 
     displacement: np.ndarray
@@ -86,6 +90,8 @@ class State:
     past_w: list[np.ndarray] = field(default_factory=list)
     past_steps: list[float] = field(default_factory=list)
     past_forces: list[float] = field(default_factory=list)
+    modes: np.ndarray | None = None
+    mode_velocities: np.ndarray | None = None
     drift: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
     energies: Energies = field(default_factory=Energies)
     counters: Counters = field(default_factory=Counters)

@@ -191,6 +191,67 @@ class Convolution:
             kernels.store_columns(self._column, column, count, first, out)
 
 
+class Plane:
+    """The whole plane in real and in spectral space, by mpi4py-fft's own slab-decomposed pair of transforms.
+
+    `real` (rows of this rank, n) holds the rows from `row_start` on. `spectral` (n, columns of this rank) is the half
+    spectrum from column `first_column` on, whole along axis 0. Both are the transform's own buffers: `forward` and
+    `backward` overwrite one from the other, and destroy what they start from. Neither normalises, so that a backward
+    after a forward multiplies by n^2. Counts pairs (as backward transforms) and the time of both.
+    """
+
+    def __init__(self, comm, n: int, effort: str = "estimate"):
+        self.comm, self.n = comm, n
+        self._plan = PFFT(comm, (n, n), axes=(0, 1), dtype=np.float64, grid=(-1, 1), flags=(EFFORTS[effort],))
+        self.real, self.spectral = self._plan.forward.input_array, self._plan.forward.output_array
+        self.real[:] = 0.0
+        self.spectral[:] = 0.0
+        self.row_start = self._plan.local_slice(False)[0].start
+        self.first_column = self._plan.local_slice(True)[1].start
+        self.column_counts = np.array(comm.allgather(self.spectral.shape[1]))
+        self.pairs, self.seconds = 0, 0.0
+
+    @property
+    def kx(self) -> np.ndarray:
+        """Indices 0 ... n//2 of this rank's columns."""
+        return np.arange(self.first_column, self.first_column + self.spectral.shape[1])
+
+    def forward(self) -> None:
+        """`spectral` = sum over points of `real` exp(-i q r). Collective."""
+        start = time.perf_counter()
+        self._plan.forward(normalize=False)
+        self.seconds += time.perf_counter() - start
+
+    def backward(self) -> None:
+        """`real` = sum over modes of `spectral` exp(i q r). Collective."""
+        start = time.perf_counter()
+        self._plan.backward(normalize=False)
+        self.pairs += 1
+        self.seconds += time.perf_counter() - start
+
+
+    def sum_over_ranks(self, values: np.ndarray) -> np.ndarray:
+        """Sums of a few numbers over the ranks; of the same bits for any number of them if all but one are zero.
+        Collective."""
+        if self.comm.size == 1:
+            return values
+        total = np.empty_like(values)
+        self.comm.Allreduce(values, total)
+        return total
+
+    def total_of(self, sums: np.ndarray) -> np.ndarray:
+        """Sums over all columns of the half spectrum, of this rank's (kinds, columns); returns (kinds,). Collective.
+
+        The order does not depend on the number of ranks.
+        """
+        if self.comm.size == 1:
+            return sums.sum(axis=1)
+        kinds = sums.shape[0]
+        gathered = np.empty((self.column_counts.sum(), kinds))
+        self.comm.Allgatherv(np.ascontiguousarray(sums.T), [gathered, self.column_counts * kinds])
+        return np.ascontiguousarray(gathered.T).sum(axis=1)
+
+
 def plain_pair(comm, n: int, effort: str = "estimate"):
     """mpi4py-fft's own r2c + c2r pair on the whole n x n plane, for comparison: a function that does one."""
     plan = PFFT(comm, (n, n), axes=(0, 1), dtype=np.float64, grid=(-1, 1), flags=(EFFORTS[effort],))

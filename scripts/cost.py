@@ -47,17 +47,17 @@ def measured(comm, scene_name: str, overrides: list[str]) -> tuple[dict[str, flo
     start = time.perf_counter()
     state = simulation.run()
     wall = max(comm.allgather(time.perf_counter() - start))
-    inside = max(comm.allgather(simulation.solver.convolve.seconds))
+    inside = max(comm.allgather(simulation.scheme.transform_seconds))
     counters, energies = state.counters, state.energies
     numbers = {
-        "transform pairs": simulation.solver.convolve.pairs,
+        "transform pairs": simulation.scheme.pairs,
         "steps": counters.steps,
         "rejected steps": counters.rejected_steps,
         "Newton iterations": counters.newton_iterations,
         "jumps": counters.jumps,
-        "pairs per step": simulation.solver.convolve.pairs / counters.steps,
+        "pairs per step": simulation.scheme.pairs / counters.steps,
         "wall time (s)": wall,
-        "time per pair (ms)": 1e3 * inside / simulation.solver.convolve.pairs,
+        "time per pair (ms)": 1e3 * inside / simulation.scheme.pairs,
         "share of the transforms (%)": 100.0 * inside / wall,
         "share outside the transforms (%)": 100.0 * (1.0 - inside / wall),
         "energy residual (% of the work)": 100.0 * energies.largest_residual / abs(energies.work),

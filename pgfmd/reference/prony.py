@@ -1,4 +1,4 @@
-"""One Fourier mode of a linear viscoelastic surface: closed responses to steps, ramps and oscillations.
+"""One Fourier mode of a linear viscoelastic surface: responses to steps, ramps and oscillations.
 
 The displacement u (m) follows the traction f (Pa) through u = G0 f/kappa(s), with the static compliance G0 (m/Pa) of
 the mode (half-space: 2/(q E*)) and the modulus ratio kappa. Everything starts from rest at time 0 and is 0 before.
@@ -51,3 +51,37 @@ def gfmd_modulus(omega: ArrayLike, series: PronySeries, gfmd_frequency: float) -
     """
     ratio = np.asarray(omega, dtype=float) / gfmd_frequency
     return series.kappa_of(omega) + series.kappa_inf * (2j * ratio - ratio**2)
+
+
+# Nodes s t of a Talbot contour around the negative real axis (J. A. C. Weideman, L. N. Trefethen, T. Schmelzer, BIT 46
+# (2006) 653, doi:10.1007/s10543-006-0077-9), and their weights: 24 nodes err by 3.89**-24 = 7e-15, more would amplify
+# rounding. Half of them suffice, as responses are real.
+_ANGLES = np.pi * np.arange(1, 24, 2) / 24
+_NODES = 24 * (0.5017 * _ANGLES / np.tan(0.6407 * _ANGLES) - 0.6122 + 0.2645j * _ANGLES)
+_SLOPES = 24 * (
+    0.5017 / np.tan(0.6407 * _ANGLES) - 0.5017 * 0.6407 * _ANGLES / np.sin(0.6407 * _ANGLES) ** 2 + 0.2645j
+)
+_WEIGHTS = np.exp(_NODES) * _SLOPES / 12
+
+
+def gfmd_creep(time: ArrayLike, series: PronySeries, gfmd_frequency: float) -> NDArray:
+    """k_0 u/f_0 of the paper's equations of motion after a traction step: the response its scheme implements.
+
+    m u'' + eta_0 u' + k_inf u = f + sum k_n u_n, eta_n u_n' = k_n (u - u_n), with omega_G = sqrt(k_inf/m) =
+    `gfmd_frequency` (rad/s) and eta_0 = 2 m omega_G; the limit omega_G -> inf is `CreepSeries.creep`. Relative accuracy
+    about 1e-12 at any time, for any number of elements.
+
+    The inverse Laplace transform of 1/(s kappa_GFMD(s)), whose singularities lie within a sector about the negative real
+    axis, on a contour that goes with 1/t. Partial fractions fail where the two fastest modes are nearly degenerate, as
+    critical damping makes them, and a matrix exponential over twelve decades of relaxation times.
+    Raises ValueError for a frequency that is not positive and finite.
+    """
+    if not (np.isfinite(gfmd_frequency) and gfmd_frequency > 0):
+        raise ValueError(f"gfmd_frequency must be finite and > 0 (rad/s), got {gfmd_frequency}")
+    time = np.asarray(time, dtype=float)
+    started = time > 0
+    s = _NODES / np.where(started, time, 1.0)[..., None]
+    x = np.multiply.outer(s, series.tau)
+    ratio = s / gfmd_frequency
+    modulus = 1.0 + (x / (1 + x)) @ series.kappa + series.kappa_inf * ratio * (2 + ratio)
+    return np.where(started, np.imag(_WEIGHTS / (_NODES * modulus)).sum(axis=-1), 0.0)

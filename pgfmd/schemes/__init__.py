@@ -1,9 +1,6 @@
-"""Time-stepping schemes. Each takes a State and a trial step and gives back a Trial; the controller alone accepts it.
+"""Time-stepping schemes.
 
-`inertialess` is the massless limit. The paper's `gfmd` and the rate-independent `quasistatic` have their names reserved
-in `scene_model.SCHEMES`; a scene that asks for one of them is refused until it is here.
+`inertialess`, the massless limit by implicit steps: it takes a State and a trial step and gives back a Trial, which the
+controller alone accepts. `gfmd`, the paper's explicit scheme: it moves the State on. What the simulation asks of both:
+`points`, `height`, `law`, `audit`, `pairs`, `transform_seconds`, `new_state`, `start`, `measure`.
 """
-
-from pgfmd.schemes.inertialess import Inertialess
-
-SCHEMES = {"inertialess": Inertialess}

@@ -39,11 +39,16 @@ class Inertialess:
 
     solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are
     solved to the same tolerance, as their errors enter the error estimate with a tenth of their size. audit: whether to
-    follow energies.
+    follow energies. far_weights: of the far displacement (far_field.py), empty where there is none.
     """
 
-    def __init__(self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool):
+    cure = "Try a smaller solver.accuracy."
+
+    def __init__(
+        self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool, far_weights: np.ndarray
+    ):
         self.solver, self.creep, self.tolerance, self.audit = solver, creep, tolerance, audit
+        self.height, self.law, self.far_weights = solver.height, solver.law, far_weights
         # Without retardation each step is an equilibrium of its own: one stage.
         self.tableau = SDIRK2 if creep.elements else IMPLICIT_EULER
         solver.patience = 1 if creep.elements else ELASTIC_PATIENCE
@@ -56,6 +61,17 @@ class Inertialess:
         self._g = np.zeros((stages, points.size)) if audit else np.zeros((stages, 0))
         self._drift = Drift()
         self._rows = np.zeros((2, points.rows))
+        self._observed = np.zeros((4, points.rows))
+
+    @property
+    def pairs(self) -> int:
+        """Pairs of transforms so far."""
+        return self.solver.convolve.pairs
+
+    @property
+    def transform_seconds(self) -> float:
+        """Time [s] that this rank has spent in transforms."""
+        return self.solver.convolve.seconds
 
     @property
     def order(self) -> int:
@@ -147,6 +163,19 @@ class Inertialess:
         state.last_step = trial.step
         state.counters.steps += 1
         state.power = start_power
+
+    def measure(self, state: State) -> None:
+        """What the curve holds of the present surface: contact, smallest gap, far displacement, adhesive energy.
+        Collective."""
+        solver, points = self.solver, self.points
+        kernels.observe(
+            self.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
+            points.offset, self._observed,
+        )  # fmt: skip
+        rows = points.all_rows(self._observed)
+        contact, energy, far = rows[:3].sum(axis=1)
+        state.contact_points, state.smallest_gap, state.far_displacement = int(contact), -rows[3].max(), far
+        state.energies.adhesive = energy * points.grid.cell_area
 
     def _tolerance(self, sharp: bool, jump: bool) -> float:
         if jump:

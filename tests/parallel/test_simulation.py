@@ -94,7 +94,7 @@ def test_events_come_in_order_and_at_the_times_asked_for():
     assert met == pytest.approx([0.1, 0.2], rel=1e-12)
     at_preload = curve.rows[curve.kinds.index("preload")]
     assert at_preload[2] == pytest.approx(5e-3, rel=1e-4)
-    assert simulation.solver.convolve.pairs == state.counters.transform_pairs
+    assert simulation.scheme.pairs == state.counters.transform_pairs
 
 
 def test_all_ranks_take_the_same_decisions():

@@ -67,7 +67,7 @@ def test_film_in_a_periodic_cell_is_oedometric(base, thickness):
     first, last = full[0], full[-1]
     compliance = (depth[last] - depth[first]) / (force[last] - force[first]) * (100e-6) ** 2
     closed = film.oedometric(result.scene.substrate.thickness, 2e6, 0.3)
-    overlap = 1 / result.simulation.solver.law.stiffness
+    overlap = 1 / result.simulation.scheme.solver.law.stiffness
     assert compliance == pytest.approx(closed + overlap, rel=2e-3)
 
 

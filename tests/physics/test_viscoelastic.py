@@ -161,7 +161,7 @@ def wave_of(simulation):
     x, _ = points.coordinates()
     wave = np.cos(WAVE_NUMBER * x)
     mean, amplitude = f.mean(), 2 * (f * wave).mean()
-    gap = simulation.state.position + simulation.solver.height - simulation.state.displacement
+    gap = simulation.state.position + simulation.scheme.solver.height - simulation.state.displacement
     return mean, amplitude, np.abs(f - mean - amplitude * wave).max(), gap.max()
 
 
@@ -170,7 +170,7 @@ def exact_wave(simulation, time, position, series, amplitude):
     x, _ = simulation.points.coordinates()
     shift = (amplitude * (1 + np.cos(WAVE_NUMBER * x))).min()
     return sinusoid.full_contact_sinusoid(
-        time, np.asarray(position) - shift, amplitude, WAVE_NUMBER, CONTACT_MODULUS, simulation.solver.law.stiffness,
+        time, np.asarray(position) - shift, amplitude, WAVE_NUMBER, CONTACT_MODULUS, simulation.scheme.solver.law.stiffness,
         series.to_creep(),
     )  # fmt: skip
 
@@ -192,7 +192,7 @@ def test_sinusoid_in_full_contact_through_approach_dwell_and_retraction(name):
     # Exact in space: no other wave is excited.
     assert rest[complete].max() < 1e-6 * np.abs(expected_mean).max()
     # In time: the tolerance is 0.005 ranges, of which stiffness makes a traction.
-    allowed = 0.5 * scene.solver.accuracy * RANGE * simulation.solver.law.stiffness
+    allowed = 0.5 * scene.solver.accuracy * RANGE * simulation.scheme.solver.law.stiffness
     assert np.abs(wave[complete] - expected_wave).max() < allowed
     if not series.elements:
         np.testing.assert_allclose(wave[complete], expected_wave, rtol=1e-5)
@@ -257,7 +257,7 @@ def test_error_of_the_sinusoid_falls_with_the_accuracy(name):
         time, position, _, _, wave, _, largest_gap = rows.T
         assert np.all(largest_gap < 0)
         _, expected = exact_wave(simulation, time, position, series, amplitude)
-        errors.append(np.abs(wave - expected).max() / (RANGE * simulation.solver.law.stiffness))
+        errors.append(np.abs(wave - expected).max() / (RANGE * simulation.scheme.solver.law.stiffness))
         # The audit counts from the first state, which is in contact already.
         audit.append(state.energies.largest_residual / state.energies.viscous)
     assert errors[0] < 5e-3

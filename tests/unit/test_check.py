@@ -170,4 +170,4 @@ def test_effort_is_within_a_factor_of_three(name, overrides):
     simulation = assemble(scene, MPI.COMM_SELF)
     state, effort = simulation.run(), effort_of(scene)
     assert 1 / 3 < effort.steps / state.counters.steps < 3
-    assert 1 / 3 < effort.pairs / simulation.solver.convolve.pairs < 3
+    assert 1 / 3 < effort.pairs / simulation.scheme.pairs < 3

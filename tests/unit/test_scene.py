@@ -11,9 +11,10 @@ import pytest
 
 from pgfmd.errors import SceneError
 from pgfmd.scene import load_scene, parse_scene, scene_from_mapping, shipped_scenes, shipped_text
-from pgfmd.scene_checks import MISSING
+from pgfmd.scene_draft import MISSING
 from pgfmd.scene_fields import snapshot_time
-from pgfmd.scene_model import PATTERNS, PRECISIONS, RHEOLOGIES, SCHEMES, SECTIONS, Output, Solver
+from pgfmd.scene_model import PATTERNS, RHEOLOGIES, SECTIONS, Output, Solver
+from pgfmd.scene_solver import PRECISIONS, SCHEMES
 
 PUNCH_VALUES = {
     "radius": "300 um",

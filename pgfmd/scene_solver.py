@@ -1,0 +1,71 @@
+"""The sections [solver] and [solver.gfmd] of a scene."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from pydantic import field_validator
+
+from pgfmd.scene_fields import Section, key, number, quantity, refuse
+
+SCHEMES = {"inertialess": True, "gfmd": True, "quasistatic": False}
+PRECISIONS = {"double": True, "single": False, "mixed": False}
+"""The time-stepping schemes and precisions that have a name, and whether this version has them."""
+
+class GfmdKeys(Section):
+    """The inertia and the step of the scheme `gfmd`; no other scheme reads them."""
+
+    omega_tau: float = number(
+        "omega tau_min: frequency omega of the auxiliary inertia times the shortest relaxation time",
+        2.0 * math.pi,
+        above=0.0,
+    )
+    steps_per_tau: float = number("time steps in the shortest relaxation time", 20.0, above=0.0)
+    fast_pull: float = number(
+        "largest motion of the punch in a step, in ranges of adhesion; where it shortens the step, omega dt stays "
+        "omega_tau/steps_per_tau",
+        0.01,
+        above=0.0,
+    )
+    omega: float | None = quantity(
+        "angular frequency", "frequency omega of the inertia, instead of omega_tau; needs dt", None
+    )
+    dt: float | None = quantity("time", "time step, instead of steps_per_tau and fast_pull; needs omega", None)
+
+    @field_validator("omega", mode="before")
+    @classmethod
+    def _not_in_hertz(cls, value: object) -> object:
+        if isinstance(value, str) and "hz" in value.lower():
+            raise refuse(value, "an angular frequency in rad/s", "multiply by 2 pi and write rad/s")
+        return value
+
+
+def _refuse_planned(value: str, table: dict[str, bool], what: str) -> str:
+    if not table[value]:
+        here = " or ".join(f"'{name}'" for name, available in table.items() if available)
+        raise refuse(value, here, f"the {what} '{value}' is not part of this version")
+    return value
+
+
+class Solver(Section):
+    """The numerics."""
+
+    scheme: Literal["inertialess", "gfmd", "quasistatic"] = key(
+        "time-stepping scheme; `inertialess`, the massless limit by implicit steps, or `gfmd`, the paper's explicit one", "inertialess"
+    )
+    accuracy: float = number("relative error allowed in one time step", 1e-2, at_least=1e-6, at_most=0.3)
+    precision: Literal["double", "single", "mixed"] = key("precision of the transforms; only `double` as yet", "double")
+    max_steps: int = key("largest number of steps", 1_000_000, ge=1)
+
+    @field_validator("scheme")
+    @classmethod
+    def _scheme(cls, value: str) -> str:
+        return _refuse_planned(value, SCHEMES, "scheme")
+
+    @field_validator("precision")
+    @classmethod
+    def _precision(cls, value: str) -> str:
+        return _refuse_planned(value, PRECISIONS, "precision")
+
+
