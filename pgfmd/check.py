@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from pgfmd.advice import automatic_range, remarks, warnings
 from pgfmd.estimate import PROGRAM_BYTES, effort_of, memory_of, punch_points
-from pgfmd.parts import law_of, series_of, topography_of
+from pgfmd.inertia import contact_stiffness
+from pgfmd.parts import compliance_of, inertia_of_scene, law_of, series_of, topography_of
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene_model import SECTIONS, unused_keys
 from pgfmd.units import DIMENSIONS
@@ -125,8 +126,23 @@ def _rheology(scene) -> Iterator[Line]:
     yield Line("time to move by rho", scene.adhesion.range / scene.drive.speed, "s", "rho/v")
     for index, (tau, kappa) in enumerate(zip(series.tau, series.kappa, strict=True), 1):
         yield Line(f"relaxation time {index}", float(tau), "s", f"kappa = {kappa:.4g}")
+    if scene.solver.scheme == "gfmd":
+        yield from _inertia(scene, series)
     for index, (time, weight) in enumerate(zip(creep.retardation_times, creep.J, strict=True), 1):
         yield Line(f"retardation time {index}", float(time), "s", f"J = {weight:.4g}")
+
+
+def _inertia(scene, series) -> Iterator[Line]:
+    inertia = inertia_of_scene(scene)
+    stiffness = contact_stiffness(compliance_of(scene), law_of(scene.adhesion), scene.grid.n, scene.grid.length)
+    yield Line("frequency omega of the inertia", inertia.frequency, "rad/s")
+    yield Line("time step", inertia.step, "s", f"set by the {inertia.limited_by}")
+    note = "omega dt sqrt(1 + K_0 G0/kappa_inf), below 2 where stable"
+    yield Line("stability number", inertia.stiffest(stiffness, series.kappa_inf), "", note)
+    dashpots = float((series.kappa * series.tau).sum())
+    if dashpots > 0.0:
+        share = 2.0 * series.kappa_inf / inertia.frequency / dashpots
+        yield Line("viscosity that the inertia adds", share, "", "2 kappa_inf/omega over sum kappa_n tau_n")
 
 
 def _cost(scene, ranks: int) -> Iterator[Line]:

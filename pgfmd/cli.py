@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pgfmd import __version__, launch
+from pgfmd import __version__, fit_command, launch
 from pgfmd.errors import PgfmdError, Problem, ResultError, SceneError
 
 app = typer.Typer(
@@ -210,6 +210,31 @@ def plot(directory: Annotated[Path, typer.Argument(metavar="DIR", help="A folder
 
     for path in plot_results(directory):
         print(path)
+
+
+@app.command()
+def plot_rheology(
+    scene: SceneName,
+    changes: Changes = None,
+    overrides: Overrides = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = None,
+) -> None:
+    """Draw modulus and creep of a scene's elastomer, and what the paper's auxiliary masses make of them."""
+    from pgfmd.parts import series_of
+    from pgfmd.rheology_plots import plot_rheology as draw
+    from pgfmd.scene import load_scene
+
+    loaded = load_scene(scene, _all(changes, overrides))
+    series = series_of(loaded.rheology)
+    if not series.elements:
+        cure = "give it a relaxation, such as rheology.model=single"
+        raise SceneError(scene, [Problem("rheology.model", loaded.rheology.model, "a modulus that relaxes", cure)])
+    out = out or Path(f"{Path(scene).stem}-rheology.png")
+    draw(series, out, loaded.title)
+    print(out)
+
+
+app.command()(fit_command.fit_prony)
 
 
 @app.command()

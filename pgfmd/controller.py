@@ -16,8 +16,9 @@ from pgfmd.errors import RunError
 from pgfmd.state import State
 
 SAFETY, LARGEST_GROWTH, STRONGEST_CUT, CUT_ON_FAILURE = 0.85, 2.0, 0.2, 0.25
-PRELOAD_TOLERANCE, CLOSE_TO_PRELOAD = 1e-4, 0.95
-"""The preload is met to this fraction; from the second fraction of it on, steps are solved tightly."""
+PRELOAD_TOLERANCE, PRELOAD_SHARE, CLOSE_TO_PRELOAD = 1e-4, 0.1, 0.95
+"""The preload is met to this fraction, or to that share of a smaller tolerance: a late turn shifts the whole way back.
+From the last fraction of it on, steps are solved tightly."""
 JUMP_STEP, JUMP_MOTION = 1e-3, 0.5
 """A refused step becomes a jump when it is below this fraction of the shortest relaxation time, and below this fraction
 of the time in which the punch moves by tolerance times range."""
@@ -62,6 +63,7 @@ class Controller:
 
     def __init__(self, scheme, limits: StepLimits, preload: float):
         self.scheme, self.limits, self.preload = scheme, limits, preload
+        self.slack = min(PRELOAD_TOLERANCE, PRELOAD_SHARE * limits.tolerance) * preload
 
     def advance(self, state: State, phase: Phase, until: float = math.inf):
         """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted Trial, why it
@@ -91,17 +93,17 @@ class Controller:
                 continue
             if phase.ends_with == PRELOAD:
                 excess = trial.force - self.preload
-                past = excess > PRELOAD_TOLERANCE * self.preload
+                past = excess > self.slack
                 if past and bracket is None:
                     bracket = _Bracket(0.0, state.force - self.preload)
-                if past or (bracket is not None and excess < -PRELOAD_TOLERANCE * self.preload):
+                if past or (bracket is not None and excess < -self.slack):
                     other = bracket.narrow(step, excess)
                     if other is not None:
                         state.counters.rejected_steps += 1
                         step, why = other, ""
                         continue
             self._accept(state, trial, wanted if why else step)
-            if phase.ends_with == PRELOAD and trial.force >= self.preload * (1.0 - PRELOAD_TOLERANCE):
+            if phase.ends_with == PRELOAD and trial.force >= self.preload - self.slack:
                 why = "preload"
             return trial, why
         raise RunError(self._stuck(state, phase, step))

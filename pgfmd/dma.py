@@ -1,4 +1,4 @@
-"""Reading dynamic mechanical analysis (DMA): frequency sweeps of E' and E'' from a table, at one temperature or several.
+"""Reading dynamic mechanical analysis (DMA): a table of frequency sweeps of E' and E'', at one temperature or several.
 
 The file is a text with one header line that names quantity and unit of each column,
 
@@ -77,23 +77,24 @@ def read_dma(path: str | Path) -> list[Sweep]:
     (number, header), rows = rows[0], rows[1:]
     if any(_is_number(cell, delimiter) for cell in header):
         raise MeasurementError(
-            f"{path}, line {number}: expected a header such as {EXAMPLE}, found numbers; name the columns and their units"
+            f"{path}, line {number}: expected a header such as {EXAMPLE}, found numbers; name columns and units"
         )
     below = None
-    if rows and not any(_is_number(cell, delimiter) for cell in rows[0][1]):
+    units_are_named = any(_named(cell)[1] for cell in header)
+    if rows and not units_are_named and not any(_is_number(cell, delimiter) for cell in rows[0][1]):
         below, rows = rows[0][1], rows[1:]
     columns = _columns(f"{path}, line {number}", header, below)
     return _isotherms(path, _values(path, rows, columns, delimiter))
 
 
 def temperature_in_kelvin(text: str) -> float:
-    """The temperature (K) of a text such as "25 C" or "298 K". Raises MeasurementError."""
+    """The temperature (K) of a text such as "25 C" or "298 K". Raises ValueError."""
     match = re.fullmatch(r"\s*([+-]?\d+(?:\.\d*)?)\s*(\S.*?)\s*", text)
     if match is None or match[2] not in (*CELSIUS, *KELVIN):
-        raise MeasurementError(f'temperature "{text}": expected a number and C or K, such as "25 C"')
+        raise ValueError(f"'{text}': expected a temperature with its unit, such as 25C or 298K")
     kelvin = float(match[1]) - (ABSOLUTE_ZERO if match[2] in CELSIUS else 0.0)
     if kelvin <= 0:
-        raise MeasurementError(f'temperature "{text}": expected a temperature above absolute zero')
+        raise ValueError(f"'{text}': expected a temperature above absolute zero")
     return kelvin
 
 
@@ -143,7 +144,7 @@ def _quantity(name: str) -> str | None:
 
 
 def _named(cell: str) -> tuple[str | None, str]:
-    """(quantity, unit) of a header's cell: "E' (MPa)", "E' [MPa]", "E' / MPa", "E' MPa", "E'_MPa"; the unit may be ""."""
+    """(quantity, unit) of a header's cell: "E' (MPa)", "E' [MPa]", "E' / MPa", "E' MPa", "E'_MPa"; unit may be ""."""
     for pattern in (r"()(.*)", r"(.*?)\s*[(\[](.*)[)\]]", r"(.*?)\s+/\s+(.*)", r"(.*?)\s*,\s*(.*)", r"(.*)[\s_](\S+)"):
         match = re.fullmatch(pattern, cell.strip())
         if match is None:
@@ -206,7 +207,10 @@ def _factor(where: str, quantity: str, unit: str) -> float:
         try:
             return parse_quantity(f"1 {unit}", "modulus")
         except UnitError:
-            expected, example = "a unit of modulus: Pa, kPa, MPa, GPa", f"{'E' + chr(39) * (1 + (quantity == 'loss'))} (MPa)"
+            expected, example = (
+                "a unit of modulus: Pa, kPa, MPa, GPa",
+                {"storage": "E'", "loss": "E''"}[quantity] + " (MPa)",
+            )
     found = f"found '{unit}'" if unit else "found none"
     raise MeasurementError(f"{where}: expected {expected}, {found}; write for instance {example}")
 

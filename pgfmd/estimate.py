@@ -14,7 +14,7 @@ import numpy as np
 import scipy.fft
 
 from pgfmd.grid import Grid, PunchPoints
-from pgfmd.parts import series_of, transform_side
+from pgfmd.parts import inertia_of_scene, series_of, transform_side
 from pgfmd.reference import flat_punch, hertz
 
 PROGRAM_BYTES = 245e6
@@ -68,6 +68,8 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     also (nb, columns), complex. Cosines of the far field: (n/2 + 1, nb) for all of the block and a temporary, and the
     rank's rows.
     """
+    if scene.solver.scheme == "gfmd":
+        return _gfmd_memory(scene, ranks)
     points = punch_points(scene)
     nb, modes = points.nb, scene.grid.n // 2 + 1
     width = transform_side(scene, nb) // 2 + 1
@@ -77,6 +79,20 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     state, rest = (8.0 * points.total / ranks * count for count in vectors_of(elements, scene.output.energy, periodic))
     transform = 8.0 * columns * width + 16.0 * rows * width + (16.0 * nb * columns if ranks > 1 else 0.0)
     return Memory(state + rest, transform, state, 8.0 * modes * (2 * nb + rows) if periodic else 0.0)
+
+
+def _gfmd_memory(scene, ranks: int) -> Memory:
+    """The same for whole-plane modes: u, its velocity and N elements, complex, (n, columns), and twice G0 on half of
+    them; heights, u and f of the points, of which one rank may hold all; the transform's real plane, and two spectral
+    arrays before and after the transpose."""
+    n, points = scene.grid.n, punch_points(scene)
+    columns, rows = math.ceil((n // 2 + 1) / ranks), math.ceil(n / ranks)
+    spectral = 16.0 * n * columns
+    state = (2 + series_of(scene.rheology).elements) * spectral
+    mine = 8.0 * points.total * min(1.0, rows / points.nb)
+    modes = state + 16.0 * (n // 2 + 1) * columns
+    transform = 8.0 * rows * n + 16.0 * rows * (n // 2 + 1) + 2.0 * spectral
+    return Memory(3.0 * mine + modes, transform, state, 0.0)
 
 
 @dataclass(frozen=True)
@@ -112,6 +128,8 @@ def effort_of(scene) -> Effort:
     instability and cost far more. Without adhesion a few dozen steps are enough; fitted to elastic scenes, it is five
     times too much for a fast viscoelastic one.
     """
+    if scene.solver.scheme == "gfmd":
+        return _gfmd_effort(scene)
     adhesion, drive, modulus = scene.adhesion, scene.drive, scene.substrate.contact_modulus
     creep = series_of(scene.rheology).to_creep()
     way = depth_of(scene)
@@ -135,6 +153,17 @@ def effort_of(scene) -> Effort:
         steps += here
         pairs += here * each * refinement**-0.4
     return Effort(steps, pairs, pair_seconds(scene))
+
+
+def _gfmd_effort(scene) -> Effort:
+    """One pair a step of known length; the time of the programme is that of the static depth, with what adhesion
+    adds to the way back."""
+    drive, depth = scene.drive, depth_of(scene)
+    duration = (depth + max(drive.clearance, 0.0)) / drive.speed + drive.turn_time + drive.dwell
+    duration += (depth + 2.0 * scene.adhesion.range) / drive.retract_speed
+    steps = duration / inertia_of_scene(scene).step
+    # All rows, where the fused transform has those under the punch.
+    return Effort(steps, steps, 2.0 * pair_seconds(scene))
 
 
 def pair_seconds(scene) -> float:

@@ -45,26 +45,30 @@ def _cosines(modes: np.ndarray, indices: np.ndarray, n: int) -> np.ndarray:
 
 
 class FarPoints:
-    """The same u_inf [m] out of the whole plane, where that is at hand: means over the grid points next to the two.
+    """The same u_inf [m] out of the whole plane, where that is at hand.
 
-    plane: transform.Plane. Rows 0 and n - 1 are next to the corner, the middle one or two to the middle of the edge; in
-    each the first and last column.
+    plane: transform.Plane. The corner and, for even n, the middle of the edge lie half-way between grid points: six of
+    them on either axis give the surface there to sixth order in the spacing. (The two terms of u_inf nearly cancel, and
+    means of the nearest points are too coarse.)
     """
 
     def __init__(self, plane):
         n = plane.n
-        rows = np.array([0, n - 1, (n - 1) // 2, n // 2])
+        middle, middle_weights = (n // 2 + _AROUND, _MIDPOINT) if n % 2 == 0 else (np.array([n // 2]), np.ones(1))
+        rows = np.concatenate([_AROUND, middle]) % n
         local = rows - plane.row_start
-        self.plane = plane
+        self.plane, self._columns = plane, _AROUND % n
         self._here = (local >= 0) & (local < plane.real.shape[0])
-        self._rows = np.where(self._here, local, 0)
-        self._weights = 0.5 * np.array([6.0, 6.0, -5.0, -5.0])
+        self._rows = local[self._here]
+        self._weights = np.concatenate([6.0 * _MIDPOINT, -5.0 * middle_weights])
 
     def displacement(self) -> float:
         """u_inf of the surface that the plane holds, the same on every rank. Collective."""
-        real = self.plane.real
-        means = np.zeros(4)
-        if self._here.any():
-            means[self._here] = 0.5 * (real[self._rows, 0] + real[self._rows, -1])[self._here]
+        edge = np.zeros(self._weights.size)
+        if self._rows.size:
+            edge[self._here] = self.plane.real[self._rows[:, None], self._columns] @ _MIDPOINT
         # Each entry comes from one rank alone, so the sum over ranks is exact.
-        return float((self._weights * self.plane.sum_over_ranks(means)).sum())
+        return float(self._weights @ self.plane.sum_over_ranks(edge))
+
+
+_AROUND, _MIDPOINT = np.arange(-3, 3), np.array([3.0, -25.0, 150.0, 150.0, -25.0, 3.0]) / 256.0

@@ -70,37 +70,42 @@ def touch(plane, top, left, first, height, position, law, offset, u, f, rows):
 
 
 @_compile
-def advance_modes(buffer, compliance, u, v, branches, weights, keep, kick, step, decay, old_gain, new_gain, stiffness):
+def advance_modes(
+    buffer, compliance, u, v, branches, weights, rates, keep, kick, step, decay, old_gain, new_gain, stiffness, fold, sums
+):
     """One step of every mode; `buffer` holds the traction and is given the new u, both (n, 2 columns).
 
     v = keep v + kick (G0 f + sum_m kappa_m u_m - kappa_inf u);  u_new = u + step v
     u_m = decay_m u_m + old_gain_m u + new_gain_m u_new        exact for a u that is linear within the step
     compliance G0 / n^2, (n//2 + 1, 2 columns): even in ky, each column twice. branches (N, n, 2 columns); weights:
-    kappa_m.
+    kappa_m. Where `sums` (3, columns) is not empty, it is given the sums over each column, with k_0 = 1/G0, of
+    [0] k_0 (|u|^2 + sum_m kappa_m |u - u_m|^2) / 2,  [1] k_0 |v|^2,  [2] sum_m k_0 kappa_m |u - u_m|^2 rates_m
+    after the step; fold (columns,) says how often a column counts, rates are 1/tau_m. Modes without compliance don't
+    move.
     """
     n, width = buffer.shape
-    elements = branches.shape[0]
-    work = np.empty(width)
+    sums[:] = 0.0
+    work, loss = np.empty(width), np.empty(width)
     for k in range(n // 2 + 1):
-        other = n - k if 0 < k < n - k else k
-        for i in (k, other):
-            if i == k or other != k:
-                _advance_row(
-                    buffer[i], compliance[k], u[i], v[i], branches, i, weights, keep, kick, step, decay, old_gain,
-                    new_gain, stiffness, elements, work,
-                )  # fmt: skip
-            if other == k:
-                break
+        # Rows ky and -ky share their compliance.
+        for sign in range(1 if k == 0 or 2 * k == n else 2):
+            i = n - k if sign else k
+            _advance_row(
+                buffer[i], compliance[k], u[i], v[i], branches, i, weights, keep, kick, step, decay, old_gain, new_gain,
+                stiffness, work,
+            )  # fmt: skip
+            if sums.shape[1] > 0:
+                _add_energies(compliance[k], u[i], v[i], branches, i, weights, rates, fold, work, loss, sums)
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def _advance_row(
-    buffer, compliance, u, v, branches, i, weights, keep, kick, step, decay, old_gain, new_gain, stiffness, elements, work
+    buffer, compliance, u, v, branches, i, weights, keep, kick, step, decay, old_gain, new_gain, stiffness, work
 ):
     width = buffer.size
     for c in range(width):
         work[c] = compliance[c] * buffer[c] - stiffness * u[c]
-    for m in range(elements):
+    for m in range(weights.size):
         branch, weight = branches[m, i], weights[m]
         for c in range(width):
             work[c] += weight * branch[c]
@@ -112,40 +117,27 @@ def _advance_row(
         u[c] = new
         buffer[c] = new
         work[c] = old
-    for m in range(elements):
+    for m in range(weights.size):
         branch, kept, a, b = branches[m, i], decay[m], old_gain[m], new_gain[m]
         for c in range(width):
             branch[c] = kept * branch[c] + a * work[c] + b * u[c]
 
 
 @_compile_sums
-def mode_energies(compliance, u, v, branches, weights, rates, fold, sums):
-    """Sums over the modes of each column, with k_0 = 1/G0; modes without compliance don't move.
-
-    sums (3, columns): [0] k_0 (|u|^2 + sum_m kappa_m |u - u_m|^2) / 2, [1] k_0 |v|^2, [2] sum_m k_0 kappa_m |u -
-    u_m|^2 / tau_m. rates: 1/tau_m. compliance (n//2 + 1, 2 columns) as `advance_modes` has it; fold (columns,): how
-    often a column counts.
-    """
-    n, width = u.shape
-    elements = branches.shape[0]
-    sums[:] = 0.0
-    half, loss = np.empty(width), np.empty(width)
-    for i in range(n):
-        k = min(i, n - i)
-        row, speed = u[i], v[i]
+def _add_energies(compliance, u, v, branches, i, weights, rates, fold, stored, loss, sums):
+    width = u.size
+    for c in range(width):
+        stored[c] = u[c] * u[c]
+        loss[c] = 0.0
+    for m in range(weights.size):
+        branch, weight, rate = branches[m, i], weights[m], rates[m]
         for c in range(width):
-            half[c] = row[c] * row[c]
-            loss[c] = 0.0
-        for m in range(elements):
-            branch, weight, rate = branches[m, i], weights[m], rates[m]
-            for c in range(width):
-                apart = weight * (row[c] - branch[c]) ** 2
-                half[c] += apart
-                loss[c] += rate * apart
-        for j in range(width // 2):
-            g = compliance[k, 2 * j]
-            if g > 0.0:
-                weight = fold[j] / g
-                sums[0, j] += 0.5 * weight * (half[2 * j] + half[2 * j + 1])
-                sums[1, j] += weight * (speed[2 * j] ** 2 + speed[2 * j + 1] ** 2)
-                sums[2, j] += weight * (loss[2 * j] + loss[2 * j + 1])
+            apart = weight * (u[c] - branch[c]) ** 2
+            stored[c] += apart
+            loss[c] += rate * apart
+    for j in range(width // 2):
+        a, b = 2 * j, 2 * j + 1
+        stiffness = fold[j] / compliance[a] if compliance[a] > 0.0 else 0.0
+        sums[0, j] += 0.5 * stiffness * (stored[a] + stored[b])
+        sums[1, j] += stiffness * (v[a] ** 2 + v[b] ** 2)
+        sums[2, j] += stiffness * (loss[a] + loss[b])

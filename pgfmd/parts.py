@@ -129,7 +129,15 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
 
 def _inertia_problems(scene) -> list[Problem]:
     """Whether the scheme gfmd can step this scene at all."""
-    stiffness = contact_stiffness(compliance_of(scene), law_of(scene.adhesion), scene.grid.n, scene.grid.length)
+    problems = []
+    law, clearance = law_of(scene.adhesion), scene.drive.clearance
+    if clearance < law.reach:
+        cure = 'leave it out, or set solver.scheme = "inertialess"'
+        expected = f"a start out of reach, at least {law.reach:.3g} m, as gfmd begins with a surface at rest"
+        problems.append(Problem("drive.clearance", f"{clearance:.3g} m", expected, cure))
+    stiffness = contact_stiffness(compliance_of(scene), law, scene.grid.n, scene.grid.length)
     inertia = inertia_of_scene(scene)
     cure = instability(inertia, stiffness, series_of(scene.rheology).kappa_inf)
-    return [Problem("solver.gfmd", f"dt = {inertia.step:.3g} s", "a stable time step", cure)] if cure else []
+    if cure:
+        problems.append(Problem("solver.gfmd", f"dt = {inertia.step:.3g} s", "a stable time step", cure))
+    return problems

@@ -114,9 +114,8 @@ def _apply(mapping: dict[str, Any], overrides: Sequence[str]) -> list[Problem]:
     problems, replaced = [], {}
     for override in overrides:
         name, equals, text = override.partition("=")
-        section, dot, field_name = (part.strip() for part in name.rpartition("."))
-        if not dot:
-            section, field_name = field_name, ""
+        split = name.rpartition if name.rpartition(".")[0].strip() in SECTIONS else name.partition
+        section, dot, field_name = (part.strip() for part in split("."))
         if not equals or not section or (dot and not field_name) or (not dot and section != "title"):
             problems.append(Problem("override", override, "section.key=value", "for instance drive.speed=10 um/s"))
             continue

@@ -198,16 +198,6 @@ def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("substrate.boundary", "a periodic cell, because the scheme gfmd steps its modes", cure)
 
 
-def gfmd_starts_out_of_reach(draft: Draft) -> Iterator[Problem]:
-    clearance = draft["drive.clearance"]
-    if draft["solver.scheme"] != "gfmd" or clearance == "auto":
-        return
-    reach = draft["adhesion.range"]
-    if clearance < 0.0 or (reach != "auto" and clearance < reach):
-        cure = 'leave it out, or set solver.scheme = "inertialess"'
-        yield draft.problem("drive.clearance", "a start out of reach, as gfmd begins with a surface at rest", cure)
-
-
 def gfmd_is_double(draft: Draft) -> Iterator[Problem]:
     if draft["solver.scheme"] == "gfmd" and draft["solver.precision"] != "double":
         yield draft.problem("solver.precision", "'double' with the scheme gfmd", "delete it")
@@ -226,7 +216,6 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     prony_series_is_sound,
     geometric_times_are_finite,
     gfmd_can_run,
-    gfmd_starts_out_of_reach,
     gfmd_is_double,
     files_exist,
 )

@@ -54,7 +54,7 @@ class Solver(Section):
     scheme: Literal["inertialess", "gfmd", "quasistatic"] = key(
         "time-stepping scheme; `inertialess`, the massless limit by implicit steps, or `gfmd`, the paper's explicit one", "inertialess"
     )
-    accuracy: float = number("relative error allowed in one time step", 1e-2, at_least=1e-6, at_most=0.3)
+    accuracy: float = number("relative error allowed in one time step", 1e-2, at_least=1e-8, at_most=0.3)
     precision: Literal["double", "single", "mixed"] = key("precision of the transforms; only `double` as yet", "double")
     max_steps: int = key("largest number of steps", 1_000_000, ge=1)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +21,8 @@ from pgfmd.prony_fit import ladder, weights_of
 
 FEWEST_TEMPERATURES = 3
 RUNGS_PER_DECADE = 3
+MARGINS = (1.0, 1.0)
+"""Decades of relaxation times beyond the data: without them what lies outside distorts the ends, and C1 by 3 %."""
 LARGEST_C2 = 1e5  # K; so large a C2 is Arrhenius' law
 
 
@@ -33,7 +36,9 @@ class WLF:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.C1) and np.isfinite(self.C2) and self.C1 > 0 and self.C2 > 0):
-            raise ValueError(f"C1 = {self.C1:g}, C2 = {self.C2:g} K: expected positive constants, such as 8.86 and 101.6")
+            raise ValueError(
+                f"C1 = {self.C1:g}, C2 = {self.C2:g} K: expected positive constants, such as 8.86 and 101.6"
+            )
 
     def log_shift(self, temperature: ArrayLike) -> NDArray:
         """log10 a_T at a temperature (K), same shape. Raises ValueError at and below T_ref - C2."""
@@ -68,24 +73,19 @@ def fit_wlf(sweeps: Sequence[Sweep], reference_temperature: float, vertical: boo
 
     Neighbours are first laid over each other one by one; the constants through these shifts are then refined until one
     dense Prony series fits all sweeps best. reference_temperature: K.
-    Raises ValueError for less than three temperatures, or if the shifts contradict the equation.
+    Raises ValueError for less than three temperatures, or if neighbours don't overlap.
     """
     sweeps = sorted(sweeps, key=lambda sweep: sweep.temperature)
     temperatures = np.array([sweep.temperature for sweep in sweeps], dtype=float)
     if temperatures.size < FEWEST_TEMPERATURES:
         raise ValueError(
-            f"C1 and C2 need at least {FEWEST_TEMPERATURES} temperatures, found {temperatures.size}; give them by --wlf C1,C2"
+            f"C1 and C2 need at least {FEWEST_TEMPERATURES} temperatures, found {temperatures.size}; "
+            "give them by --wlf C1,C2"
         )
     middle = temperatures.size // 2
     base, scale = float(temperatures[middle]), reference_temperature if vertical else None
-    steps = [_overlap(cold, warm, scale) for cold, warm in zip(sweeps[:-1], sweeps[1:], strict=True)]
-    shifts = np.concatenate([[0.0], np.cumsum(steps)])
+    shifts = np.concatenate([[0.0], np.cumsum([_overlap(*pair, scale) for pair in pairwise(sweeps)])])
     shifts -= shifts[middle]
-    if shifts[0] <= 0 or shifts[-1] >= 0:
-        raise ValueError(
-            "the sweeps don't overlap as in time-temperature superposition: warmer ones must be softer at a given "
-            "frequency; check the temperatures, or give --wlf C1,C2"
-        )
     # The unknowns are logarithms of C1 and of C2 above its least value, where the coldest sweep is shifted to infinity.
     coldest, rungs = base - temperatures[0], _rungs(sweeps, shifts)
 
@@ -97,7 +97,7 @@ def fit_wlf(sweeps: Sequence[Sweep], reference_temperature: float, vertical: boo
 
     def of_series(unknowns: NDArray) -> NDArray:
         omega, storage, loss = _shifted(sweeps, constants(unknowns).log_shift(temperatures), scale)
-        return weights_of(omega, storage, loss, ladder(omega, rungs))[1].ravel()
+        return weights_of(omega, storage, loss, ladder(omega, rungs, MARGINS))[1].ravel()
 
     bounds = ([np.log(1e-3), np.log(1e-2)], [np.log(1e4), np.log(LARGEST_C2)])
     rough = least_squares(of_shifts, np.log([10.0, 100.0]), bounds=bounds, x_scale="jac")
@@ -118,25 +118,32 @@ def _shifted(sweeps: Sequence[Sweep], shifts: NDArray, reference: float | None) 
 
 def _rungs(sweeps: Sequence[Sweep], shifts: NDArray) -> int:
     omega = _shifted(sweeps, shifts, None)[0]
-    return int(RUNGS_PER_DECADE * np.log10(omega[-1] / omega[0])) + 2
+    return int(RUNGS_PER_DECADE * (np.log10(omega[-1] / omega[0]) + sum(MARGINS))) + 2
 
 
 def _overlap(cold: Sweep, warm: Sweep, reference: float | None) -> float:
-    """log10 of a_T(warm)/a_T(cold), < 0 as a rule, that lays the warm sweep over the cold one.
+    """log10 of a_T(warm)/a_T(cold), < 0, that lays the warm sweep over the cold one: one short series through both.
 
-    Both are put through the same short Prony series: where they don't overlap, the series bridges the gap.
+    Raises ValueError if they don't share a range of moduli.
     """
+    reach = np.log10([sweep.omega[-1] / sweep.omega[0] for sweep in (cold, warm)])
+    # As many rungs for every shift, or else the misfit is not continuous.
+    rungs = int(RUNGS_PER_DECADE * (1.5 * reach.sum() + sum(MARGINS))) + 2
 
     def misfit(shift: float) -> float:
         omega, storage, loss = _shifted((cold, warm), np.array([0.0, shift]), reference)
-        rungs = int(RUNGS_PER_DECADE * span) + 2
-        _, difference = weights_of(omega, storage, loss, ladder(omega, rungs))
+        _, difference = weights_of(omega, storage, loss, ladder(omega, rungs, MARGINS))
         return float(np.mean(difference**2))
 
-    # As many rungs for every shift, or else the misfit is not continuous.
-    reach = np.log10(cold.omega[-1] / cold.omega[0]) + np.log10(warm.omega[-1] / warm.omega[0])
-    span = 1.5 * reach
-    coarse = np.linspace(-1.5 * reach, 0.5 * reach, 41)
+    coarse = np.linspace(-1.5 * reach.sum(), 0.5 * reach.sum(), 41)
     best = coarse[int(np.argmin([misfit(shift) for shift in coarse]))]
     step = coarse[1] - coarse[0]
-    return float(minimize_scalar(misfit, bounds=(best - step, best + step), method="bounded").x)
+    shift = float(minimize_scalar(misfit, bounds=(best - step, best + step), method="bounded").x)
+    lowest = np.log10(cold.omega[0] / warm.omega[-1])
+    if not lowest < shift < 0:
+        what = "share no range of moduli" if shift <= lowest else "lie the wrong way round: the warmer one is stiffer"
+        raise ValueError(
+            f"the sweeps at {cold.temperature:.5g} K and {warm.temperature:.5g} K {what}; "
+            "leave out one of them, or give --wlf C1,C2"
+        )
+    return shift

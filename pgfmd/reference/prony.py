@@ -53,15 +53,15 @@ def gfmd_modulus(omega: ArrayLike, series: PronySeries, gfmd_frequency: float) -
     return series.kappa_of(omega) + series.kappa_inf * (2j * ratio - ratio**2)
 
 
-# Nodes s t of a Talbot contour around the negative real axis (J. A. C. Weideman, L. N. Trefethen, T. Schmelzer, BIT 46
-# (2006) 653, doi:10.1007/s10543-006-0077-9), and their weights: 24 nodes err by 3.89**-24 = 7e-15, more would amplify
-# rounding. Half of them suffice, as responses are real.
-_ANGLES = np.pi * np.arange(1, 24, 2) / 24
-_NODES = 24 * (0.5017 * _ANGLES / np.tan(0.6407 * _ANGLES) - 0.6122 + 0.2645j * _ANGLES)
-_SLOPES = 24 * (
-    0.5017 / np.tan(0.6407 * _ANGLES) - 0.5017 * 0.6407 * _ANGLES / np.sin(0.6407 * _ANGLES) ** 2 + 0.2645j
-)
-_WEIGHTS = np.exp(_NODES) * _SLOPES / 12
+_COUNT = 30
+# Nodes s t of a Talbot contour around the negative real axis (L. N. Trefethen, J. A. C. Weideman, T. Schmelzer, BIT 46
+# (2006) 653, doi:10.1007/s10543-006-0077-9), and their weights. It converges like 3.89**-count; here 24 nodes left
+# errors of 1e-10 at short times, where the response goes with t**2, and more than 30 amplify rounding. Responses are
+# real, so that half of the nodes suffice.
+_ANGLES = np.pi * np.arange(1, _COUNT, 2) / _COUNT
+_NODES = _COUNT * (0.5017 * _ANGLES / np.tan(0.6407 * _ANGLES) - 0.6122 + 0.2645j * _ANGLES)
+_SLOPES = 0.5017 / np.tan(0.6407 * _ANGLES) - 0.5017 * 0.6407 * _ANGLES / np.sin(0.6407 * _ANGLES) ** 2 + 0.2645j
+_WEIGHTS = 2 * np.exp(_NODES) * _SLOPES
 
 
 def gfmd_creep(time: ArrayLike, series: PronySeries, gfmd_frequency: float) -> NDArray:
@@ -71,9 +71,9 @@ def gfmd_creep(time: ArrayLike, series: PronySeries, gfmd_frequency: float) -> N
     `gfmd_frequency` (rad/s) and eta_0 = 2 m omega_G; the limit omega_G -> inf is `CreepSeries.creep`. Relative accuracy
     about 1e-12 at any time, for any number of elements.
 
-    The inverse Laplace transform of 1/(s kappa_GFMD(s)), whose singularities lie within a sector about the negative real
-    axis, on a contour that goes with 1/t. Partial fractions fail where the two fastest modes are nearly degenerate, as
-    critical damping makes them, and a matrix exponential over twelve decades of relaxation times.
+    The inverse Laplace transform of 1/(s kappa_GFMD(s)) on a contour that goes with 1/t: all poles lie within 30
+    degrees of the negative real axis. Partial fractions cancel where the two fastest modes are nearly degenerate, as
+    critical damping makes them.
     Raises ValueError for a frequency that is not positive and finite.
     """
     if not (np.isfinite(gfmd_frequency) and gfmd_frequency > 0):

@@ -41,8 +41,9 @@ class Gfmd:
         self._fold = np.where((plane.kx == 0) | (2 * plane.kx == grid.n), 1.0, 2.0)
         self._top, self._left = points.block_start + points.row_start - plane.row_start, points.block_start
         self._rows = np.zeros((4, points.rows))
-        self._sums = np.zeros((3, plane.kx.size))
+        self._sums, self._rates = np.zeros((3, plane.kx.size if audit else 0)), 1.0 / series.tau
         self._far = FarPoints(plane)
+        self._lengths, self._coefficients = None, ()
 
     @property
     def pairs(self) -> int:
@@ -97,17 +98,26 @@ class Gfmd:
 
     def _advance(self, state: State, step: float) -> None:
         """Modes, velocities (of the middle of the step) and elements; the transform's buffer is given the new modes."""
-        series, omega = self.series, self.inertia.frequency
+        series = self.series
         # The velocity is that of the middle of the last step; it is moved to the middle of this one.
-        between = 0.5 * (step + (state.last_step or step))
-        keep = (1.0 - omega * between) / (1.0 + omega * between)
-        kick = between * omega**2 / (series.kappa_inf * (1.0 + omega * between))
-        x = step / series.tau
-        decay, mean = np.exp(-x), -np.expm1(-x) / x
+        lengths = step, 0.5 * (step + (state.last_step or step))
+        if lengths != self._lengths:
+            self._lengths, self._coefficients = lengths, self._coefficients_of(*lengths)
+        keep, kick, decay, old_gain, new_gain = self._coefficients
         kernels.advance_modes(
             _real(self.plane.spectral), self._compliance, _real(state.modes), _real(state.mode_velocities),
-            _real(state.branches), series.kappa, keep, kick, step, decay, mean - decay, 1.0 - mean, series.kappa_inf,
+            _real(state.branches), series.kappa, self._rates, keep, kick, step, decay, old_gain, new_gain, series.kappa_inf,
+            self._fold, self._sums,
         )  # fmt: skip
+
+    def _coefficients_of(self, step: float, between: float) -> tuple:
+        """Of the velocity (what it keeps, its gain from the force), and of the elements; `between` the middles [s]."""
+        damping = self.inertia.frequency * between
+        keep = (1.0 - damping) / (1.0 + damping)
+        kick = damping * self.inertia.frequency / (self.series.kappa_inf * (1.0 + damping))
+        x = step / self.series.tau
+        decay, mean = np.exp(-x), -np.expm1(-x) / x
+        return keep, kick, decay, mean - decay, 1.0 - mean
 
     def _touch(self, state: State) -> float:
         """Takes the surface under the punch from the plane, and the traction there; returns the force on the punch [N]."""
@@ -127,10 +137,6 @@ class Gfmd:
         """Stored energy (that of the masses included), and what dashpots have taken by the trapezoidal rule."""
         series, omega = self.series, self.inertia.frequency
         area = self.points.grid.length**2
-        kernels.mode_energies(
-            self._compliance, _real(state.modes), _real(state.mode_velocities), _real(state.branches), series.kappa,
-            1.0 / series.tau, self._fold, self._sums,
-        )  # fmt: skip
         stored, moving, lost = self.plane.total_of(self._sums) * (area / self.points.grid.n**2)
         state.energies.elastic = stored + 0.5 * series.kappa_inf / omega**2 * moving
         state.energies.viscous += step * (2.0 * series.kappa_inf / omega * moving + 0.5 * (lost + state.power))

@@ -25,8 +25,9 @@ DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
 LOOSEST_TOLERANCE = 2e-2
 """Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
-EVENT_TOLERANCE = 2.5e-4
-"""Largest tolerance of solves that look for an event: the force is then good to half of the preload's own tolerance."""
+EVENT_TOLERANCE, EVENT_SHARE = 2.5e-4, 0.25
+"""Largest tolerance of solves that look for an event, and largest share of the usual one: the force is then good to
+half of what the preload has to be met to."""
 JUMP_SHARPNESS = 1e-3
 """Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
 tiny, and a loose solve lingers on it."""
@@ -182,7 +183,7 @@ class Inertialess:
             return JUMP_SHARPNESS * self.tolerance
         # An elastic step's only error is that of its solve.
         usual = self.tolerance if self.creep.elements else ELASTIC_SHARPNESS * self.tolerance
-        return min(EVENT_TOLERANCE if sharp else LOOSEST_TOLERANCE, usual)
+        return min(EVENT_TOLERANCE, EVENT_SHARE * usual) if sharp else min(LOOSEST_TOLERANCE, usual)
 
     def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:
         """Start of a stage's solve: through the last three known surfaces, this step's stages included."""

@@ -32,8 +32,9 @@ SINUSOID = {
 
 @dataclass(frozen=True)
 class Row:
-    """One end of a step: programme, forces, points that press, and the energy [J] that a jump released."""
+    """One end of a step: time [s], programme, forces, points that press, and the energy [J] that a jump released."""
 
+    time: float
     phase: str
     position: float
     force: float
@@ -48,7 +49,7 @@ class Recorder:
     def __init__(self):
         self.rows: list[Row] = []
         self.preloaded = np.zeros(0)
-        self.preload_position = math.nan
+        self.preload_position = self.far_at_preload = math.nan
 
     def next_time(self, simulation) -> float:
         return math.inf
@@ -57,11 +58,12 @@ class Recorder:
         state = simulation.state
         if event.kind == "preload":
             self.preloaded, self.preload_position = state.traction.copy(), state.position
+            self.far_at_preload = state.far_displacement
         if event.kind in ("start", "step", "jump"):
             pressing = int(np.count_nonzero(state.traction < 0))
             self.rows.append(
                 Row(
-                    simulation.phase.name, float(state.position), float(state.force), pressing,
+                    state.time, simulation.phase.name, float(state.position), float(state.force), pressing,
                     event.kind == "jump", float(event.released),
                 )
             )  # fmt: skip

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -36,8 +37,9 @@ def pgfmd_command(arguments: list[str], folder: Path, **variables: str) -> subpr
 
 @pytest.mark.parametrize(
     "arguments",
-    [["-h"], ["--version"], ["run", "--help"], ["check", "tri-tack"], ["init", "hertz"], ["bench", "transform", "-h"]],
-)
+    [["-h"], ["--version"], ["run", "--help"], ["check", "tri-tack"], ["init", "hertz"], ["bench", "transform", "-h"],
+     ["fit-prony", "-h"], ["plot-rheology", "-h"]],
+)  # fmt: skip
 def test_light_commands_load_nothing_heavy(arguments, tmp_path):
     done = pgfmd_command(arguments, tmp_path)
     assert done.returncode == 0
@@ -106,6 +108,56 @@ def test_plot_prints_the_pictures(tmp_path):
 def test_plot_of_no_results(tmp_path):
     done = pgfmd_command(["plot", "nothing"], tmp_path)
     assert done.returncode == 4 and "nothing: no such folder" in done.stderr and "Traceback" not in done.stderr
+
+
+def write_dma(path: Path) -> None:
+    omega = [10 ** (0.2 * k - 2) for k in range(31)]
+    rows = [f"{w},{2 + 400 * (w * 1e-2) ** 2 / (1 + (w * 1e-2) ** 2)},{4 * w / (1 + (w * 1e-2) ** 2)}" for w in omega]
+    path.write_text("\n".join(["omega (rad/s),E' (MPa),E'' (MPa)", *rows]))
+
+
+def test_fit_prony_prints_or_writes_the_table(tmp_path):
+    write_dma(tmp_path / "dma.csv")
+    done = pgfmd_command(["fit-prony", "dma.csv"], tmp_path)
+    assert done.returncode == 0 and done.stderr == "loaded []\n"
+    table = tomllib.loads(done.stdout)
+    assert list(table) == ["rheology"] and table["rheology"]["model"] == "prony"
+    assert table["rheology"]["kappa"] == pytest.approx([200], rel=1e-5)
+    assert "misfit" in done.stdout and '# youngs_modulus = "2 MPa"' in done.stdout
+    written = pgfmd_command(["fit-prony", "dma.csv", "--out", "fit.toml", "--plot", "fit.png"], tmp_path)
+    assert written.returncode == 0 and "fit.toml written" in written.stdout and "misfit" in written.stdout
+    assert (tmp_path / "fit.toml").read_text(encoding="utf-8") == done.stdout
+    assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
+    again = pgfmd_command(["fit-prony", "dma.csv", "--out", "fit.toml"], tmp_path)
+    assert again.returncode == 4 and "exists already" in again.stderr
+    assert pgfmd_command(["fit-prony", "dma.csv", "--out", "fit.toml", "--force"], tmp_path).returncode == 0
+
+
+def test_fit_prony_warns_and_refuses(tmp_path):
+    write_dma(tmp_path / "dma.csv")
+    text = (tmp_path / "dma.csv").read_text().splitlines()
+    (tmp_path / "cut.csv").write_text("\n".join(text[:22]))
+    cut = pgfmd_command(["fit-prony", "cut.csv"], tmp_path)
+    assert cut.returncode == 0 and "warning: at the highest frequency tan delta is still" in cut.stderr
+    assert "# warning: at the highest frequency" in cut.stdout
+    missing = pgfmd_command(["fit-prony", "nothing.csv"], tmp_path)
+    assert missing.returncode == 4 and "nothing.csv: could not be read" in missing.stderr
+    wrong = pgfmd_command(["fit-prony", "dma.csv", "-t", "25"], tmp_path)
+    assert wrong.returncode == 2 and "such as 25C or 298K" in wrong.stderr and "Traceback" not in wrong.stderr
+    wrong = pgfmd_command(["fit-prony", "dma.csv", "--wlf", "8"], tmp_path)
+    assert wrong.returncode == 2 and "such as 8.86,101.6" in wrong.stderr
+
+
+def test_plot_rheology_draws_a_scene_and_refuses_an_elastic_one(tmp_path):
+    done = pgfmd_command(["plot-rheology", "tri-tack", "rheology.modulus_ratio=1000"], tmp_path)
+    assert done.returncode == 0 and done.stdout.split() == ["tri-tack-rheology.png"]
+    assert (tmp_path / "tri-tack-rheology.png").read_bytes().startswith(b"\x89PNG")
+    assert "mpi4py" not in done.stderr and "numba" not in done.stderr
+    pgfmd_command(["plot-rheology", "tri-tack", "--out", "mine.png"], tmp_path)
+    assert (tmp_path / "mine.png").exists()
+    elastic = pgfmd_command(["plot-rheology", "hertz", "rheology.model=elastic", "-o", "no.png"], tmp_path)
+    assert elastic.returncode == 2 and "expected a modulus that relaxes" in elastic.stderr
+    assert not (tmp_path / "no.png").exists()
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
+from scipy.special import gammainc
 
 from pgfmd.reference import (
     corrugation,
@@ -344,6 +345,63 @@ def test_gfmd_modulus_adds_a_dashpot_at_low_frequency():
 
 
 SINE = {"amplitude": 2e-7, "wave_number": 4e4, "contact_modulus": MODULUS, "stiffness": 3e12}
+
+
+def papers_equations(series, frequency):
+    """(A, b) of y' = A y + b for y = (u, u'/omega_G, u_1, ... u_N), a force f_0 = k_0 switched on at time 0."""
+    count, stiff = series.elements, frequency / series.kappa_inf
+    matrix, drive = np.zeros((count + 2, count + 2)), np.zeros(count + 2)
+    matrix[0, 1], matrix[1, 0], matrix[1, 1] = frequency, -frequency, -2 * frequency
+    matrix[1, 2:], drive[1] = stiff * series.kappa, stiff
+    matrix[2:, 0], matrix[2:, 2:] = 1 / series.tau, -np.diag(1 / series.tau)
+    return matrix, drive
+
+
+FORTY = PronySeries(np.full(40, (1e6 - 1) / 40), np.logspace(6, -6, 40))
+FIVE = PronySeries.geometric(250, 40e-6, elements=5, time_ratio=6, exponent=0.8)
+
+
+@pytest.mark.parametrize("phase", [0.1, 2 * np.pi, 8 * np.pi])
+@pytest.mark.parametrize(
+    "series", [PronySeries.single(250, 4e-4), FIVE, FORTY], ids=["N = 1", "N = 5", "N = 40, twelve decades"]
+)
+def test_gfmd_creep_solves_the_papers_equations_of_motion(series, phase):
+    frequency = phase / series.tau[-1]
+    matrix, drive = papers_equations(series, frequency)
+    time = np.geomspace(0.1 / frequency, 3 * series.to_creep().retardation_times[0], 40)
+    precise = {"jac": matrix, "rtol": 1e-8, "atol": 1e-15}
+    rest = np.zeros(drive.size)
+    motion = solve_ivp(lambda _, y: matrix @ y + drive, (0, time[-1]), rest, "Radau", time, **precise)
+    np.testing.assert_allclose(prony.gfmd_creep(time, series, frequency), motion.y[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("phase", [0.3, 1.0, 2 * np.pi, 100.0])
+def test_gfmd_creep_agrees_with_the_matrix_exponential(phase):
+    frequency = phase / FIVE.tau[-1]
+    matrix, drive = papers_equations(FIVE, frequency)
+    augmented = np.zeros((8, 8))
+    augmented[:7, :7], augmented[:7, 7] = matrix, drive
+    for time in (2 / frequency, 1e-4, 3e-3, 0.2, 5.0):
+        expected = expm(augmented * time)[0, 7]
+        assert float(prony.gfmd_creep(time, FIVE, frequency)) == pytest.approx(expected, rel=1e-11, abs=0)
+
+
+def test_gfmd_creep_of_an_elastic_mode_is_the_critically_damped_oscillator():
+    """1 - (1 + x) exp(-x), which is the incomplete gamma function P(2, x): a double pole."""
+    time = np.logspace(-9, 9, 200)
+    np.testing.assert_allclose(prony.gfmd_creep(time, PronySeries.elastic(), 3.0), gammainc(2, 3 * time), rtol=1e-12)
+
+
+def test_gfmd_creep_limits():
+    np.testing.assert_array_equal(prony.gfmd_creep([[-1.0, 0.0]], FIVE, 1e5), [[0, 0]])
+    time = np.logspace(-6, 8, 50)
+    # The auxiliary damper slows everything by the share that it adds to the dashpots: 2 kappa_inf/omega_G.
+    np.testing.assert_allclose(prony.gfmd_creep(time, FORTY, 1e18), FORTY.creep(time), rtol=1e-11)
+    coarse = abs(prony.gfmd_creep(1.0, FORTY, 1e10) / FORTY.creep(1.0) - 1)
+    fine = abs(prony.gfmd_creep(1.0, FORTY, 1e11) / FORTY.creep(1.0) - 1)
+    assert 9 < coarse / fine < 11 and coarse > 1e-12
+    with pytest.raises(ValueError, match="gfmd_frequency must be finite and > 0"):
+        prony.gfmd_creep(1.0, FIVE, 0.0)
 
 
 def test_full_contact_sinusoid_solves_its_ordinary_differential_equation():

@@ -82,6 +82,25 @@ def test_round_trip_sum_rules_and_interlacing(ladder):
     np.testing.assert_allclose(prony.kappa_of(omega) * creep.compliance_of(omega), 1, rtol=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_both_forms_respond_alike_over_twelve_decades_with_crowded_times(seed):
+    """Up to 40 elements, times and weights over twelve decades, two in five times within 1e-9 to 0.1 of another."""
+    random = np.random.default_rng(seed)
+    elements = 40 - seed % 10 * 4
+    tau, kappa = 10.0 ** random.uniform(-6, 6, elements), 10.0 ** random.uniform(-6, 6, elements)
+    for index in np.flatnonzero(random.random(elements) < 0.4):
+        tau[index] = tau[index - 1] * (1 + 10.0 ** random.uniform(-9, -1))
+    prony = PronySeries(kappa, tau)
+    creep = prony.to_creep()
+    omega, time = np.logspace(-9, 9, 300), np.logspace(-9, 9, 300)
+    np.testing.assert_allclose(prony.kappa_of(omega) * creep.compliance_of(omega), 1, rtol=1e-12)
+    np.testing.assert_allclose(creep.storage(omega), prony.storage(omega), rtol=1e-12)
+    np.testing.assert_allclose(creep.loss(omega), prony.loss(omega), rtol=1e-12)
+    np.testing.assert_allclose(creep.relaxation(time), prony.relaxation(time), rtol=1e-12)
+    np.testing.assert_allclose(creep.to_maxwell().creep(time), creep.creep(time), rtol=1e-12)
+    np.testing.assert_array_equal(prony.creep(time), creep.creep(time))
+
+
 @pytest.mark.parametrize("epsilon", [2e-8, 1e-6, 1e-4])
 def test_round_trip_of_nearly_equal_times_keeps_the_response(epsilon):
     prony = PronySeries([1.0, 2.0, 700.0], [1.0, 1.0 - epsilon, 1e-4])

@@ -350,7 +350,7 @@ def test_a_folder_or_an_impossible_name_is_refused(tmp_path):
         ("adhesion.range_factor=0", "above 0"),
         ("adhesion.law=cosin", "did you mean cosine?"),
         ("solver.accuracy=0.5", "at most 0.3"),
-        ("solver.accuracy=1e-7", "at least 1e-06"),
+        ("solver.accuracy=1e-9", "at least 1e-08"),
         ("solver.max_steps=0", "greater than or equal to 1"),
         ("output.every=0", "greater than or equal to 1"),
         ("output.surface=1", "boolean"),

@@ -23,8 +23,8 @@ NAMES = {file: dotted(file) for file in FILES}
 LONGEST_FILE, LONGEST_FUNCTION = 300, 60
 
 PLAIN = ["rheology", "cohesion", "drive", "topography", "asperities", "heightfile", "halfspace", "film", "free_kernel",
-         "retardation", "drift", "reference", "units", "errors"]  # fmt: skip
-READERS = ["results", "plots", "map_plots"]
+         "retardation", "drift", "reference", "units", "errors", "dma", "prony_fit", "temperature_shift"]  # fmt: skip
+READERS = ["results", "plots", "map_plots", "rheology_plots", "rheology_table", "fit_command"]
 HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
 
 
