@@ -93,7 +93,7 @@ def test_beyond_the_limit_the_energy_audit_explodes():
     keys = (GFMD, "rheology.model=elastic", "substrate.boundary=periodic", "solver.gfmd.omega=1e4 rad/s", "grid.n=32")
     unit = stability_number(load_scene("flat-punch", [*keys, "solver.gfmd.dt=1 s"]), 1.0)
     shares = []
-    for number in (1.9, 2.6):
+    for number in (0.5, 2.6):
         scene = load_scene("flat-punch", [*keys, f"solver.gfmd.dt={number / unit!r} s", "drive.speed=1 mm/s"])
         energies = assemble(scene, MPI.COMM_SELF).run().energies
         shares.append(energies.largest_residual / abs(energies.work))
@@ -145,9 +145,3 @@ def test_what_gfmd_cannot_do_is_refused(override, key):
 def test_a_start_in_contact_is_refused():
     with pytest.raises(SceneError, match=r"drive\.clearance(.|\n)*out of reach"):
         parts.confirm(load_scene("tri-tack", [GFMD, "drive.clearance=0 m"]), "tri-tack")
-
-
-def test_the_far_displacement_is_that_of_the_massless_limit():
-    slow = (*FAST, "drive.speed=20 um/s", "drive.preload=2 mN")
-    ours, limit = (run("tri-tack", *slow, *more).recorder for more in ((GFMD,), ("solver.accuracy=1e-3",)))
-    assert ours.far_at_preload == pytest.approx(limit.far_at_preload, rel=0.02)
