@@ -20,14 +20,14 @@ STEP_SHARE = 0.7
 accuracy then gives the pull-off force to 0.1 %, for 8 % fewer transforms than 0.5; 1.0 gives it to 0.5 %."""
 
 
-def convolution_of(scene, points: PunchPoints, whole_cell: bool = False) -> Convolution:
-    """The operator G0 on the scene's grid; `whole_cell`: fit for `Convolution.whole_cell` too."""
+def convolution_of(scene, points: PunchPoints, whole_cell: bool = False, dtype=np.float64) -> Convolution:
+    """The operator G0 on the scene's grid; `whole_cell`: fit for `Convolution.whole_cell` too; dtype: its precision."""
     compliance = parts.compliance_of(scene)
     if scene.substrate.boundary == "periodic":
         make = periodic_multiplier(compliance, scene.grid.length)
     else:
         make = free_multiplier(compliance, points.grid.spacing)
-    return Convolution(points, parts.transform_side(scene, points.nb, whole_cell), make)
+    return Convolution(points, parts.transform_side(scene, points.nb, whole_cell), make, dtype=dtype)
 
 
 def heights_of(scene, points: PunchPoints) -> np.ndarray:
@@ -50,13 +50,17 @@ def _inertialess(scene, comm):
     """Scheme and controller of the massless limit."""
     points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm)
     law = parts.law_of(scene.adhesion)
-    convolve, height = convolution_of(scene, points), heights_of(scene, points)
-    solver = NewtonSolver(points, convolve, height, law, scene.drive.preload)
+    dtype = np.dtype(np.float32 if scene.solver.precision == "single" else np.float64)
+    convolve = convolution_of(scene, points, dtype=dtype)
+    rough = convolution_of(scene, points, dtype=np.float32) if scene.solver.precision == "mixed" else None
+    height = heights_of(scene, points).astype(dtype, copy=False)
+    solver = NewtonSolver(points, convolve, height, law, scene.drive.preload, rough)
     series = parts.series_of(scene.rheology)
     tolerance = STEP_SHARE * scene.solver.accuracy
     periodic = scene.substrate.boundary == "periodic"
     weights = far_weights(parts.compliance_of(scene), points) if periodic else np.zeros(0)
-    scheme = Inertialess(solver, series.to_creep(), tolerance, scene.output.energy, weights)
+    weights = weights.astype(dtype, copy=False)
+    scheme = Inertialess(solver, series.to_creep(), tolerance, scene.output.energy, weights, scene.solver.order)
     shortest = float(series.tau.min()) if series.elements else math.inf
     limits = StepLimits(tolerance, law.range, shortest, law.attractive)
     return scheme, Controller(scheme, limits, scene.drive.preload)

@@ -10,15 +10,19 @@ from __future__ import annotations
 
 import numpy as np
 
-ROUNDING = 4e-16
-"""Standard deviation of the drift of a freshly evaluated surface, relative to its size."""
+ROUNDING, SINGLE_ROUNDING = 4e-16, 2e-7
+"""Standard deviation of the drift of a freshly evaluated surface, relative to its size, in double and single precision."""
 
 
 class Drift:
-    """Covariance of the drift [ranges of adhesion, squared] of the known surfaces, newest first, (k, k)."""
+    """Covariance of the drift [ranges of adhesion, squared] of the known surfaces, newest first, (k, k).
 
-    def __init__(self, covariance: np.ndarray | None = None):
+    rounding: `ROUNDING`, or `SINGLE_ROUNDING` for surfaces in single precision.
+    """
+
+    def __init__(self, covariance: np.ndarray | None = None, rounding: float = ROUNDING):
         self.covariance = np.zeros((1, 1)) if covariance is None else covariance
+        self.rounding = rounding
 
     def extrapolated(self, weights: list[float], size: float) -> Drift:
         """With a new surface in front that is the sum of weights * known surfaces. size: |u| in ranges of adhesion."""
@@ -26,12 +30,12 @@ class Drift:
         c = np.zeros(known)
         c[: len(weights)] = weights
         shared = self.covariance @ c
-        fresh = (ROUNDING * size) ** 2 * (1.0 + c @ c)
+        fresh = (self.rounding * size) ** 2 * (1.0 + c @ c)
         result = np.empty((known + 1, known + 1))
         result[0, 0] = c @ shared + fresh
         result[0, 1:] = result[1:, 0] = shared
         result[1:, 1:] = self.covariance
-        return Drift(result)
+        return Drift(result, self.rounding)
 
     @property
     def newest(self) -> float:
@@ -42,9 +46,15 @@ class Drift:
         """After the newest surface has been evaluated anew."""
         result = self.covariance.copy()
         result[0, :] = result[:, 0] = 0.0
-        result[0, 0] = (ROUNDING * size) ** 2
-        return Drift(result)
+        result[0, 0] = (self.rounding * size) ** 2
+        return Drift(result, self.rounding)
+
+    def disturbed(self, amount: float) -> Drift:
+        """With an error of this standard deviation [ranges of adhesion] more in the newest surface."""
+        result = self.covariance.copy()
+        result[0, 0] += amount**2
+        return Drift(result, self.rounding)
 
     def kept(self, which: list[int]) -> Drift:
         """Of these surfaces alone, by position."""
-        return Drift(self.covariance[np.ix_(which, which)])
+        return Drift(self.covariance[np.ix_(which, which)], self.rounding)

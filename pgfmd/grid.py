@@ -97,9 +97,9 @@ class PunchPoints:
         last = np.searchsorted(position, half_width, side="right")
         return first.astype(np.int64), np.maximum(first, last).astype(np.int64)
 
-    def zeros(self) -> np.ndarray:
+    def zeros(self, dtype=np.float64) -> np.ndarray:
         """A new point vector of zeros (size,)."""
-        return np.zeros(self.size)
+        return np.zeros(self.size, dtype)
 
     def coordinates(self) -> tuple[np.ndarray, np.ndarray]:
         """x and y [m] of the local points, relative to the punch's axis, each (size,)."""

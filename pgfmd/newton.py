@@ -20,9 +20,16 @@ import numpy as np
 from pgfmd import kernels
 
 
+SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32", "float32"): 1e-6}
+"""How far Phi may rise by rounding, relative to itself: by the precision of u and w, and of the corrections."""
+
+
 @dataclass(frozen=True)
 class Outcome:
-    """How a solve ended: whether it converged, its iterations, the force on the punch [N], by how much Phi fell [J]."""
+    """How a solve ended: whether it converged, its iterations, the force on the punch [N], by how much Phi fell [J].
+
+    moved: sum of the largest moves of the surface [ranges of adhesion] by all corrections.
+    """
 
     converged: bool
     newton_iterations: int
@@ -30,13 +37,15 @@ class Outcome:
     force: float
     potential_drop: float
     met_negative_curvature: bool
+    moved: float = 0.0
 
 
 class NewtonSolver:
     """Solves implicit steps on point vectors. Holds the work arrays; keeps nothing from one solve to the next.
 
     points: PunchPoints. convolve: the Convolution with G0. height z [m] (size,). law: CohesiveLaw. force_scale [N]: the
-    force that a relative error of one would be, the preload.
+    force that a relative error of one would be, the preload. rough: the same operator in single precision, if
+    corrections are to be found by it; residuals, u and w keep the precision of `convolve`.
     After a solve, `traction` and `curvature` are those of the solution.
     """
 
@@ -55,14 +64,18 @@ class NewtonSolver:
     force_share = 0.2
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
 
-    def __init__(self, points, convolve, height: np.ndarray, law, force_scale: float):
+    def __init__(self, points, convolve, height: np.ndarray, law, force_scale: float, rough=None):
         self.force_scale = force_scale
         # A traction on the whole plane has a mean, and a half-space no compliance for it.
         self.floating = points.total == points.grid.n**2 and convolve.mean_compliance == 0.0
         self.points, self.convolve, self.height, self.law = points, convolve, height, law
         self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
-        self.traction, self.curvature, self._r = points.zeros(), points.zeros(), points.zeros()
-        self._s, self._t, self._p, self._y, self._z = (points.zeros() for _ in range(5))
+        self.rough = rough or convolve
+        self.operators = [convolve, rough] if rough else [convolve]
+        self.dtype, self._slack = convolve.dtype, SLACK[convolve.dtype.name, self.rough.dtype.name]
+        self.traction = points.zeros(self.dtype)
+        vectors = [points.zeros(self.rough.dtype) for _ in range(7)]
+        self.curvature, self._r, self._s, self._t, self._p, self._y, self._z = vectors
         self._rows = np.zeros((3, points.rows))
 
     def solve(
@@ -76,7 +89,7 @@ class NewtonSolver:
         rho is no small stress.) jump: the way down may be long. Where it does not converge, u and w stay at the lowest
         Phi found.
         """
-        trust, cg_count, negative, renewed = 1.0, 0, False, False
+        trust, way, cg_count, negative, renewed = 1.0, 0.0, 0, False, False
         self._s[:] = 0.0
         self._t[:] = 0.0
         potential, pull, imbalance = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
@@ -104,16 +117,17 @@ class NewtonSolver:
             gained, potential = potential - trial, trial
             small = size < tolerance or (self.forcing + size) * size < tolerance
             if scale == 1.0 and not bent and small and abs(imbalance) <= unbalanced:
-                return self._outcome(True, count, cg_count, pull, start - potential, negative)
+                return self._outcome(True, count, cg_count, pull, start - potential, negative, way + size)
             moved = scale * size
+            way += moved
             trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
-        return self._outcome(False, count, cg_count, pull, start - potential, negative)
+        return self._outcome(False, count, cg_count, pull, start - potential, negative, way)
 
     def _go_down(self, position, u, w, history, compliance, potential, longest, shortest):
         """Halves the step along s until Phi does not rise; (step, what `_evaluate` gives there), step 0 where it always
         rises."""
         scale = longest
-        slack = 1e-12 * abs(potential) + 1e-13 * self.law.work_of_adhesion * self.points.total
+        slack = self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
         while scale >= shortest:
             values = self._evaluate(position, u, w, scale, scale * compliance, history, compliance)
             if values[0] <= potential + slack:
@@ -121,9 +135,9 @@ class NewtonSolver:
             scale *= 0.5
         return 0.0, self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
 
-    def _outcome(self, converged, newton_count, cg_count, pull, drop, negative) -> Outcome:
+    def _outcome(self, converged, newton_count, cg_count, pull, drop, negative, moved) -> Outcome:
         area = self.points.grid.cell_area
-        return Outcome(converged, newton_count, cg_count, -pull * area, drop * area, negative)
+        return Outcome(converged, newton_count, cg_count, -pull * area, drop * area, negative, moved)
 
     def _evaluate(self, position, u, w, step, weight, history, compliance):
         """(Phi, sum of f, sum of r), per area of a point; sets traction, curvature and residual at u + step s."""
@@ -144,7 +158,7 @@ class NewtonSolver:
         size, previous, quiet = 0.0, 1.0, 0
         imbalance = self._level(imbalance)
         for count in range(1, self.largest_cg_count + 1):
-            self.convolve(r, z, compliance)
+            self.rough(r, z, compliance)
             kernels.dot(r, z, points.offset, self._rows)
             energy = points.total_of(self._rows[:1])[0]
             if energy <= 0.0:

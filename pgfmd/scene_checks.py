@@ -19,6 +19,10 @@ from pgfmd.units import format_quantity
 
 ROUNDING = 1.0 + 1e-9
 LONGEST_TIME = 1e15
+SINGLE_ROUNDING, SINGLE_SHARE, FINEST_SINGLE = 6e-8, 0.02, 1e-3
+"""Single precision: its rounding, which the traction f = (w - w_hist)/J carries times E(inf)/E(0); what share of the
+accuracy that may be; and the finest accuracy."""
+_MIXED = 'set solver.precision = "mixed"'
 
 
 def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
@@ -203,6 +207,25 @@ def gfmd_is_double(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("solver.precision", "'double' with the scheme gfmd", "delete it")
 
 
+def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
+    if draft["solver.precision"] != "single":
+        return
+    accuracy = draft["solver.accuracy"]
+    if accuracy < FINEST_SINGLE:
+        yield draft.problem("solver.accuracy", f"at least {FINEST_SINGLE:g} in single precision", _MIXED)
+    if _modulus_ratio(draft) * SINGLE_ROUNDING > SINGLE_SHARE * accuracy:
+        most = SINGLE_SHARE * accuracy / SINGLE_ROUNDING
+        name = "rheology.kappa" if draft["rheology.model"] == "prony" else "rheology.modulus_ratio"
+        yield draft.problem(name, f"E(infinity)/E(0) of at most {most:.3g} at this accuracy in single precision", _MIXED)
+
+
+def _modulus_ratio(draft: Draft) -> float:
+    model = draft["rheology.model"]
+    if model == "elastic":
+        return 1.0
+    return 1.0 + sum(draft["rheology.kappa"] or ()) if model == "prony" else draft["rheology.modulus_ratio"] or 1.0
+
+
 RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     punch_keys,
     rheology_keys,
@@ -217,6 +240,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     geometric_times_are_finite,
     gfmd_can_run,
     gfmd_is_double,
+    single_precision_is_enough,
     files_exist,
 )
 

@@ -10,8 +10,8 @@ from pydantic import field_validator
 from pgfmd.scene_fields import Section, key, number, quantity, refuse
 
 SCHEMES = {"inertialess": True, "gfmd": True, "quasistatic": False}
-PRECISIONS = {"double": True, "single": False, "mixed": False}
-"""The time-stepping schemes and precisions that have a name, and whether this version has them."""
+"""The time-stepping schemes that have a name, and whether this version has them."""
+PRECISIONS = ("double", "mixed", "single")
 
 class GfmdKeys(Section):
     """The inertia and the step of the scheme `gfmd`; no other scheme reads them."""
@@ -41,31 +41,24 @@ class GfmdKeys(Section):
         return value
 
 
-def _refuse_planned(value: str, table: dict[str, bool], what: str) -> str:
-    if not table[value]:
-        here = " or ".join(f"'{name}'" for name, available in table.items() if available)
-        raise refuse(value, here, f"the {what} '{value}' is not part of this version")
-    return value
-
-
 class Solver(Section):
     """The numerics."""
 
     scheme: Literal["inertialess", "gfmd", "quasistatic"] = key(
-        "time-stepping scheme; `inertialess`, the massless limit by implicit steps, or `gfmd`, the paper's explicit one", "inertialess"
+        "time-stepping scheme: `inertialess`, the massless limit by implicit steps, or `gfmd`, the paper's explicit one",
+        "inertialess",
     )
     accuracy: float = number("relative error allowed in one time step", 1e-2, at_least=1e-8, at_most=0.3)
-    precision: Literal["double", "single", "mixed"] = key("precision of the transforms; only `double` as yet", "double")
+    order: Literal[2, 1] = key("order of implicit steps: 2 (two stages, SDIRK2) or 1 (implicit Euler)", 2)
+    precision: Literal["double", "mixed", "single"] = key(
+        "`double`; `mixed`: single within conjugate gradients, double in all that lasts; `single`: all fields", "double"
+    )
     max_steps: int = key("largest number of steps", 1_000_000, ge=1)
 
     @field_validator("scheme")
     @classmethod
     def _scheme(cls, value: str) -> str:
-        return _refuse_planned(value, SCHEMES, "scheme")
-
-    @field_validator("precision")
-    @classmethod
-    def _precision(cls, value: str) -> str:
-        return _refuse_planned(value, PRECISIONS, "precision")
-
-
+        if not SCHEMES[value]:
+            here = " or ".join(f"'{name}'" for name, available in SCHEMES.items() if available)
+            raise refuse(value, here, f"the scheme '{value}' is not part of this version")
+        return value

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from pgfmd import kernels
-from pgfmd.drift import Drift
+from pgfmd.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.drive import Phase
 from pgfmd.extrapolation import lagrange_weights, parabola_integral
 from pgfmd.newton import NewtonSolver
@@ -40,39 +40,44 @@ class Inertialess:
 
     solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are
     solved to the same tolerance, as their errors enter the error estimate with a tenth of their size. audit: whether to
-    follow energies. far_weights: of the far displacement (far_field.py), empty where there is none.
+    follow energies. far_weights: of the far displacement (far_field.py), empty where there is none. order: 2 or 1, of
+    steps with retardation. All fields have the precision of the solver's convolution.
     """
 
     cure = "Try a smaller solver.accuracy."
 
     def __init__(
-        self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool, far_weights: np.ndarray
-    ):
+        self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool, far_weights: np.ndarray,
+        order: int = 2,
+    ):  # fmt: skip
         self.solver, self.creep, self.tolerance, self.audit = solver, creep, tolerance, audit
         self.height, self.law, self.far_weights = solver.height, solver.law, far_weights
         # Without retardation each step is an equilibrium of its own: one stage.
-        self.tableau = SDIRK2 if creep.elements else IMPLICIT_EULER
+        self.tableau = SDIRK2 if creep.elements and order == 2 else IMPLICIT_EULER
         solver.patience = 1 if creep.elements else ELASTIC_PATIENCE
         points, stages = solver.points, self.tableau.stages
         self.points = points
-        self._u = [points.zeros() for _ in range(stages)]
-        self._w = [points.zeros() for _ in range(stages)]
-        self._f = np.zeros((stages, points.size))
-        self._history = np.zeros((stages, points.size))
-        self._g = np.zeros((stages, points.size)) if audit else np.zeros((stages, 0))
-        self._drift = Drift()
+        self._u = [points.zeros(solver.dtype) for _ in range(stages)]
+        self._w = [points.zeros(solver.dtype) for _ in range(stages)]
+        self._f = np.zeros((stages, points.size), solver.dtype)
+        self._history = np.zeros((stages, points.size), solver.dtype)
+        self._g = np.zeros((stages, points.size if audit else 0), solver.dtype)
+        self._rounding = ROUNDING if solver.dtype == np.float64 else SINGLE_ROUNDING
+        # By how much corrections in single precision let u and w part, relative to the way they go.
+        self._rough = SINGLE_ROUNDING if solver.rough.dtype == np.float32 else 0.0
+        self._drift = Drift(rounding=self._rounding)
         self._rows = np.zeros((2, points.rows))
         self._observed = np.zeros((4, points.rows))
 
     @property
     def pairs(self) -> int:
         """Pairs of transforms so far."""
-        return self.solver.convolve.pairs
+        return sum(operator.pairs for operator in self.solver.operators)
 
     @property
     def transform_seconds(self) -> float:
         """Time [s] that this rank has spent in transforms."""
-        return self.solver.convolve.seconds
+        return sum(operator.seconds for operator in self.solver.operators)
 
     @property
     def order(self) -> int:
@@ -82,10 +87,11 @@ class Inertialess:
     def new_state(self, position: float) -> State:
         """A state with the surface at rest, the punch at `position` [m]; call `start` before stepping."""
         points, elements = self.points, self.creep.elements
-        branches = np.zeros((elements, points.size))
-        images = np.zeros((elements, points.size if self.audit else 0))
-        zeros = points.zeros
-        return State(zeros(), zeros(), zeros(), branches, images, position, phase_start=position)
+        dtype = self.solver.dtype
+        branches = np.zeros((elements, points.size), dtype)
+        images = np.zeros((elements, points.size if self.audit else 0), dtype)
+        u, w, f = (points.zeros(dtype) for _ in range(3))
+        return State(u, w, f, branches, images, position, phase_start=position)
 
     def start(self, state: State) -> float:
         """Brings the surface into instantaneous balance with the punch at its first position; returns the force [N].
@@ -127,6 +133,7 @@ class Inertialess:
                 trial.position, history, weights.compliance[i], self._u[i], self._w[i],
                 self._tolerance(sharp, jump), jump,
             )  # fmt: skip
+            self._drift = self._drift.disturbed(self._rough * outcome.moved)
             trial.newton_iterations += outcome.newton_iterations
             trial.cg_iterations += outcome.cg_iterations
             trial.potential_drop += outcome.potential_drop
@@ -138,7 +145,7 @@ class Inertialess:
             self._f[i] = self.solver.traction
         trial.change = self._change(state, trial)
         if self.creep.elements:
-            trial.error = trial.change.error(self.tableau.error_constant)
+            trial.error = trial.change.error(self.tableau.error_constant, self.order)
         else:
             trial.error = trial.change.elastic_error(self.solver.law.attractive)
         return trial
@@ -195,7 +202,7 @@ class Inertialess:
             times = [ahead * nodes[last] / nodes[stage], *times]
             u, w = [self._u[last], *u], [self._w[last], *w]
         else:
-            self._drift = Drift(state.drift)
+            self._drift = Drift(state.drift, self._rounding)
         c = lagrange_weights(times[: 1 if trial.is_jump else 3], ahead)
         kernels.combine(*_terms(c, u), self._u[stage])
         kernels.combine(*_terms(c, w), self._w[stage])
@@ -207,10 +214,13 @@ class Inertialess:
 
     def _change(self, state: State, trial: Trial) -> Change:
         """How far the step has moved surface and force, and how far from where the last steps point."""
-        known = [state.displacement, *state.past_u]
-        times = [0.0, *-np.cumsum(state.past_steps)]
+        # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path is.
+        count = self.order + 1 if self.creep.elements else 3
+        known = [state.displacement, *state.past_u][:count]
+        times = [0.0, *-np.cumsum(state.past_steps)][:count]
         c = lagrange_weights(times, trial.step)
-        extrapolated = sum(weight * force for weight, force in zip(c, [state.force, *state.past_forces], strict=True))
+        forces = [state.force, *state.past_forces][:count]
+        extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=True))
         law, scale = self.solver.law, max(
             self.solver.force_scale, abs(trial.force), -state.pull_off_force, -state.snap_in_force
         )  # fmt: skip
@@ -244,7 +254,7 @@ class Inertialess:
             state.past_steps.pop()
             state.past_forces.pop()
         else:
-            old_u, old_w = self.points.zeros(), self.points.zeros()
+            old_u, old_w = (self.points.zeros(self.solver.dtype) for _ in range(2))
         if trial.change.largest < self.tolerance:
             # Where hardly anything moves, extrapolation would only amplify the errors of the solves.
             state.forget_history()

@@ -38,18 +38,18 @@ class Change:
         """The larger of the two changes over the step."""
         return max(self.surface, self.force)
 
-    def error(self, error_constant: float) -> float:
-        """Error of the end of a second-order step, of surface or force, whichever is larger.
+    def error(self, error_constant: float, order: int) -> float:
+        """Error of the end of a step of this order, of surface or force, whichever is larger.
 
-        The distance is the parabola's error plus the step's own; both go with the third derivative, and error_constant
-        (retardation.Tableau) tells their ratio. An error is hardly more than half of the change itself, but extrapolated
-        errors of earlier solves can be.
+        The distance is the extrapolating polynomial's error plus the step's own; where that goes through order + 1 ends
+        of steps, both go with the same derivative, and error_constant (retardation.Tableau) tells their ratio. An error
+        is hardly more than half of the change itself, but extrapolated errors of earlier solves can be.
         """
         share = FEW_STEPS_SHARE
-        if len(self.times) == 3:
-            parabola = self.step * (self.step - self.times[1]) * (self.step - self.times[2]) / 6.0
-            own = error_constant * self.step**3
-            share = max(SMALLEST_SHARE, own / (parabola + own))
+        if len(self.times) == order + 1:
+            polynomial = math.prod(self.step - time for time in self.times) / math.factorial(order + 1)
+            own = error_constant * self.step ** (order + 1)
+            share = max(SMALLEST_SHARE, own / (polynomial + own))
         surface = min(share * self.surface_distance, 0.5 * self.surface)
         return max(surface, min(share * self.force_distance, 0.5 * self.force))
 

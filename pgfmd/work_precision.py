@@ -1,0 +1,160 @@
+"""Work-precision studies: runs without files, their errors against a reference, and what they have cost.
+
+Cost is counted in transform pairs and in core-seconds: processor time of a run without its set-up, on kernels that are
+compiled already, summed over the ranks.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgfmd.curve_errors import Curve, errors
+from pgfmd.errors import SceneError
+
+SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=32", "solver.accuracy=0.1")}
+"""What makes a run short that only has to compile the kernels of a scheme."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A run: its curve and what it has cost. seconds: of all cores; share: of the time spent outside transforms."""
+
+    curve: Curve
+    pairs: int
+    steps: int
+    refused: int
+    iterations: int
+    seconds: float
+    share: float
+
+
+class Recorder:
+    """Observer that keeps time, force and contact area of every step."""
+
+    def __init__(self):
+        self.time, self.force, self.area = array("d"), array("d"), array("d")
+
+    def next_time(self, simulation) -> float:
+        """No step has to end at a wanted time."""
+        return math.inf
+
+    def observe(self, simulation, event) -> None:
+        """Keeps a row at the start and after every step."""
+        if event.kind in ("start", "step", "jump"):
+            state = simulation.state
+            self.time.append(state.time)
+            self.force.append(state.force)
+            self.area.append(state.contact_points * simulation.points.grid.cell_area)
+
+
+class Laboratory:
+    """Runs scenes on a communicator, without files; each only once. All ranks call alike.
+
+    base: overrides of every run. A run is named by its scene and overrides; `outcome` returns it from memory if it has
+    been made already.
+    """
+
+    def __init__(self, comm, base: Sequence[str] = ("output.energy=false",)):
+        self.comm, self.base = comm, tuple(base)
+        self._known: dict[tuple[str, ...], Outcome] = {}
+        self._warm: set[tuple[str, str]] = set()
+
+    def outcome(self, scene: str, overrides: Sequence[str]) -> Outcome:
+        """The run of a shipped scene, or a file. Raises SceneError for what the scene can't be. Collective."""
+        from pgfmd.parts import confirm
+        from pgfmd.scene import load_scene
+
+        name = (scene, *overrides)
+        if name not in self._known:
+            loaded = load_scene(scene, [*self.base, *overrides])
+            confirm(loaded, scene, self.comm.size)
+            self._warm_up(scene, overrides, loaded.solver)
+            self._known[name] = run(loaded, self.comm)
+        return self._known[name]
+
+    def _warm_up(self, scene: str, overrides: Sequence[str], solver) -> None:
+        """Compiles the kernels that a run needs, or reads them from their cache, before anything is timed."""
+        from pgfmd.scene import load_scene
+
+        kind = (solver.scheme, solver.precision)
+        if kind not in self._warm:
+            run(load_scene(scene, [*self.base, *overrides, *SHORT[solver.scheme]]), self.comm)
+            self._warm.add(kind)
+
+
+def run(scene, comm) -> Outcome:
+    """Runs a scene on a communicator. Collective; the same on every rank."""
+    from pgfmd.assemble import assemble
+
+    simulation, recorder = assemble(scene, comm), Recorder()
+    simulation.observers.append(recorder)
+    start, wall = time.process_time(), time.perf_counter()
+    state = simulation.run()
+    spent, wall = time.process_time() - start, time.perf_counter() - wall
+    inside = simulation.scheme.transform_seconds
+    curve = Curve(
+        *(np.array(column) for column in (recorder.time, recorder.force, recorder.area)),
+        scene.drive.preload, -state.pull_off_force, state.energies.work_of_separation,
+    )  # fmt: skip
+    counters = state.counters
+    return Outcome(
+        curve, simulation.scheme.pairs, counters.steps, counters.rejected_steps, counters.newton_iterations,
+        sum(comm.allgather(spent)), 1.0 - max(comm.allgather(inside)) / max(comm.allgather(wall)),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A point of a line: overrides of the scene, what varies along the line (`x`), and how to call it."""
+
+    line: str
+    label: str
+    x: float
+    overrides: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A measured point: line and setting, errors, cost."""
+
+    line: str
+    label: str
+    x: float
+    force_error: float
+    pull_off_error: float
+    separation_error: float
+    area_error: float
+    pairs: int
+    steps: int
+    refused_steps: int
+    newton_iterations: int
+    core_seconds: float
+    share_outside_transforms: float
+
+
+def study(
+    laboratory: Laboratory, scene: str, base: Sequence[str], settings: Iterable[Setting],
+    reference: Curve, say: Callable[[str], None],
+) -> Iterable[Row]:  # fmt: skip
+    """Measures the settings one after another; those that this version refuses are skipped with a remark. Collective."""
+    refused = set()
+    for setting in settings:
+        if setting.line in refused:
+            continue
+        try:
+            outcome = laboratory.outcome(scene, [*base, *setting.overrides])
+        except SceneError as error:
+            refused.add(setting.line)
+            say(f"{setting.line}: skipped, {str(error).splitlines()[-1].strip()}")
+            continue
+        found = errors(outcome.curve, reference)
+        yield Row(
+            setting.line, setting.label, setting.x, found.force, found.pull_off, found.separation, found.area,
+            outcome.pairs, outcome.steps, outcome.refused, outcome.iterations, outcome.seconds, outcome.share,
+        )  # fmt: skip

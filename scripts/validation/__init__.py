@@ -1,0 +1,11 @@
+"""The figures of docs/validation.md: one module a family of closed forms, one function a figure.
+
+Each function takes `quick` (small grids) and returns a figure and the lines of its table, all of them from real runs.
+Shared with the tests: the runs, spectra and dense equations of tests/physics.
+"""
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "physics"))

@@ -1,0 +1,135 @@
+#!/usr/bin/env python
+"""Makes the figures, the table of errors and the tables of the page of docs/validation.md, from real runs.
+
+    .venv/bin/python scripts/validation_figures.py               everything; some minutes on one core
+    .venv/bin/python scripts/validation_figures.py hertz jkr     some figures; rows of the others are kept
+    .venv/bin/python scripts/validation_figures.py --quick       on small grids, into out/validation-quick
+    .venv/bin/python scripts/validation_figures.py --list
+
+Into docs/figures/validation: a PNG a figure, and errors.csv. The tables of docs/validation.md, between its lines
+`% errors NAME` and `% end`, are written anew from errors.csv.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import re
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from matplotlib import rc_context
+
+from validation import ROOT, flat, numbers, response, schemes, spheres, waves
+from validation.drawing import STYLE, Line, number
+
+PAGE = ROOT / "docs" / "validation.md"
+FOLDER = ROOT / "docs" / "figures" / "validation"
+COLUMNS = ("figure", "what", "settings", "closed form", "ours", "error")
+
+FIGURES: dict[str, Callable] = {
+    "prony-mode": response.prony_mode,
+    "gfmd-mode": response.gfmd_mode,
+    "sinusoid": waves.full_contact,
+    "hertz": spheres.hertz_figure,
+    "power-law": spheres.power_figure,
+    "lee-radok": spheres.lee_radok,
+    "jkr": spheres.jkr_figure,
+    "maugis": spheres.maugis_figure,
+    "flat-stiffness": flat.stiffness,
+    "kendall": flat.kendall,
+    "separation": flat.separation,
+    "film": flat.film_figure,
+    "westergaard": waves.westergaard,
+    "johnson": waves.johnson,
+    "corrugation": waves.corrugation_energy,
+    "paper": numbers.paper,
+    "gfmd-limit": schemes.inertia_vanishes,
+    "ode": schemes.against_scipy,
+}
+"""Name of the figure, and of its file, and what makes it: `quick` -> figure, lines."""
+
+
+def read_rows(folder: Path) -> list[dict[str, str]]:
+    """The rows of errors.csv in this folder, none if there is no such file."""
+    path = folder / "errors.csv"
+    if not path.exists():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def write_rows(folder: Path, rows: Iterable[dict[str, str]]) -> None:
+    """Writes errors.csv, in the order of FIGURES."""
+    names = list(FIGURES)
+    with (folder / "errors.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(sorted((row for row in rows if row["figure"] in names), key=lambda row: names.index(row["figure"])))
+
+
+def row_of(figure: str, line: Line) -> dict[str, str]:
+    """A row of errors.csv: numbers of seven digits."""
+    values = (f"{value:.7g}" for value in (line.closed, line.ours, line.error))
+    return dict(zip(COLUMNS, (figure, line.what, line.settings, *values), strict=True))
+
+
+def table(rows: Iterable[dict[str, str]]) -> str:
+    """Rows of errors.csv as a table of the page."""
+    text = ["| what | settings | closed form | pgfmd | error |", "| --- | --- | --- | --- | --- |"]
+    for row in rows:
+        line = Line(row["what"], row["settings"], float(row["closed form"]), float(row["ours"]))
+        values = (number(line.closed, 5), number(line.ours, 5), line.shown_error)
+        text.append(f"| {line.what} | {line.settings} | {' | '.join(values)} |")
+    return "\n".join(text)
+
+
+def with_tables(page: str, rows: list[dict[str, str]]) -> str:
+    """The page with the table of every figure put between `% errors NAME` and `% end`."""
+
+    def filled(match: re.Match) -> str:
+        own = [row for row in rows if row["figure"] == match[1]]
+        return f"% errors {match[1]}\n\n{table(own)}\n\n% end"
+
+    return re.sub(r"% errors ([\w-]+)\n.*?% end", filled, page, flags=re.DOTALL)
+
+
+def make(name: str, quick: bool, folder: Path) -> list[dict[str, str]]:
+    """Makes a figure and gives back its rows."""
+    start = time.perf_counter()
+    with rc_context(STYLE):
+        figure, lines = FIGURES[name](quick)
+        # The reduced metadata leave the file the same from run to run.
+        figure.savefig(folder / f"{name}.png", dpi=120, metadata={"Software": None})
+    print(f"# {name}: {time.perf_counter() - start:.1f} s")
+    for line in lines:
+        print(f"{line.what:48s} {line.closed:12.6g} {line.ours:12.6g} {line.shown_error:>12s}   {line.settings}", flush=True)
+    return [row_of(name, line) for line in lines]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("figures", nargs="*", metavar="figure", help="names of figures; all if none is given")
+    parser.add_argument("--quick", action="store_true", help="small grids; leaves docs alone")
+    parser.add_argument("--list", action="store_true", help="the figures and what they show")
+    arguments = parser.parse_args()
+    unknown = [name for name in arguments.figures if name not in FIGURES]
+    if unknown:
+        parser.error(f"no figure {', '.join(unknown)}; choose from {', '.join(FIGURES)}")
+    if arguments.list:
+        for name, maker in FIGURES.items():
+            print(f"{name:15s} {maker.__doc__.splitlines()[0]}")
+        return
+    folder = ROOT / "out" / "validation-quick" if arguments.quick else FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in arguments.figures or FIGURES:
+        # Read and written anew after each figure, so that a run that is ended early leaves what it has made.
+        new = make(name, arguments.quick, folder)
+        write_rows(folder, [row for row in read_rows(folder) if row["figure"] != name] + new)
+    if not arguments.quick:
+        PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8"), read_rows(folder)), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
