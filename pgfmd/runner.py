@@ -27,7 +27,7 @@ def run_scene(scene, comm, directory: str | Path, say=print) -> dict:
     and is valid.
     """
     began = time.perf_counter()
-    compile_kernels(comm)
+    compile_kernels(comm, scene)
     simulation = assemble(scene, comm)
     folder = storage.prepare_directory(directory, comm, say)
     text = scene.to_toml().encode()
@@ -49,24 +49,27 @@ def run_scene(scene, comm, directory: str | Path, say=print) -> dict:
     return record
 
 
-def compile_kernels(comm) -> None:
-    """Has rank 0 compile the kernels, by a tack test of a fraction of a second, while the others wait.
+def compile_kernels(comm, scene) -> None:
+    """Has rank 0 compile the kernels that the scene needs, by tiny tack tests, while the others wait.
 
     All ranks would otherwise compile the same at once, and race for numba's cache. One rank compiles when it gets there.
     """
     if comm.size > 1:
         if comm.rank == 0:
-            warm_up()
+            warm_up(scene.solver.scheme, scene.solver.precision)
         comm.Barrier()
 
 
-def warm_up() -> None:
-    """Runs tiny tack tests that use every kernel, so that numba has them in its cache."""
+def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
+    """Runs tiny tack tests that use every kernel of a scheme, so that numba has them in its cache."""
     from mpi4py import MPI
 
-    brief = ["solver.scheme=gfmd", "solver.max_steps=3"]
-    for changes in (["rheology.model=elastic"], ["output.energy=false"], [], brief):
-        assemble(load_scene("tri-tack", ["grid.n=20", "drive.preload=1 mN", *changes]), MPI.COMM_SELF).run()
+    common = [f"solver.scheme={scheme}", f"solver.precision={precision}", "grid.n=20", "drive.preload=1 mN"]
+    tests = ([], ["output.energy=false"], ["rheology.model=elastic"])
+    if scheme == "gfmd":
+        tests = (["solver.max_steps=3"],)
+    for changes in tests:
+        assemble(load_scene("tri-tack", [*common, *changes]), MPI.COMM_SELF).run()
 
 
 def _attach(simulation, scene, comm, folder: Path, say) -> list:

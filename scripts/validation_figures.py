@@ -21,8 +21,9 @@ from pathlib import Path
 
 from matplotlib import rc_context
 
+from pgfmd.plots import STYLE
 from validation import ROOT, flat, numbers, response, schemes, spheres, waves
-from validation.drawing import STYLE, Line, number
+from validation.drawing import Line, number
 
 PAGE = ROOT / "docs" / "validation.md"
 FOLDER = ROOT / "docs" / "figures" / "validation"

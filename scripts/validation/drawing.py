@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 from pgfmd.map_plots import new_figure
-from pgfmd.plots import GREY, RED, STYLE, TURQUOISE
+from pgfmd.plots import GREY, RED, TURQUOISE
 
 OCHRE, VIOLET = "#d18f00", "#6a4c93"
 COLOURS = (TURQUOISE, RED, OCHRE, VIOLET)
 MARKERS = ("o", "s", "^", "D")
-__all__ = ["COLOURS", "GREY", "MARKERS", "STYLE", "Line", "chosen", "closed", "convergence", "order", "ours", "panels"]
 
 
 @dataclass(frozen=True)
@@ -31,8 +30,8 @@ class Line:
 
     @property
     def error(self) -> float:
-        """(ours - closed)/|closed|, or ours where the closed form is zero."""
-        return (self.ours - self.closed) / (abs(self.closed) or 1.0)
+        """ours/closed - 1, or ours where the closed form is zero."""
+        return self.ours / self.closed - 1.0 if self.closed else self.ours
 
     @property
     def shown_error(self) -> str:
@@ -83,22 +82,18 @@ def order(x, errors) -> float:
     return float(np.log(e1 / e0) / np.log(x1 / x0))
 
 
-def convergence(axis, x, errors, slope: float, index: int = 0, triangle: bool = True, **options) -> None:
-    """|error| against x, both logarithmic, with a triangle of `slope` (None or 0 for none) below the points."""
+def convergence(axis, x, errors, index: int = 0, **options) -> None:
+    """|error| against x, both logarithmic; the ticks are the points."""
     x, errors = np.asarray(x, float), np.abs(np.asarray(errors, float))
     ours(axis, x, errors, index, **({"ls": "-", "lw": 0.8} | options))
-    axis.set_xscale("log")
-    axis.set_yscale("log")
-    axis.minorticks_on()
-    if triangle and slope:
-        inner = np.sort(x)
-        left, right = inner[-2], inner[-1]
-        foot = 0.45 * np.interp(left, inner, errors[np.argsort(x)])
-        if slope < 0:
-            foot = 0.35 * errors[np.argsort(x)][-2]
-        rise = (right / left) ** slope
-        axis.fill([left, right, right], [foot, foot, foot * rise], fc="none", ec=GREY, lw=0.8)
-        axis.annotate(
-            f"{abs(slope):g}", (right, foot * math.sqrt(rise)), xytext=(3, 0), textcoords="offset points", fontsize=7.5,
-            color=GREY, va="center",
-        )  # fmt: skip
+    axis.set(xscale="log", yscale="log")
+    axis.minorticks_off()
+    axis.set_xticks(x, [f"{value:.3g}" for value in x])
+
+
+def triangle(axis, left: float, right: float, foot: float, slope: float) -> None:
+    """A triangle that rises (or falls) with `slope` in double logarithmic axes, from (left, foot)."""
+    head = foot * (right / left) ** slope
+    axis.fill([left, right, right], [foot, foot, head], fc="none", ec=GREY, lw=0.8)
+    place = {"xytext": (3, 0), "textcoords": "offset points", "fontsize": 7.5, "color": GREY, "va": "center"}
+    axis.annotate(f"{abs(slope):g}", (right, math.sqrt(foot * head)), **place)

@@ -13,7 +13,7 @@ from pgfmd.drive import Phase
 from pgfmd.reference import prony
 from pgfmd.rheology import PronySeries
 from pgfmd.scene import scene_from_mapping
-from validation.drawing import GREY, Line, closed, convergence, order, ours, panels
+from validation.drawing import GREY, Line, closed, convergence, order, ours, panels, triangle
 
 MODEL_1 = PronySeries.single(250, 400e-6)
 """The paper's first rheology."""
@@ -44,9 +44,11 @@ def prony_mode(quick: bool):
             errors = np.array(found) / exact - 1
             steps = end / shortest / np.array(counts)
             style = {"ls": "-" if place == 0 else (0, (4, 1.5)), "lw": 0.8}
-            convergence(right, steps, errors, 2, index, triangle=index == 0 and place == 1, **style)
-            lines.append(Line(f"{what} at t = 2 tau_min, over its static value", f"{name}, 128 steps", float(exact), float(found[-1])))
+            convergence(right, steps, errors, index, **style)
+            settings = f"{name}, 128 steps"
+            lines.append(Line(f"{what} at t = 2 tau_min, over its static value", settings, float(exact), float(found[-1])))
             lines.append(Line(f"{what}: order in the step", name, 2.0, order(steps, errors)))
+    triangle(right, 0.031, 0.0625, 3e-9, 2)
     left.set(xscale="log", yscale="log", xlabel=r"time $t/\tau_\mathrm{min}$", ylabel="response / static response")
     left.set_title("creep (full lines, rising), relaxation (dashed, falling)")
     left.legend()
@@ -146,7 +148,6 @@ def gfmd_mode(quick: bool):
     omega = np.geomspace(0.02, 20.0, 300) / series.tau[0]
     implemented = prony.gfmd_modulus(omega, series, frequency)
     for part, index, label in ((np.real, 0, "storage"), (np.imag, 1, "loss")):
-        right.plot([], [], color=f"C{index}", alpha=0)
         closed(right, omega * series.tau[0], np.where(part(implemented) > 0, part(implemented), np.nan), index, label=label)
         closed(right, omega * series.tau[0], part(series.kappa_of(omega)), index, color=GREY, ls=(0, (2, 1.5)), lw=0.9)
     omegas = np.geomspace(0.02 if not quick else 0.2, 5.0, 8) / series.tau[0]
