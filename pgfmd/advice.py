@@ -7,8 +7,8 @@ import os
 from collections.abc import Iterator
 
 from pgfmd.cohesion import range_of_adhesion
-from pgfmd.estimate import PROGRAM_BYTES, depth_of, memory_of
-from pgfmd.parts import deepest_indentation, series_of
+from pgfmd.estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of
+from pgfmd.parts import deepest_indentation, inertia_of_scene, series_of
 
 PAPER_FACTOR = 0.156
 """Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means here."""
@@ -18,6 +18,8 @@ FEWEST_POINTS = 8
 """Grid points that a wavelength should have."""
 JUMP_FACTOR = 0.38
 """A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
+MANY_ROWS = 1e5
+"""Rows of curve.csv, a hundred bytes each, that are more than anyone plots."""
 GLASSY, QUASI_STATIC = 1e-2, 1e3
 """rho/v below this share of the shortest relaxation time; above this multiple of the longest retardation time."""
 
@@ -35,14 +37,14 @@ def jump_threshold(scene) -> float:
 
 def warnings(scene, ranks: int = 1) -> Iterator[str]:
     """What may spoil the result of a scene, or its run on `ranks` ranks."""
-    for rule in (_range, _resolution, _preload, _speed, _images):
+    for rule in (_range, _resolution, _preload, _speed, _images, _explicit_steps):
         yield from rule(scene)
     yield from _memory(scene, ranks)
 
 
 def remarks(scene) -> Iterator[str]:
     """What is good to know about a scene."""
-    for rule in (_jumps, _far_displacement, _quasi_static):
+    for rule in (_jumps, _far_displacement, _quasi_static, _inertia):
         yield from rule(scene)
 
 
@@ -109,6 +111,18 @@ def _images(scene) -> Iterator[str]:
         )
 
 
+def _explicit_steps(scene) -> Iterator[str]:
+    """Steps of the scheme gfmd are many, and known beforehand."""
+    if scene.solver.scheme != "gfmd":
+        return
+    steps = effort_of(scene).steps
+    if steps > 0.8 * scene.solver.max_steps:
+        yield f"solver.max_steps: about {steps:.2g} steps are to come, only {scene.solver.max_steps} are allowed; raise it"
+    if steps / scene.output.every > MANY_ROWS:
+        every = 10 ** math.ceil(math.log10(steps / MANY_ROWS))
+        yield f"output.every: about {steps / scene.output.every:.2g} rows are to come in curve.csv; set it to {every}"
+
+
 def _memory(scene, ranks: int) -> Iterator[str]:
     needed = ranks * (memory_of(scene, ranks).peak + PROGRAM_BYTES)
     present = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
@@ -118,7 +132,8 @@ def _memory(scene, ranks: int) -> Iterator[str]:
 
 def _jumps(scene) -> Iterator[str]:
     series, least = series_of(scene.rheology), jump_threshold(scene)
-    if scene.adhesion.law == "cosine" and series.kappa_inf < least:
+    # With inertia, the surface takes its time.
+    if scene.solver.scheme != "gfmd" and scene.adhesion.law == "cosine" and series.kappa_inf < least:
         what = f"kappa_inf = {series.kappa_inf:.4g} is below {least:.3g}" if series.elements else "the scene is elastic"
         yield (
             f"jumps: {what} (flat punches: 0.38 n at the automatic range), so the surface may jump in zero time; "
@@ -139,3 +154,16 @@ def _quasi_static(scene) -> Iterator[str]:
     passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
     if series.elements and passing > QUASI_STATIC * series.to_creep().retardation_times.max():
         yield f"speed: rho/v = {passing:.2g} s is {QUASI_STATIC:.0f} longest retardation times: nearly quasi-static"
+
+
+def _inertia(scene) -> Iterator[str]:
+    """The paper's choice of omega is called sufficient there; what it adds can be told exactly."""
+    series = series_of(scene.rheology)
+    if scene.solver.scheme != "gfmd" or not series.elements:
+        return
+    share = inertia_of_scene(scene).added_viscosity(series)
+    if share > 0.01:
+        yield (
+            f"solver.gfmd: at low frequencies the inertia adds {100 * share:.2g} % to the viscosity of the material; the "
+            "error of the curve falls with 1/omega"
+        )

@@ -139,9 +139,8 @@ def _inertia(scene, series) -> Iterator[Line]:
     yield Line("time step", inertia.step, "s", f"set by the {inertia.limited_by}")
     note = "omega dt sqrt(1 + K_0 G0/kappa_inf), below 2 where stable"
     yield Line("stability number", inertia.stiffest(stiffness, series.kappa_inf), "", note)
-    dashpots = float((series.kappa * series.tau).sum())
-    if dashpots > 0.0:
-        share = 2.0 * series.kappa_inf / inertia.frequency / dashpots
+    if series.elements:
+        share = inertia.added_viscosity(series)
         yield Line("viscosity that the inertia adds", share, "", "2 kappa_inf/omega over sum kappa_n tau_n")
 
 
@@ -152,8 +151,9 @@ def _cost(scene, ranks: int) -> Iterator[Line]:
     yield Line("points under the punch", points.total, "", f"in a block of {points.nb} x {points.nb}")
     yield Line("fields per rank", memory.peak, "B", f"on {_ranks(ranks)}")
     yield Line("memory in all", total, "B", f"with {PROGRAM_BYTES / 1e6:.0f} MB for the program on each rank")
-    yield Line("expected steps", _rounded(effort.steps), "", "an estimate, within a factor of 3")
-    yield Line("expected transform pairs", _rounded(effort.pairs), "", "an estimate, within a factor of 3")
+    note = "an estimate, within a factor of 3"
+    yield Line("expected steps", _rounded(effort.steps), "", note)
+    yield Line("expected transform pairs", _rounded(effort.pairs), "", note)
     note = "a rough guess; `pgfmd bench transform` measures a pair"
     yield Line("expected time on one rank", effort.seconds, "s", note)
 

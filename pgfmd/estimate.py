@@ -45,15 +45,15 @@ class Memory:
         return max(self.running, self.running - self.state + self.start)
 
 
-def vectors_of(elements: int, audit: bool, periodic: bool) -> tuple[int, int]:
-    """Numbers of 8 bytes that a run keeps for every point under the punch: (state, everything else).
+def vectors_of(elements: int, audit: bool, periodic: bool, order: int = 2, rough: float = 1.0) -> tuple[float, float]:
+    """Numbers that a run keeps for every point under the punch: (state, everything else).
 
     State: u, w, f, two past u and w; N branches; their N images where energies are followed. Scheme: u, w, f, history a
-    stage, and a fifth with energies; two stages, one where elastic. Newton: heights, f, K, r, s, t, p, y, z. Weights of
-    the far field.
+    stage, and a fifth with energies; two stages, one where elastic or of first order. Newton: heights and f, and K, r,
+    s, t, p, y, z, of `rough` the size. Weights of the far field.
     """
-    stages = 2 if elements else 1
-    return 7 + elements * (1 + audit), stages * (4 + audit) + 9 + periodic
+    stages = order if elements else 1
+    return 7 + elements * (1 + audit), stages * (4 + audit) + 2 + 7 * rough + periodic
 
 
 def punch_points(scene) -> PunchPoints:
@@ -76,8 +76,12 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     rows, columns = math.ceil(nb / ranks), math.ceil(width / ranks)
     periodic = scene.substrate.boundary == "periodic"
     elements = series_of(scene.rheology).elements
-    state, rest = (8.0 * points.total / ranks * count for count in vectors_of(elements, scene.output.energy, periodic))
-    transform = 8.0 * columns * width + 16.0 * rows * width + (16.0 * nb * columns if ranks > 1 else 0.0)
+    precision = scene.solver.precision
+    size = 4.0 if precision == "single" else 8.0
+    counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, 0.5 if precision == "mixed" else 1.0)
+    state, rest = (size * points.total / ranks * count for count in counts)
+    transform = columns * width + 2.0 * rows * width + (2.0 * nb * columns if ranks > 1 else 0.0)
+    transform *= size + (4.0 if precision == "mixed" else 0.0)
     return Memory(state + rest, transform, state, 8.0 * modes * (2 * nb + rows) if periodic else 0.0)
 
 

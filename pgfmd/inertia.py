@@ -34,6 +34,10 @@ class Inertia:
         """
         return self.frequency * self.step * math.sqrt(1.0 + contact_stiffness / kappa_inf)
 
+    def added_viscosity(self, series) -> float:
+        """What the damping adds at low frequencies, 2 kappa_inf/omega, relative to the material's own sum kappa_n tau_n."""
+        return 2.0 * series.kappa_inf / self.frequency / float((series.kappa * series.tau).sum())
+
 
 def inertia_of(keys, series, law, drive) -> Inertia:
     """The inertia that a scene's [solver.gfmd] means.

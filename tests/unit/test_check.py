@@ -1,5 +1,6 @@
 """What `pgfmd check` says: the paper's numbers, memory as allocated, effort as measured, and when it warns."""
 
+import math
 import tracemalloc
 
 import numpy as np
@@ -110,12 +111,27 @@ def test_jumps_and_far_displacement_are_remarked():
     assert "11 %" in remarks_of("tri-tack") and "11 %" not in remarks_of("flat-punch")
 
 
+def test_what_gfmd_costs_and_adds_is_told():
+    text = warnings_of("tri-tack", "solver.scheme=gfmd", "grid.n=256")
+    assert "output.every" in text and "max_steps" in text
+    assert "max_steps" not in warnings_of("tri-tack", "solver.scheme=gfmd", "solver.max_steps=5000000", "output.every=100")
+    # 2 kappa_inf/omega over kappa_1 tau_1, with omega tau = 2 pi: 250/(249 pi).
+    assert "32 %" in remarks_of("tri-tack", "solver.scheme=gfmd")
+    lines = {line.name: line.value for lines in report(load_scene("tri-tack", ["solver.scheme=gfmd"])).sections.values() for line in lines}
+    assert lines["viscosity that the inertia adds"] == pytest.approx(250 / (249 * math.pi))
+    assert lines["stability number"] < 2.0
+
+
 @pytest.mark.parametrize(
     ("name", "overrides"),
     [
         ("tri-tack", []),
         ("tri-tack", [*GEOMETRIC, "rheology.elements=12"]),
         ("tri-tack", [*GEOMETRIC, "output.energy=false"]),
+        ("tri-tack", ["solver.precision=single"]),
+        ("tri-tack", ["solver.precision=mixed"]),
+        ("tri-tack", ["solver.order=1"]),
+        ("tri-tack", [*GEOMETRIC, "solver.scheme=gfmd"]),
         ("flat-punch", []),
         ("hertz", []),
     ],
@@ -159,6 +175,7 @@ def test_memory_is_shared_out():
         ("hertz", ["grid.n=128"]),
         ("hertz", ["grid.n=64", "drive.preload=20 mN"]),
         ("tri-tack", ["grid.n=32", "rheology.model=elastic"]),
+        ("tri-tack", ["grid.n=32", "solver.scheme=gfmd", "drive.speed=200 um/s"]),
     ],
 )
 def test_effort_is_within_a_factor_of_three(name, overrides):
