@@ -21,6 +21,11 @@ TENSION = math.pi * WORK_OF_ADHESION * SPHERE
 MILLI, MICRO = 1e3, 1e6
 
 
+def _apex(result: Run, size: float, exponent: float = 2.0) -> float:
+    """How far [m] the axis of the punch, between four grid points, is ahead of them: they are z = 0 in a run."""
+    return float(power_law.height(result.spacing / np.sqrt(2), size, exponent))
+
+
 def hertz_figure(quick: bool):
     """Force and contact radius of an elastic sphere without adhesion."""
     figure, (left, right) = panels()
@@ -29,7 +34,7 @@ def hertz_figure(quick: bool):
     for n in sizes:
         for factor in errors:
             result = run("hertz", f"grid.n={n}", f"adhesion.range_factor={factor}", "solver.accuracy=1e-3")
-            depth = -result.recorder.preload_position
+            depth = -result.recorder.preload_position + _apex(result, SPHERE)
             exact = hertz.force(depth, SPHERE, CONTACT_MODULUS)
             errors[factor].append(result.state.preload / exact - 1)
             if n == sizes[-1]:
@@ -37,11 +42,11 @@ def hertz_figure(quick: bool):
                 lines.append(Line("force at the preload [mN]", settings, exact * MILLI, result.state.preload * MILLI))
                 radius = hertz.contact_radius(depth, SPHERE) * MICRO
                 lines.append(Line("contact radius [um]", settings, radius, radius_of_traction(result) * MICRO))
-    depth, force, _ = result.phase("approach")
-    deep = np.linspace(0.0, depth[-1], 200)
+    deep = np.linspace(0.0, depth, 200)
     closed(left, deep * MICRO, hertz.force(deep, SPHERE, CONTACT_MODULUS) * MILLI)
     for index, phase in enumerate(("approach", "retract")):
         depth, force, _ = result.phase(phase)
+        depth = depth + _apex(result, SPHERE)
         depth, force = (depth, force) if phase == "approach" else (depth[::-1], force[::-1])
         touching = depth > 0
         some = chosen(depth[touching], 15)
@@ -57,8 +62,8 @@ def hertz_figure(quick: bool):
     return figure, lines
 
 
-POWERS = ((1.5, 40e-3), (2, 10e-3), (3, 3e-3), (4, 2e-3))
-"""Exponents and sizes R [m] of power-law indenters."""
+POWERS = ((1.5, 40e-3, 4e-3), (2, 10e-3, 3e-3), (3, 3e-3, 0.9e-3), (4, 2e-3, 0.22e-3))
+"""Exponents, sizes R [m] and preloads [N] of power-law indenters: contact radii to some 200 um."""
 
 
 def power_figure(quick: bool):
@@ -66,19 +71,19 @@ def power_figure(quick: bool):
     n = 64 if quick else 256
     figure, (left, right) = panels()
     lines = []
-    for index, (exponent, size) in enumerate(POWERS):
+    for index, (exponent, size, preload) in enumerate(POWERS):
         result = run(
             "hertz", "punch.pattern=power", f"punch.exponent={exponent}", f"punch.curvature_radius={size} m",
-            f"grid.n={n}", "drive.preload=3 mN", "solver.accuracy=3e-3",
+            f"grid.n={n}", f"drive.preload={preload} N", "solver.accuracy=3e-3",
         )  # fmt: skip
         depth, force, _ = result.phase("approach")
-        # The lowest grid points, h/sqrt(2) from the axis, are z = 0, not the apex between them.
-        apex = power_law.height(result.spacing / np.sqrt(2), size, exponent)
-        radii = np.linspace(1e-6, 300e-6, 400)
+        apex = _apex(result, size, exponent)
+        radii = np.linspace(40e-6, 300e-6, 400)
         exact = power_law.force(radii, size, exponent, CONTACT_MODULUS)
         inside = exact <= force[-1]
         closed(left, power_law.indentation(radii, size, exponent)[inside] * MICRO, exact[inside] * MILLI, index)
-        some = chosen(force, 10)
+        some = np.flatnonzero(force > 2e-5)
+        some = some[chosen(np.log(force[some]), 9)]
         ours(left, (depth[some] + apex) * MICRO, force[some] * MILLI, index, label=f"p = {exponent}")
         tested = np.linspace(80e-6, float(radii[inside][-1]) * 0.98, 12)
         deep = power_law.indentation(tested, size, exponent) - apex
@@ -87,7 +92,7 @@ def power_figure(quick: bool):
         ours(right, tested * MICRO, 100 * (found / exact - 1), index, ls="-", lw=0.8)
         settings = f"n = {n}, p = {exponent}, contact radius {tested[-1] * MICRO:.0f} um"
         lines.append(Line("force [mN]", settings, float(exact[-1]) * MILLI, float(found[-1]) * MILLI))
-    left.set(xlabel="indentation [µm]", ylabel="force [mN]")
+    left.set(xscale="log", yscale="log", xlabel="indentation [µm]", ylabel="force [mN]")
     left.set_title(f"power laws, n = {n}")
     left.legend()
     right.axhline(0.0, color=GREY, lw=0.6)
@@ -158,7 +163,7 @@ def jkr_figure(quick: bool):
     figure, (left, right) = panels()
     limit = jkr.displacement_controlled_pull_off(SPHERE, CONTACT_MODULUS, WORK_OF_ADHESION)
     lines, excess, late, ranges = [], [], [], []
-    radii = np.linspace(limit.contact_radius, 160e-6, 300)
+    radii = np.linspace(limit.contact_radius, 300e-6, 600)
     deep = jkr.indentation(radii, SPHERE, CONTACT_MODULUS, WORK_OF_ADHESION)
     pull = jkr.force(radii, SPHERE, CONTACT_MODULUS, WORK_OF_ADHESION) / TENSION
     below = pull < 0.2
@@ -222,6 +227,8 @@ def maugis_figure(quick: bool):
     left.legend(loc="center left")
     right.axhline(0.0, color=GREY, lw=0.6)
     right.set(xscale="log", xlabel=r"transition parameter $\lambda$", ylabel="distance from Maugis [%]")
+    right.minorticks_off()
+    right.set_xticks([0.3, 0.5, 1.0, 2.0], ["0.3", "0.5", "1", "2"])
     right.set_title("a cosine is no Dugdale stress")
     right.legend()
     return figure, lines

@@ -259,8 +259,9 @@ def test_advance_branches(points, elements, count, rng):
 
 
 @pytest.mark.parametrize("elements", [0, 1, 5])
-def test_advance_branches_and_energy(points, elements, rng):
-    size, count = points.size, 2
+@pytest.mark.parametrize("count", [1, 2])
+def test_advance_branches_and_energy(points, elements, count, rng):
+    size = points.size
     phi, psi = rng.standard_normal((2, elements, size))
     f, g = rng.standard_normal((2, count, size))
     decay, compliances = rng.random((2, elements))
