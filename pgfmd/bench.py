@@ -1,15 +1,18 @@
-"""How fast this machine transforms: the fused pair of transform.py against mpi4py-fft's own."""
+"""How fast this machine is: pairs of transforms, and the errors that either scheme makes for its cost."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from pgfmd.curve_errors import cost_at
 from pgfmd.grid import Grid, PunchPoints
 from pgfmd.halfspace import HalfSpace
 from pgfmd.transform import Convolution, periodic_multiplier, plain_pair
+from pgfmd.work_precision import Laboratory, Row, explicit, implicit, study
 
 LENGTH, RADIUS = 1.5e-3, 375e-6
 """The paper's cell and punch [m]: L = 4a."""
@@ -51,3 +54,60 @@ def _one(comm, action: Callable[[], object]) -> float:
     start = time.perf_counter()
     action()
     return max(comm.allgather(time.perf_counter() - start))
+
+
+SCENE, SMALL = "tri-tack", ("grid.n=64", "drive.speed=50 um/s")
+"""The scene of the small work-precision study."""
+REFERENCE = "solver.accuracy=1e-5"
+OURS, PAPERS, LONGEST = "inertialess", "gfmd, omega dt = pi/10", "gfmd, omega dt = pi/2"
+TARGET = 0.01
+"""Error of the force curve, relative to the preload, at which the schemes are compared."""
+
+
+def work_precision(
+    comm, say: Callable[[str], None], base: Sequence[str] = SMALL, omega_taus: Sequence[float] = (2, 4, 8, 16)
+) -> list[Row]:
+    """Errors and costs of `inertialess` over accuracies, and of `gfmd` over omega with the paper's omega dt and with one
+    five times as long; the reference is inertialess with `REFERENCE`. Collective.
+
+    base: overrides of tri-tack; omega_taus: omega tau_min in units of pi. `say` is given a line as each is measured.
+    scripts/work_precision.py is the full study.
+    """
+    laboratory = Laboratory(comm)
+    settings = [
+        *implicit(OURS, (0.3, 0.1, 0.03, 0.01, 1e-3)),
+        *explicit(PAPERS, omega_taus, [0.1]),
+        *explicit(LONGEST, omega_taus, [0.5]),
+    ]
+    reference = laboratory.outcome(SCENE, (*base, REFERENCE)).curve
+    head = ("scheme", "setting", "force", "pull-off", "work", "area", "pairs", "steps", "core-s")
+    say("errors in % of: force curve (rms, of the preload), pull-off force, work of separation, contact area (rms)")
+    say("{:24s}{:34s}{:>9s}{:>9s}{:>9s}{:>9s}{:>9s}{:>9s}{:>10s}".format(*head))
+    rows = []
+    for row in study(laboratory, SCENE, base, settings, reference, say):
+        rows.append(row)
+        errors = (row.force_error, row.pull_off_error, row.separation_error, row.area_error)
+        shown = "".join(f"{100 * error:9.3g}" for error in errors)
+        say(f"{row.line:24s}{row.label:34s}{shown}{row.pairs:9d}{row.steps:9d}{row.core_seconds:10.3g}")
+    return rows
+
+
+def comparison(rows: Sequence[Row]) -> list[str]:
+    """By how much inertialess is cheaper at an error of `TARGET` in the force curve, a line for each kind of gfmd."""
+    lines = []
+    for other in (PAPERS, LONGEST):
+        seconds, pairs = (_at_target(rows, other, cost) / _at_target(rows, OURS, cost) for cost in ("core_seconds", "pairs"))
+        if math.isfinite(seconds):
+            lines.append(
+                f"at {100 * TARGET:g} % in the force curve, {OURS} needs 1/{seconds:.0f} of the core-seconds and "
+                f"1/{pairs:.0f} of the transform pairs of {other}"
+            )
+        else:
+            lines.append(f"{other} does not come down to {100 * TARGET:g} % in the force curve with these settings")
+    return lines
+
+
+def _at_target(rows: Sequence[Row], line: str, cost: str) -> float:
+    """Cost of a line of settings at `TARGET`, interpolated."""
+    mine = [row for row in rows if row.line == line]
+    return cost_at(TARGET, [row.force_error for row in mine], [getattr(row, cost) for row in mine])

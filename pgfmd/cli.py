@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from pgfmd import __version__, fit_command, launch
+from pgfmd import __version__, bench_command, fit_command, launch
 from pgfmd.errors import PgfmdError, Problem, ResultError, SceneError
 
 app = typer.Typer(
@@ -19,8 +18,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-bench_app = typer.Typer(help="Measure how fast this machine is.", no_args_is_help=True)
-app.add_typer(bench_app, name="bench")
+app.add_typer(bench_command.app, name="bench")
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
 Changes = Annotated[
@@ -33,13 +31,6 @@ Overrides = Annotated[
 ]
 COLLECTIVE = ("run", "bench")
 """The commands that every rank takes part in."""
-
-
-class Effort(StrEnum):
-    """Effort of FFTW's planner."""
-
-    estimate = "estimate"
-    measure = "measure"
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -248,33 +239,6 @@ def doctor() -> None:
         fine &= finding.fine
     if not fine:
         raise typer.Exit(1)
-
-
-@bench_app.command()
-def transform(
-    n: Annotated[int, typer.Option("--n", min=4, help="Points a side.")] = 2048,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    effort: Annotated[Effort, typer.Option(help="Effort of FFTW's planner, for both sides.")] = Effort.estimate,
-) -> None:
-    """Time a pair of transforms: mpi4py-fft's own on the whole plane, and the fused one under a punch half as wide."""
-    import json
-
-    comm = launch.world()
-    with launch.guarded(comm):
-        from pgfmd import bench
-
-        record = bench.transform(comm, n, effort.value)
-        if comm.rank == 0:
-            if as_json:
-                print(json.dumps(record))
-            else:
-                for name, value in record.items():
-                    print(f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}")
-
-
-@bench_app.callback()
-def _bench() -> None:
-    """Measure how fast this machine is."""
 
 
 if __name__ == "__main__":

@@ -80,10 +80,12 @@ class Laboratory:
 
     def _warm_up(self, scene: str, overrides: Sequence[str], solver) -> None:
         """Compiles the kernels that a run needs, or reads them from their cache, before anything is timed."""
+        from pgfmd.runner import compile_kernels
         from pgfmd.scene import load_scene
 
         kind = (solver.scheme, solver.precision)
         if kind not in self._warm:
+            compile_kernels(self.comm, load_scene(scene, [*self.base, *overrides]))
             run(load_scene(scene, [*self.base, *overrides, *SHORT[solver.scheme]]), self.comm)
             self._warm.add(kind)
 
@@ -119,6 +121,25 @@ class Setting:
     overrides: tuple[str, ...]
 
 
+def implicit(line: str, accuracies: Iterable[float], *overrides: str) -> list[Setting]:
+    """A line of the scheme inertialess over `solver.accuracy`."""
+    return [
+        Setting(line, f"accuracy {value:g}", value, (f"solver.accuracy={value:g}", *overrides)) for value in accuracies
+    ]
+
+
+def explicit(line: str, omega_taus: Iterable[float], omega_dts: Iterable[float], *overrides: str) -> list[Setting]:
+    """A line of the scheme gfmd; omega tau_min and omega dt as multiples of pi, the shorter of the two repeated."""
+    omega_taus, omega_dts = list(omega_taus), list(omega_dts)
+    count = max(len(omega_taus), len(omega_dts))
+    settings = []
+    for wt, wd in zip(omega_taus * (count // len(omega_taus)), omega_dts * (count // len(omega_dts)), strict=True):
+        keys = (f"solver.gfmd.omega_tau={math.pi * wt!r}", f"solver.gfmd.steps_per_tau={wt / wd!r}")
+        label = f"omega tau {wt:g} pi, dt tau/{wt / wd:.4g}"
+        settings.append(Setting(line, label, wt / 2.0, ("solver.scheme=gfmd", *keys, *overrides)))
+    return settings
+
+
 @dataclass(frozen=True)
 class Row:
     """A measured point: line and setting, errors, cost."""
@@ -138,23 +159,24 @@ class Row:
     share_outside_transforms: float
 
 
+def row_of(setting: Setting, outcome: Outcome, reference: Curve) -> Row:
+    """The measured point of a run."""
+    found = errors(outcome.curve, reference)
+    return Row(
+        setting.line, setting.label, setting.x, found.force, found.pull_off, found.separation, found.area,
+        outcome.pairs, outcome.steps, outcome.refused, outcome.iterations, outcome.seconds, outcome.share,
+    )  # fmt: skip
+
+
 def study(
     laboratory: Laboratory, scene: str, base: Sequence[str], settings: Iterable[Setting],
     reference: Curve, say: Callable[[str], None],
-) -> Iterable[Row]:  # fmt: skip
-    """Measures the settings one after another; those that this version refuses are skipped with a remark. Collective."""
-    refused = set()
+) -> Iterator[Row]:  # fmt: skip
+    """Measures the settings one after another; one that the scene can't have is left out with a remark. Collective."""
     for setting in settings:
-        if setting.line in refused:
-            continue
         try:
             outcome = laboratory.outcome(scene, [*base, *setting.overrides])
         except SceneError as error:
-            refused.add(setting.line)
-            say(f"{setting.line}: skipped, {str(error).splitlines()[-1].strip()}")
+            say(f"{setting.line}, {setting.label}: left out: {' '.join(str(error).split())}")
             continue
-        found = errors(outcome.curve, reference)
-        yield Row(
-            setting.line, setting.label, setting.x, found.force, found.pull_off, found.separation, found.area,
-            outcome.pairs, outcome.steps, outcome.refused, outcome.iterations, outcome.seconds, outcome.share,
-        )  # fmt: skip
+        yield row_of(setting, outcome, reference)

@@ -7,7 +7,7 @@
     .venv/bin/python scripts/validation_figures.py --list
 
 Into docs/figures/validation: a PNG a figure, and errors.csv. The tables of docs/validation.md, between its lines
-`% errors NAME` and `% end`, are written anew from errors.csv.
+`<!-- errors NAME -->` and `<!-- end -->`, are written anew from errors.csv.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from matplotlib import rc_context
 
 from pgfmd.plots import STYLE
 from validation import ROOT, flat, numbers, response, schemes, spheres, waves
-from validation.drawing import Line, number
+from validation.drawing import Line, number, shown
 
 PAGE = ROOT / "docs" / "validation.md"
 FOLDER = ROOT / "docs" / "figures" / "validation"
@@ -64,15 +64,16 @@ def read_rows(folder: Path) -> list[dict[str, str]]:
 def write_rows(folder: Path, rows: Iterable[dict[str, str]]) -> None:
     """Writes errors.csv, in the order of FIGURES."""
     names = list(FIGURES)
+    kept = sorted((row for row in rows if row["figure"] in names), key=lambda row: names.index(row["figure"]))
     with (folder / "errors.csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
-        writer.writerows(sorted((row for row in rows if row["figure"] in names), key=lambda row: names.index(row["figure"])))
+        writer.writerows(kept)
 
 
 def row_of(figure: str, line: Line) -> dict[str, str]:
-    """A row of errors.csv: numbers of seven digits."""
-    values = (f"{value:.7g}" for value in (line.closed, line.ours, line.error))
+    """A row of errors.csv: numbers of ten digits."""
+    values = (f"{value:.10g}" for value in (line.closed, line.ours, line.error))
     return dict(zip(COLUMNS, (figure, line.what, line.settings, *values), strict=True))
 
 
@@ -80,20 +81,20 @@ def table(rows: Iterable[dict[str, str]]) -> str:
     """Rows of errors.csv as a table of the page."""
     text = ["| what | settings | closed form | pgfmd | error |", "| --- | --- | --- | --- | --- |"]
     for row in rows:
-        line = Line(row["what"], row["settings"], float(row["closed form"]), float(row["ours"]))
-        values = (number(line.closed, 5), number(line.ours, 5), line.shown_error)
-        text.append(f"| {line.what} | {line.settings} | {' | '.join(values)} |")
+        closed, ours, error = (float(row[column]) for column in COLUMNS[3:])
+        values = (number(closed, 5), number(ours, 5), shown(closed, error))
+        text.append(f"| {row['what']} | {row['settings']} | {' | '.join(values)} |")
     return "\n".join(text)
 
 
 def with_tables(page: str, rows: list[dict[str, str]]) -> str:
-    """The page with the table of every figure put between `% errors NAME` and `% end`."""
+    """The page with the table of every figure put between `<!-- errors NAME -->` and `<!-- end -->`."""
 
     def filled(match: re.Match) -> str:
         own = [row for row in rows if row["figure"] == match[1]]
-        return f"% errors {match[1]}\n\n{table(own)}\n\n% end"
+        return f"<!-- errors {match[1]} -->\n\n{table(own)}\n\n<!-- end -->"
 
-    return re.sub(r"% errors ([\w-]+)\n.*?% end", filled, page, flags=re.DOTALL)
+    return re.sub(r"<!-- errors ([\w-]+) -->\n.*?<!-- end -->", filled, page, flags=re.DOTALL)
 
 
 def make(name: str, quick: bool, folder: Path) -> list[dict[str, str]]:
@@ -105,7 +106,8 @@ def make(name: str, quick: bool, folder: Path) -> list[dict[str, str]]:
         figure.savefig(folder / f"{name}.png", dpi=120, metadata={"Software": None})
     print(f"# {name}: {time.perf_counter() - start:.1f} s")
     for line in lines:
-        print(f"{line.what:48s} {line.closed:12.6g} {line.ours:12.6g} {line.shown_error:>12s}   {line.settings}", flush=True)
+        values = f"{line.closed:12.6g} {line.ours:12.6g} {line.shown_error:>12s}"
+        print(f"{line.what:55s} {values}   {line.settings}", flush=True)
     return [row_of(name, line) for line in lines]
 
 

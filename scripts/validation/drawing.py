@@ -20,7 +20,8 @@ MARKERS = ("o", "s", "^", "D")
 class Line:
     """One comparison: what, with which settings, the closed form and our number, in the same unit.
 
-    The error is relative, or absolute where the closed form is zero.
+    The error is relative, or absolute where the closed form is zero. Where there is no closed form, as for an order of
+    convergence that no theory promises, it is NaN.
     """
 
     what: str
@@ -35,15 +36,25 @@ class Line:
 
     @property
     def shown_error(self) -> str:
-        """The error for a reader: in per cent, or as a power of ten where it is small or absolute."""
-        size = abs(self.error)
-        if self.closed == 0.0 or size < 1e-5:
-            return number(self.error)
-        return f"{100 * self.error:+.{max(0, 1 - math.floor(math.log10(100 * size)))}f} %".replace("-", "\N{MINUS SIGN}")
+        """The error for a reader, see `shown`."""
+        return shown(self.closed, self.error)
+
+
+def shown(closed_form: float, error: float) -> str:
+    """An error in per cent, or as a number where it is absolute or below 1e-5; nothing without a closed form."""
+    if math.isnan(closed_form):
+        return ""
+    size = abs(error)
+    if closed_form == 0.0 or size < 1e-5:
+        return number(error)
+    digits = max(0, 1 - math.floor(math.log10(100 * size)))
+    return f"{100 * error:+.{digits}f} %".replace("-", "\N{MINUS SIGN}")
 
 
 def number(value: float, digits: int = 3) -> str:
     """A number with a true minus sign, for a table or a title; powers of ten in words that HTML and text both show."""
+    if math.isnan(value):
+        return ""
     text = f"{value:.{digits}g}"
     if "e" in text:
         mantissa, exponent = text.split("e")

@@ -51,13 +51,17 @@ def hertz_figure(quick: bool):
         touching = depth > 0
         some = chosen(depth[touching], 15)
         ours(left, depth[touching][some] * MICRO, force[touching][some] * MILLI, index, label=phase)
+    order_found = -order(sizes, errors[1])
+    lines.append(Line("order of the force in the spacing", f"n = {sizes[-2]}, {n}, range_factor = 1", 1.0, order_found))
+    shown = next(line.shown_error for line in reversed(lines) if line.what.startswith("force"))
     left.set(xlabel="indentation [µm]", ylabel="force [mN]")
-    left.set_title(f"Hertz, n = {sizes[-1]}, range_factor 4: {lines[-2].shown_error} at the preload")
+    left.set_title(f"Hertz, n = {sizes[-1]}, range_factor 4: {shown} at the preload")
     left.legend()
     for index, (factor, found) in enumerate(errors.items()):
         convergence(right, sizes, found, index, label=f"range_factor {factor}")
+    triangle(right, sizes[-2], sizes[-1], 0.8 * min(np.abs(errors[4])), -1)
     right.set(xlabel="n", ylabel="|error| of the force at the preload")
-    right.set_title("mesh and stiffness of the overlap")
+    right.set_title("first order in the spacing: stiffness of the overlap")
     right.legend()
     return figure, lines
 
@@ -78,20 +82,19 @@ def power_figure(quick: bool):
         )  # fmt: skip
         depth, force, _ = result.phase("approach")
         apex = _apex(result, size, exponent)
-        radii = np.linspace(40e-6, 300e-6, 400)
+        radii = np.linspace(20e-6, 300e-6, 4000)
+        deep = power_law.indentation(radii, size, exponent)
         exact = power_law.force(radii, size, exponent, CONTACT_MODULUS)
-        inside = exact <= force[-1]
-        closed(left, power_law.indentation(radii, size, exponent)[inside] * MICRO, exact[inside] * MILLI, index)
-        some = np.flatnonzero(force > 2e-5)
-        some = some[chosen(np.log(force[some]), 9)]
+        drawn = (exact > 1e-5) & (exact < 1.05 * force[-1])
+        closed(left, deep[drawn] * MICRO, exact[drawn] * MILLI, index)
+        reached = np.interp(depth + apex, deep, radii)
+        some = np.flatnonzero(reached > 80e-6)
+        some = some[chosen(reached[some], 12)]
         ours(left, (depth[some] + apex) * MICRO, force[some] * MILLI, index, label=f"p = {exponent}")
-        tested = np.linspace(80e-6, float(radii[inside][-1]) * 0.98, 12)
-        deep = power_law.indentation(tested, size, exponent) - apex
-        exact = power_law.force(tested, size, exponent, CONTACT_MODULUS)
-        found = result.force_at(deep, "approach")
-        ours(right, tested * MICRO, 100 * (found / exact - 1), index, ls="-", lw=0.8)
-        settings = f"n = {n}, p = {exponent}, contact radius {tested[-1] * MICRO:.0f} um"
-        lines.append(Line("force [mN]", settings, float(exact[-1]) * MILLI, float(found[-1]) * MILLI))
+        expected = power_law.force(reached[some], size, exponent, CONTACT_MODULUS)
+        ours(right, reached[some] * MICRO, 100 * (force[some] / expected - 1), index, ls="-", lw=0.8)
+        settings = f"n = {n}, p = {exponent}, contact radius {reached[-1] * MICRO:.0f} um"
+        lines.append(Line("force [mN]", settings, float(expected[-1]) * MILLI, force[-1] * MILLI))
     left.set(xscale="log", yscale="log", xlabel="indentation [µm]", ylabel="force [mN]")
     left.set_title(f"power laws, n = {n}")
     left.legend()
@@ -173,15 +176,17 @@ def jkr_figure(quick: bool):
         depth, force, _ = result.phase("retract")
         shown = (force / TENSION < 0.2) & (depth > 1.5 * limit.indentation)
         some = np.flatnonzero(shown)[chosen(-depth[shown], 22)]
-        ours(left, depth[some] * MICRO, force[some] / TENSION, index, label=f"Tabor number {_tabor(result):.2f}", ms=3.5)
+        label = f"Tabor number {_tabor(result):.2f}"
+        ours(left, depth[some] * MICRO, force[some] / TENSION, index, label=label, ms=3.5)
         last = result.before_last_jump()
         ranges.append(result.scene.adhesion.range)
         excess.append(-result.state.pull_off_force / TENSION - 1.5)
         late.append(last.position / -limit.indentation - 1)
-        settings = f"n = {n}, Tabor number {_tabor(result):.2f}"
+        settings, height = f"n = {n}, {label}", -limit.indentation * MICRO
         lines.append(Line("pull-off force [pi w R]", settings, -1.5, result.state.pull_off_force / TENSION))
-        lines.append(Line("height of the punch at the snap-off [um]", settings, -limit.indentation * MICRO, last.position * MICRO))
-    lines.append(Line("order of the pull-off in the range", f"n = {sizes[-2]}, {sizes[-1]}", 1.0, order(ranges, excess)))
+        lines.append(Line("height of the punch at the snap-off [um]", settings, height, last.position * MICRO))
+    settings = f"n = {sizes[-2]}, {sizes[-1]}"
+    lines.append(Line("order of the pull-off in the range", settings, math.nan, order(ranges, excess)))
     left.set(xlabel="indentation [µm]", ylabel=r"force [$\pi w R$]")
     left.set_title("retraction of a sticky sphere")
     left.legend()
@@ -198,7 +203,8 @@ def jkr_figure(quick: bool):
 def maugis_figure(quick: bool):
     """Pull-off force of a sticky sphere between DMT and JKR: Maugis's transition."""
     # Beyond a range of 7 um the outline of the punch cuts off what attracts.
-    cases = [_sticky(64, 0.01), _sticky(64, 0.02), *(_sticky(n, 0.04) for n in ((64, 128) if quick else (64, 128, 256)))]
+    sizes = (64, 128) if quick else (64, 128, 256)
+    cases = [_sticky(64, 0.01), _sticky(64, 0.02), *(_sticky(n, 0.04) for n in sizes)]
     figure, (left, right) = panels()
     transition = np.geomspace(0.02, 20, 200)
     exact = [maugis.pull_off_force(1 / math.pi, 1.0, value) for value in transition]
@@ -215,7 +221,8 @@ def maugis_figure(quick: bool):
             expected = maugis.pull_off_force(1 / math.pi, 1.0, value)
             points[strength].append((value, found, 100 * (found / expected - 1)))
             if strength == "w/rho":
-                settings = f"n = {result.scene.grid.n}, range {result.scene.adhesion.range * MICRO:.2f} um, lambda = {value:.2f}"
+                reach = result.scene.adhesion.range * MICRO
+                settings = f"n = {result.scene.grid.n}, range {reach:.2f} um, lambda = {value:.2f}"
                 lines.append(Line("pull-off force, equal range [pi w R]", settings, expected, found))
     for index, (strength, rows) in enumerate(points.items()):
         value, found, error = np.array(rows).T

@@ -1,0 +1,99 @@
+"""The page of validations and the script that makes it agree: figures, makers, and the numbers of the tables."""
+
+import math
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
+
+import validation_figures as script  # noqa: E402
+from validation.drawing import Line, number  # noqa: E402
+
+PAGE = script.PAGE.read_text(encoding="utf-8")
+ROWS = script.read_rows(script.FOLDER)
+SHOWN = re.findall(r"!\[[^\]]+\]\(figures/validation/([\w-]+)\.png\)", PAGE)
+
+
+def test_every_figure_of_the_page_exists_and_has_a_maker():
+    assert sorted(SHOWN) == sorted(script.FIGURES)
+    for name in SHOWN:
+        content = (script.FOLDER / f"{name}.png").read_bytes()
+        assert content.startswith(b"\x89PNG")
+        assert len(content) <= 120_000
+
+
+def test_every_figure_has_its_table_and_its_rows():
+    assert re.findall(r"<!-- errors ([\w-]+) -->", PAGE) == SHOWN
+    assert {row["figure"] for row in ROWS} == set(script.FIGURES)
+
+
+def tables():
+    """(figure, cells) of each row of the tables of the page, read from its text."""
+    for name, body in re.findall(r"<!-- errors ([\w-]+) -->\n(.*?)<!-- end -->", PAGE, flags=re.DOTALL):
+        for text in body.strip().splitlines()[2:]:
+            yield name, [cell.strip() for cell in text.strip().strip("|").split(" | ")]
+
+
+def test_numbers_of_the_page_are_those_of_the_csv():
+    shown = list(tables())
+    assert len(shown) == len(ROWS) > len(script.FIGURES)
+    by_figure = {name: iter([row for row in ROWS if row["figure"] == name]) for name in script.FIGURES}
+    for name, (what, settings, closed, ours, error) in shown:
+        row = next(by_figure[name])
+        assert (what, settings) == (row["what"], row["settings"])
+        for cell, column in ((closed, "closed form"), (ours, "ours")):
+            expected = float(row[column])
+            assert (not cell and math.isnan(expected)) or value(cell) == pytest.approx(expected, rel=1e-4, abs=1e-300)
+        if error.endswith("%"):
+            # Two digits.
+            assert value(error[:-2]) / 100 == pytest.approx(float(row["error"]), rel=0.05)
+        elif error:
+            assert value(error) == pytest.approx(float(row["error"]), rel=5e-3, abs=1e-300)
+        assert bool(error) != math.isnan(float(row["closed form"]))
+
+
+def value(text):
+    """The number that a cell shows."""
+    plain = text.strip().replace("\N{MINUS SIGN}", "-")
+    if "\N{MULTIPLICATION SIGN}10" in plain:
+        mantissa, power = plain.split("\N{MULTIPLICATION SIGN}10")
+        return float(mantissa) * 10.0 ** int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")))
+    return float(plain)
+
+
+def test_errors_of_the_csv_are_those_of_its_numbers():
+    for row in ROWS:
+        closed, ours, error = (float(row[column]) for column in ("closed form", "ours", "error"))
+        if math.isnan(closed):
+            assert math.isnan(error)
+        else:
+            # Numbers have ten digits.
+            assert error == pytest.approx(ours / closed - 1 if closed else ours, rel=1e-9, abs=2e-9 if closed else 0.0)
+
+
+def test_tables_are_filled_from_rows_and_the_rest_of_the_page_is_kept():
+    page = "before\n\n<!-- errors a -->\n\n| old |\n\n<!-- end -->\n\nbetween\n\n<!-- errors b -->\n<!-- end -->\n"
+    rows = [script.row_of(name, Line("force [N]", "n = 8", 2.0, 1.9)) for name in ("a", "b")]
+    filled = script.with_tables(page, rows)
+    assert filled.count("| force [N] | n = 8 | 2 | 1.9 | −5.0 % |") == 2
+    assert "old" not in filled and filled.startswith("before\n\n<!-- errors a -->\n\n|") and "\n\nbetween\n\n" in filled
+    assert script.with_tables(filled, rows) == filled
+
+
+@pytest.mark.parametrize(
+    ("closed", "ours", "shown"),
+    [
+        (-1.5, -1.602, "+6.8 %"), (2.0, 1.9, "−5.0 %"), (1.0, 1.0 + 2e-7, "2×10⁻⁷"), (0.0, 3.4e-6, "3.4×10⁻⁶"),
+        (0.0, 0.0652, "0.0652"), (math.nan, 1.5, ""), (1.0, 1.00012, "+0.012 %"),
+    ],
+)  # fmt: skip
+def test_errors_as_they_are_shown(closed, ours, shown):
+    assert Line("", "", closed, ours).shown_error == shown
+
+
+def test_numbers_as_they_are_shown():
+    assert [number(x, 5) for x in (-0.5, 1.23456789e-7, math.nan, 0.0)] == ["−0.5", "1.2346×10⁻⁷", "", "0"]
