@@ -49,7 +49,8 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
     """Traction, stiffness and out-of-balance stress of one implicit step, at the trial u + step s, w + weight t.
 
     gap = d + z - u;  f = Gamma'(gap);  K = Gamma''(gap);  r = f - (w - history) / J
-    rows[0] of the incremental potential u (w/2 - history) / J + Gamma(gap) [Pa m];  rows[1] of f, rows[2] of r [Pa].
+    rows[0] of f, rows[1] of r [Pa];  rows[2] of Gamma(gap), rows[3] of step s ((w + trial's w)/2 - history) / J, by
+    which the rest of the incremental potential grows along s, as A is symmetric [Pa m].
     law = (stiffness K_0, range rho, attractive 0 or 1).
     """
     stiffness, reach, attractive = law
@@ -59,9 +60,10 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
     limit = reach if attractive > 0.0 else 0.0
     inverse = 1.0 / compliance
     for row in range(offset.size - 1):
-        potential, pull, imbalance = 0.0, 0.0, 0.0
+        pull, imbalance, potential, growth = 0.0, 0.0, 0.0, 0.0
         for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            here = u[i] + step * s[i]
+            move = step * s[i]
+            here = u[i] + move
             load = w[i] + weight * t[i]
             gap = position + height[i] - here
             overlap = min(gap, 0.0)
@@ -76,12 +78,14 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
             rest = traction - (load - history[i]) * inverse
             r[i] = rest
             energy = 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
-            potential += here * (0.5 * load - history[i]) * inverse + energy
             pull += traction
             imbalance += rest
-        rows[0, row] = potential
-        rows[1, row] = pull
-        rows[2, row] = imbalance
+            potential += energy
+            growth += move * (0.5 * (w[i] + load) - history[i]) * inverse
+        rows[0, row] = pull
+        rows[1, row] = imbalance
+        rows[2, row] = potential
+        rows[3, row] = growth
 
 
 @_compile_sums
@@ -234,12 +238,12 @@ def advance_branches(branches, decay, stages, gain, count):
 
 @_compile_sums
 def advance_branches_and_energy(
-    phi, psi, decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count, offset, rows
+    phi, psi, decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count, keep, offset, rows
 ):
     """`advance_branches` for phi and for psi = G0 phi, with the energies that they store and dissipate.
 
     The rates of stage i are k_i = f_i - phi_i = rate_decay[m, i] phi_n + sum_j rate_gain[m, i, j] f_j, likewise for
-    psi.
+    psi. Without `keep` phi and psi stay as they are.
     rows[0] of sum_m J_m phi_m psi_m / 2;  rows[1] of sum_m sum_i quadrature[m, i] k_i G0 k_i,  [Pa m].
     """
     elements = phi.shape[0]
@@ -258,7 +262,8 @@ def advance_branches_and_energy(
                         rate_a += rate_gain[m, i, j] * f[j, p]
                         rate_b += rate_gain[m, i, j] * g[j, p]
                     lost += quadrature[m, i] * rate_a * rate_b
-                phi[m, p], psi[m, p] = new_a, new_b
+                if keep:
+                    phi[m, p], psi[m, p] = new_a, new_b
                 stored += half * new_a * new_b
         rows[0, row] = stored
         rows[1, row] = lost

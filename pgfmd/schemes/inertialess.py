@@ -14,7 +14,7 @@ import numpy as np
 from pgfmd import kernels
 from pgfmd.drift import Drift
 from pgfmd.drive import Phase
-from pgfmd.extrapolation import lagrange_weights, parabola_integral
+from pgfmd.extrapolation import integral, lagrange_weights
 from pgfmd.newton import NewtonSolver
 from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, StepWeights, step_weights
 from pgfmd.rheology import CreepSeries
@@ -30,8 +30,19 @@ EVENT_TOLERANCE = 2.5e-4
 JUMP_SHARPNESS = 1e-3
 """Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
 tiny, and a loose solve lingers on it."""
-ELASTIC_PATIENCE, ELASTIC_SHARPNESS = 2, 0.25
-"""Elastic scenes: patience of CG (newton.py), and share of the tolerance to which steps are solved."""
+FINE, ENERGY_SHARE, LEAST_SHARE = 1.5e-3, 7.0, 1e-3
+"""From this tolerance on, the audit's residual of a step is bounded too: by this multiple of the tolerance, but no less
+than this, as a share of the energy dissipated."""
+LEAST_WAY, SMALLEST_LOOP = 1e-3, 1e-7
+"""Least part of the way of the punch that a step counts as (below it are the errors of the solves), and the least energy
+that a loop is supposed to dissipate, as a share of the elastic energy and of the adhesive energy of a whole contact."""
+POINTS_OF_WORK, NEAREST_PAST = 3, 0.2
+"""The work of a step comes from at most so many forces; the last step's start is one, unless that was shorter than this
+share of the step: too close to tell a slope."""
+ELASTIC_PATIENCE, ELASTIC_SHARPNESS, FINE_SHARPNESS = 2, 0.25, 0.1
+"""Elastic scenes: patience of CG (newton.py), and share of the tolerance to which steps are solved, as an elastic step's
+only error is that of its solve; and that share for fine steps. The work of the punch has the error of its forces, and in
+a nearly elastic loop, thousands of times smaller than the energies that come and go, it would show."""
 
 
 class Inertialess:
@@ -55,6 +66,8 @@ class Inertialess:
         self._history = np.zeros((stages, points.size))
         self._g = np.zeros((stages, points.size)) if audit else np.zeros((stages, 0))
         self._drift = Drift()
+        # Without attraction and retardation nothing is dissipated that an error could be compared with.
+        self._bounds_energy = audit and tolerance <= FINE and (creep.elements > 0 or solver.law.attractive)
         self._rows = np.zeros((2, points.rows))
 
     @property
@@ -114,25 +127,30 @@ class Inertialess:
             trial.cg_iterations += outcome.cg_iterations
             trial.potential_drop += outcome.potential_drop
             trial.force = outcome.force
-            trial.powers.append(-outcome.force * phase.velocity(elapsed))
+            trial.forces.append(outcome.force)
             if not outcome.converged:
                 trial.converged = False
                 return trial
-            self._f[i] = self.solver.traction
+            # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes the
+            # images G0 phi, and with them the stored energy, those of these tractions.
+            np.subtract(self._w[i], history, out=self._f[i])
+            self._f[i] /= weights.compliance[i]
         trial.change = self._change(state, trial)
         if self.creep.elements:
             trial.error = trial.change.error(self.tableau.error_constant)
         else:
             trial.error = trial.change.elastic_error(self.solver.law.attractive)
+        if self._bounds_energy and not jump:
+            trial.energy_error = self._energy_error(state, trial, outcome.adhesive)
         return trial
 
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
         weights = trial.weights
-        start_power = -state.force * trial.phase.velocity(state.elapsed)
-        state.energies.work += self._work(state, trial, start_power)
+        state.energies.work += self._work(state, trial)
         if self.audit:
-            self._advance_energies(state, weights)
+            state.energies.elastic, viscous = self._energies(state, weights, keep=True)
+            state.energies.viscous += viscous
         else:
             kernels.advance_branches(state.branches, weights.decay, self._f, weights.gain, self.tableau.stages)
         if trial.is_jump:
@@ -140,19 +158,18 @@ class Inertialess:
             state.counters.jumps += 1
             state.forget_history()
         self._remember(state, trial)
-        state.traction[:] = self._f[-1]
+        state.traction[:] = self.solver.traction
         state.position, state.force = trial.position, trial.force
         state.time += trial.step
         state.elapsed += trial.step
         state.last_step = trial.step
         state.counters.steps += 1
-        state.power = start_power
 
     def _tolerance(self, sharp: bool, jump: bool) -> float:
         if jump:
             return JUMP_SHARPNESS * self.tolerance
-        # An elastic step's only error is that of its solve.
-        usual = self.tolerance if self.creep.elements else ELASTIC_SHARPNESS * self.tolerance
+        share = 1.0 if self.creep.elements else ELASTIC_SHARPNESS
+        usual = self.tolerance * (FINE_SHARPNESS if self.tolerance <= FINE else share)
         return min(EVENT_TOLERANCE if sharp else LOOSEST_TOLERANCE, usual)
 
     def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:
@@ -193,19 +210,23 @@ class Inertialess:
             tuple(times), trial.step,
         )  # fmt: skip
 
-    def _work(self, state: State, trial: Trial, start_power: float) -> float:
-        """Work of the punch [J] over the step: the parabola through its power at the start and at the stages.
+    def _work(self, state: State, trial: Trial) -> float:
+        """Work of the punch [J] over the step: its velocity times the polynomial through the forces at the start, at
+        the stages, and at ends of steps before.
 
-        A single stage (elastic) takes the end of the step before as the third point. A jump takes no time worth
-        counting.
+        A jump happens at the new positions, and what it releases is counted from there: up to each of them, the punch
+        has met the force of the surface as it was.
         """
-        h = trial.step
-        times = [0.0, *(node * h for node in self.tableau.nodes)]
-        powers = [start_power, *trial.powers]
-        if self.tableau.stages == 1 and state.past_steps:
-            times.append(-state.past_steps[0])
-            powers.append(state.power)
-        return parabola_integral(times, powers, h)
+        h, start, phase = trial.step, state.elapsed, trial.phase
+        times, forces = [0.0, *(node * h for node in self.tableau.nodes)], [state.force, *trial.forces]
+        if trial.is_jump:
+            places = [phase.displacement(start + time) for time in times]
+            return -sum(force * (b - a) for force, a, b in zip(forces[:-1], places[:-1], places[1:], strict=True))
+        for past, force in zip(-np.cumsum(state.past_steps), state.past_forces, strict=True):
+            if len(times) < POINTS_OF_WORK and past < -NEAREST_PAST * h:
+                times.append(past)
+                forces.append(force)
+        return -integral(times, forces, lambda time: phase.velocity(start + time), h)
 
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
@@ -227,11 +248,30 @@ class Inertialess:
         state.load, self._w[-1] = self._w[-1], old_w
         # Of the surfaces that the drift knows, newest first, the end of the step stays, and those before the step.
         before = range(self.tableau.stages, self.tableau.stages + len(state.past_u))
-        state.drift = self._drift.kept([0, *before]).covariance
+        state.drift = self._drift.kept([0, *before]).factor
 
-    def _advance_energies(self, state: State, weights: StepWeights) -> None:
-        """Branches and their images phi_m, G0 phi_m, with what they store and dissipate. No transform: G0 f = (u - G0
-        w_hist) / J."""
+    def _energy_error(self, state: State, trial: Trial, adhesive: float) -> float:
+        """The step's share of the energy audit's residual, relative to what is allowed to it.
+
+        That is a small part of what the step dissipates; and of all that has been dissipated, shared out over the way
+        of the punch. adhesive [J]: energy of the interface at the end of the step.
+        """
+        energies, reach = state.energies, self.solver.law.range
+        elastic, viscous = self._energies(state, trial.weights, keep=False)
+        gained = elastic - energies.elastic + adhesive - energies.adhesive
+        residual = self._work(state, trial) - gained - viscous
+        at_stake = elastic + self.solver.law.work_of_adhesion * self.points.total * self.points.grid.cell_area
+        spent = max(energies.viscous + energies.released, SMALLEST_LOOP * at_stake)
+        way = abs(trial.position - state.position) / (reach + abs(trial.position - state.phase_start))
+        allowed = max(ENERGY_SHARE * self.tolerance, LEAST_SHARE) * (viscous + spent * (way + LEAST_WAY))
+        return abs(residual) / allowed if allowed > 0.0 else 0.0
+
+    def _energies(self, state: State, weights: StepWeights, keep: bool) -> tuple[float, float]:
+        """Elastic energy at the end of a step, and energy dissipated in it [J].
+
+        keep: move the branches and their images phi_m, G0 phi_m on to the step's end. No transform: G0 f = (u - G0
+        w_hist) / J.
+        """
         stages, area, images = self.tableau.stages, self.points.grid.cell_area, self._g
         kernels.weigh_branches(state.images, weights.branch_weight, images)
         for i in range(stages):
@@ -243,13 +283,12 @@ class Inertialess:
         offset = self.points.offset
         kernels.advance_branches_and_energy(
             state.branches, state.images, weights.decay, self._f, images, weights.gain, weights.rate_decay,
-            weights.rate_gain, weights.quadrature, self.creep.J, stages, offset, self._rows,
+            weights.rate_gain, weights.quadrature, self.creep.J, stages, keep, offset, self._rows,
         )  # fmt: skip
         stored, lost = self.points.total_of(self._rows)
         kernels.dot(self._f[-1], images[-1], offset, self._rows)
         stored += 0.5 * self.creep.J_inf * self.points.total_of(self._rows[:1])[0]
-        state.energies.elastic = stored * area
-        state.energies.viscous += lost * area
+        return stored * area, lost * area
 
 
 def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:
