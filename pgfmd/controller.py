@@ -16,6 +16,12 @@ from pgfmd.errors import RunError
 from pgfmd.state import State
 
 SAFETY, LARGEST_GROWTH, STRONGEST_CUT, CUT_ON_FAILURE = 0.85, 2.0, 0.2, 0.25
+TELLING = 2.0
+"""How many times longer than a step another one has to be for their changes to tell a jump from a motion."""
+ENERGY_CUT, WORTH_AGAIN, MOST_REPEATS = {1: 8.0, 2: 24.0}, 0.6, 3
+"""For the sake of the energy audit steps get shorter by at most this factor (by the scheme's order; in elastic scenes
+the errors of the solves, which don't shrink with the step, come sooner), and are taken again where they should have been
+shorter than this share of what they were, at most so many times."""
 PRELOAD_TOLERANCE, PRELOAD_SHARE, CLOSE_TO_PRELOAD = 1e-4, 0.1, 0.95
 """The preload is met to this fraction, or to that share of a smaller tolerance: a late turn shifts the whole way back.
 From the last fraction of it on, steps are solved tightly."""
@@ -76,20 +82,27 @@ class Controller:
         end = phase.duration - state.elapsed
         wanted = state.step or limits.first(phase)
         step, why = _fit(min(wanted, limits.largest(phase)), end, until)
-        bracket, refused = None, False
+        bracket, refused, repeats = None, [], 0
         # The force must be known better than the preload is to be met.
         close = phase.ends_with == PRELOAD and state.force > CLOSE_TO_PRELOAD * self.preload
         for _ in range(self.largest_try_count):
-            last_resort = refused and bracket is None and step < limits.jump(phase)
+            last_resort = bool(refused) and bracket is None and step < limits.jump(phase)
             trial = self.scheme.try_step(state, phase, step, sharp=bracket is not None or close, jump=last_resort)
             # Without attraction nothing jumps: what kept the step from being taken was a loose solve before it.
-            trial.is_jump = last_resort and limits.attractive
+            trial.is_jump = last_resort and limits.attractive and trial.converged and _jumped(trial, refused)
             self._count(state, trial)
             if not trial.converged or not (last_resort or trial.error <= limits.tolerance):
                 if last_resort:
                     break
                 state.counters.rejected_steps += 1
-                step, why, bracket, refused = step * self._cut(trial), "", None, True
+                refused.append(trial)
+                step, why, bracket = step * self._cut(phase, trial), "", None
+                continue
+            wish = self._wish(phase, trial)
+            if wish < WORTH_AGAIN and repeats < MOST_REPEATS and bracket is None and not last_resort:
+                state.counters.rejected_steps += 1
+                repeats += 1
+                step, why = step * max(STRONGEST_CUT, wish), ""
                 continue
             if phase.ends_with == PRELOAD:
                 excess = trial.force - self.preload
@@ -102,27 +115,33 @@ class Controller:
                         state.counters.rejected_steps += 1
                         step, why = other, ""
                         continue
-            self._accept(state, trial, wanted if why else step)
+            self._accept(state, phase, trial, wanted if why else step)
             if phase.ends_with == PRELOAD and trial.force >= self.preload - self.slack:
                 why = "preload"
             return trial, why
         raise RunError(self._stuck(state, phase, step))
 
-    def _accept(self, state: State, trial, wanted: float) -> None:
+    def _accept(self, state: State, phase: Phase, trial, wanted: float) -> None:
         self.scheme.accept(state, trial)
         if trial.is_jump:
             state.step = 0.0
             return
-        growth = SAFETY * (self.limits.tolerance / max(trial.error, 1e-300)) ** (1.0 / (self.scheme.order + 1))
+        growth = self._wish(phase, trial)
         proposal = trial.step * min(LARGEST_GROWTH, max(STRONGEST_CUT, growth))
         # A step cut short by an event says nothing against the one that was wanted.
         state.step = max(proposal, wanted) if wanted > trial.step and growth >= 1.0 else proposal
 
-    def _cut(self, trial) -> float:
+    def _cut(self, phase: Phase, trial) -> float:
         if not trial.converged or not math.isfinite(trial.error):
             return CUT_ON_FAILURE
-        wish = SAFETY * (self.limits.tolerance / trial.error) ** (1.0 / (self.scheme.order + 1))
-        return min(0.8, max(STRONGEST_CUT, wish))
+        return min(0.8, max(STRONGEST_CUT, self._wish(phase, trial)))
+
+    def _wish(self, phase: Phase, trial) -> float:
+        """By which factor the step might have been longer."""
+        by_error = SAFETY * (self.limits.tolerance / max(trial.error, 1e-300)) ** (1.0 / (self.scheme.order + 1))
+        by_error = min(by_error, self.limits.largest(phase) / trial.step)
+        by_energy = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
+        return min(by_error, max(by_energy, by_error / ENERGY_CUT[self.scheme.order]))
 
     @staticmethod
     def _count(state: State, trial) -> None:
@@ -136,6 +155,19 @@ class Controller:
             f"d = {state.position:.6g} m, step {step:.3g} s). What has been written so far is valid. "
             "Try a smaller solver.accuracy, or a larger adhesion.range."
         )
+
+
+def _jumped(trial, refused: list) -> bool:
+    """Whether a step that was refused again and again jumps: whether its change has not shrunk with the step.
+
+    Without a history, as after a jump, any change counts as an error, and a surface that just moves faster than the
+    punch is refused as well. Taken for a jump, it would lose its history again, and so forth.
+    """
+    known = [other for other in refused if other.change is not None]
+    longer = [other for other in known if other.step >= TELLING * trial.step] or known[:1]
+    if not longer:
+        return True
+    return trial.change.largest > longer[-1].change.largest * math.sqrt(trial.step / longer[-1].step)
 
 
 class _Bracket:

@@ -4,6 +4,10 @@ Newton's corrections keep u = G0 w to rounding, and so does extrapolation; but w
 snap, extrapolation amplifies that rounding as it amplifies a parabola, by many orders. No local residual can see it. So
 the variances and covariances of the drift of the known surfaces are followed through the very weights that extrapolate
 them. Where they tell that a drift is about to matter, the scheme evaluates u = G0 w anew, for one transform pair.
+
+The drifts of successive surfaces are nearly the same, and it is their small differences that extrapolation amplifies;
+in the covariances C themselves these cancel to nothing after some hundred steps. So a factor of them is kept, L with
+C = L L^T, the drifts being L xi with independent xi.
 """
 
 from __future__ import annotations
@@ -15,46 +19,59 @@ ROUNDING, SINGLE_ROUNDING = 4e-16, 2e-7
 
 
 class Drift:
-    """Covariance of the drift [ranges of adhesion, squared] of the known surfaces, newest first, (k, k).
+    """Factor of the covariance of the drift [ranges of adhesion] of the known surfaces, newest first: lower triangular,
+    (k, k).
 
     rounding: `ROUNDING`, or `SINGLE_ROUNDING` for surfaces in single precision.
     """
 
-    def __init__(self, covariance: np.ndarray | None = None, rounding: float = ROUNDING):
-        self.covariance = np.zeros((1, 1)) if covariance is None else covariance
+    def __init__(self, factor: np.ndarray | None = None, rounding: float = ROUNDING):
+        self.factor = np.zeros((1, 1)) if factor is None else factor
         self.rounding = rounding
 
     def extrapolated(self, weights: list[float], size: float) -> Drift:
         """With a new surface in front that is the sum of weights * known surfaces. size: |u| in ranges of adhesion."""
-        known = self.covariance.shape[0]
+        known = self.factor.shape[0]
         c = np.zeros(known)
         c[: len(weights)] = weights
-        shared = self.covariance @ c
-        fresh = (self.rounding * size) ** 2 * (1.0 + c @ c)
-        result = np.empty((known + 1, known + 1))
-        result[0, 0] = c @ shared + fresh
-        result[0, 1:] = result[1:, 0] = shared
-        result[1:, 1:] = self.covariance
-        return Drift(result, self.rounding)
+        wide = np.zeros((known + 1, known + 1))
+        wide[0, 0] = self.rounding * size * np.sqrt(1.0 + c @ c)
+        wide[0, 1:] = c @ self.factor
+        wide[1:, 1:] = self.factor
+        return Drift(_triangular(wide), self.rounding)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the drifts [ranges of adhesion, squared], (k, k)."""
+        return self.factor @ self.factor.T
 
     @property
     def newest(self) -> float:
         """Standard deviation of the newest surface's drift [ranges of adhesion]."""
-        return float(np.sqrt(max(self.covariance[0, 0], 0.0)))
+        return abs(float(self.factor[0, 0]))
 
     def renewed(self, size: float) -> Drift:
         """After the newest surface has been evaluated anew."""
-        result = self.covariance.copy()
-        result[0, :] = result[:, 0] = 0.0
-        result[0, 0] = (self.rounding * size) ** 2
-        return Drift(result, self.rounding)
+        known = self.factor.shape[0]
+        wide = np.zeros((known, known + 1))
+        wide[0, 0] = self.rounding * size
+        wide[1:, 1:] = self.factor[1:]
+        return Drift(_triangular(wide), self.rounding)
 
     def disturbed(self, amount: float) -> Drift:
         """With an error of this standard deviation [ranges of adhesion] more in the newest surface."""
-        result = self.covariance.copy()
-        result[0, 0] += amount**2
-        return Drift(result, self.rounding)
+        if amount == 0.0:
+            return self
+        # An error of its own is one more column of the newest row.
+        wide = np.hstack([np.zeros((self.factor.shape[0], 1)), self.factor])
+        wide[0, 0] = amount
+        return Drift(_triangular(wide), self.rounding)
 
     def kept(self, which: list[int]) -> Drift:
         """Of these surfaces alone, by position."""
-        return Drift(self.covariance[np.ix_(which, which)], self.rounding)
+        return Drift(_triangular(self.factor[which]), self.rounding)
+
+
+def _triangular(rows: np.ndarray) -> np.ndarray:
+    """The lower triangular factor of the same covariance rows rows^T; the newest surface's row holds one entry."""
+    return np.linalg.qr(rows.T, mode="r").T

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+
+_GAUSS = ((0.5 - 0.5 * 0.6**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.5 * 0.6**0.5, 5 / 18))
 
 
 def lagrange_weights(times: Sequence[float], at: float) -> list[float]:
@@ -17,10 +19,12 @@ def lagrange_weights(times: Sequence[float], at: float) -> list[float]:
     return weights
 
 
-def parabola_integral(times: Sequence[float], values: Sequence[float], span: float) -> float:
-    """Integral from 0 to `span` of the polynomial, at most of degree 3, through `values` at `times`: Gauss's two
-    points."""
+def integral(times: Sequence[float], values: Sequence[float], factor: Callable[[float], float], span: float) -> float:
+    """Integral from 0 to `span` of the polynomial through values at `times` times a linear factor(time), exact up to a
+    cubic: Gauss's three points."""
     total = 0.0
-    for at in (0.5 * span * (1.0 - 3.0**-0.5), 0.5 * span * (1.0 + 3.0**-0.5)):
-        total += sum(weight * value for weight, value in zip(lagrange_weights(times, at), values, strict=True))
-    return 0.5 * span * total
+    for place, share in _GAUSS:
+        at = span * place
+        here = sum(weight * value for weight, value in zip(lagrange_weights(times, at), values, strict=True))
+        total += share * here * factor(at)
+    return span * total

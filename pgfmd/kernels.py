@@ -49,7 +49,8 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
     """Traction, stiffness and out-of-balance stress of one implicit step, at the trial u + step s, w + weight t.
 
     gap = d + z - u;  f = Gamma'(gap);  K = Gamma''(gap);  r = f - (w - history) / J
-    rows[0] of the incremental potential u (w/2 - history) / J + Gamma(gap) [Pa m];  rows[1] of f, rows[2] of r [Pa].
+    rows[0] of f, rows[1] of r [Pa];  rows[2] of Gamma(gap), rows[3] of step s ((w + trial's w)/2 - history) / J, by
+    which the rest of the incremental potential grows along s, as A is symmetric [Pa m].
     law = (stiffness K_0, range rho, attractive 0 or 1).
     """
     stiffness, reach, attractive = law
@@ -59,9 +60,10 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
     limit = reach if attractive > 0.0 else 0.0
     inverse = 1.0 / compliance
     for row in range(offset.size - 1):
-        potential, pull, imbalance = 0.0, 0.0, 0.0
+        pull, imbalance, potential, growth = 0.0, 0.0, 0.0, 0.0
         for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            here = u[i] + step * s[i]
+            move = step * s[i]
+            here = u[i] + move
             load = w[i] + weight * t[i]
             gap = position + height[i] - here
             overlap = min(gap, 0.0)
@@ -76,12 +78,14 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
             rest = traction - (load - history[i]) * inverse
             r[i] = rest
             energy = 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
-            potential += here * (0.5 * load - history[i]) * inverse + energy
             pull += traction
             imbalance += rest
-        rows[0, row] = potential
-        rows[1, row] = pull
-        rows[2, row] = imbalance
+            potential += energy
+            growth += move * (0.5 * (w[i] + load) - history[i]) * inverse
+        rows[0, row] = pull
+        rows[1, row] = imbalance
+        rows[2, row] = potential
+        rows[3, row] = growth
 
 
 @_compile_sums
@@ -245,12 +249,13 @@ def advance_branches(branches, decay, stages, gain, count):
 
 @_compile_sums
 def advance_branches_and_energy(
-    phi, psi, decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count, offset, rows
+    phi, psi, decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count, keep, offset, rows
 ):
     """`advance_branches` for phi and for psi = G0 phi, with the energies that they store and dissipate.
 
     The rates of stage i are k_i = f_i - phi_i = rate_decay[m, i] phi_n + sum_{j <= i} rate_gain[m, i, j] f_j, likewise
-    for psi. Written out for two stages, as loops over them would not vectorise; a single one has no second term.
+    for psi. Written out for two stages, as loops over them would not vectorise; a single one has no second term. Without
+    `keep` phi and psi stay as they are.
     rows[0] of sum_m J_m phi_m psi_m / 2;  rows[1] of sum_m sum_i quadrature[m, i] k_i G0 k_i,  [Pa m].
     """
     two, last = count > 1, count - 1
@@ -259,7 +264,7 @@ def advance_branches_and_energy(
     rows[1] = 0.0
     for m in range(phi.shape[0]):
         a, b = phi[m], psi[m]
-        half, keep, gain0, gain1 = 0.5 * compliances[m], decay[m], gain[m, 0], gain[m, last] if two else 0.0
+        half, fading, gain0, gain1 = 0.5 * compliances[m], decay[m], gain[m, 0], gain[m, last] if two else 0.0
         r0, r00, weight0 = rate_decay[m, 0], rate_gain[m, 0, 0], quadrature[m, 0]
         r1, r11, weight1 = rate_decay[m, last], rate_gain[m, last, last], quadrature[m, last] if two else 0.0
         r10 = rate_gain[m, last, 0] if two else 0.0
@@ -267,11 +272,12 @@ def advance_branches_and_energy(
             stored, lost = 0.0, 0.0
             for p in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
                 x, y = a[p], b[p]
-                new_x = keep * x + gain0 * f0[p] + gain1 * f1[p]
-                new_y = keep * y + gain0 * g0[p] + gain1 * g1[p]
+                new_x = fading * x + gain0 * f0[p] + gain1 * f1[p]
+                new_y = fading * y + gain0 * g0[p] + gain1 * g1[p]
                 lost += weight0 * (r0 * x + r00 * f0[p]) * (r0 * y + r00 * g0[p])
                 lost += weight1 * (r1 * x + r10 * f0[p] + r11 * f1[p]) * (r1 * y + r10 * g0[p] + r11 * g1[p])
                 stored += new_x * new_y
-                a[p], b[p] = new_x, new_y
+                if keep:
+                    a[p], b[p] = new_x, new_y
             rows[0, row] += half * stored
             rows[1, row] += lost

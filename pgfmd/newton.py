@@ -26,7 +26,8 @@ SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a solve ended: whether it converged, its iterations, the force on the punch [N], by how much Phi fell [J].
+    """How a solve ended: whether it converged, its iterations, the force on the punch [N], by how much Phi fell, and
+    the adhesive energy [J].
 
     moved: sum of the largest moves of the surface [ranges of adhesion] by all corrections.
     """
@@ -36,6 +37,7 @@ class Outcome:
     cg_iterations: int
     force: float
     potential_drop: float
+    adhesive: float
     met_negative_curvature: bool
     moved: float = 0.0
 
@@ -76,7 +78,7 @@ class NewtonSolver:
         self.traction = points.zeros(self.dtype)
         vectors = [points.zeros(self.rough.dtype) for _ in range(7)]
         self.curvature, self._r, self._s, self._t, self._p, self._y, self._z = vectors
-        self._rows = np.zeros((3, points.rows))
+        self._rows = np.zeros((4, points.rows))
 
     def solve(
         self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False
@@ -92,8 +94,7 @@ class NewtonSolver:
         trust, way, cg_count, negative, renewed = 1.0, 0.0, 0, False, False
         self._s[:] = 0.0
         self._t[:] = 0.0
-        potential, pull, imbalance = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
-        start = potential
+        (pull, imbalance, potential, _), drop = self._evaluate(position, u, w, 0.0, 0.0, history, compliance), 0.0
         unbalanced = self.force_share * tolerance * self.force_scale / self.points.grid.cell_area
         most = self.largest_jump_count if jump else self.largest_newton_count
         for count in range(1, most + 1):
@@ -102,7 +103,7 @@ class NewtonSolver:
             negative |= bent
             longest = trust / size if size > trust or (bent and size > 0.0) else 1.0
             shortest = 1e-3 * tolerance / max(size, 1.0)
-            scale, (trial, pull, imbalance) = self._go_down(
+            scale, (pull, imbalance, trial, growth) = self._go_down(
                 position, u, w, history, compliance, potential, longest, shortest
             )
             if scale == 0.0:
@@ -111,17 +112,18 @@ class NewtonSolver:
                     break
                 self.convolve(w, u)
                 renewed = True
-                potential, pull, imbalance = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+                pull, imbalance, potential, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
                 continue
             kernels.move(u, w, self._s, self._t, scale, scale * compliance)
-            gained, potential = potential - trial, trial
+            gained, potential = potential - trial - growth, trial
+            drop += gained
             small = size < tolerance or (self.forcing + size) * size < tolerance
             if scale == 1.0 and not bent and small and abs(imbalance) <= unbalanced:
-                return self._outcome(True, count, cg_count, pull, start - potential, negative, way + size)
+                return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size)
             moved = scale * size
             way += moved
             trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
-        return self._outcome(False, count, cg_count, pull, start - potential, negative, way)
+        return self._outcome(False, count, cg_count, pull, drop, potential, negative, way)
 
     def _go_down(self, position, u, w, history, compliance, potential, longest, shortest):
         """Halves the step along s until Phi does not rise; (step, what `_evaluate` gives there), step 0 where it always
@@ -130,17 +132,17 @@ class NewtonSolver:
         slack = self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
         while scale >= shortest:
             values = self._evaluate(position, u, w, scale, scale * compliance, history, compliance)
-            if values[0] <= potential + slack:
+            if values[2] + values[3] <= potential + slack:
                 return scale, values
             scale *= 0.5
         return 0.0, self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
 
-    def _outcome(self, converged, newton_count, cg_count, pull, drop, negative, moved) -> Outcome:
+    def _outcome(self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved) -> Outcome:
         area = self.points.grid.cell_area
-        return Outcome(converged, newton_count, cg_count, -pull * area, drop * area, negative, moved)
+        return Outcome(converged, newton_count, cg_count, -pull * area, drop * area, adhesive * area, negative, moved)
 
     def _evaluate(self, position, u, w, step, weight, history, compliance):
-        """(Phi, sum of f, sum of r), per area of a point; sets traction, curvature and residual at u + step s."""
+        """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets traction, curvature and residual at u + step s."""
         kernels.evaluate(
             self.height, position, u, w, self._s, self._t, step, weight, history, compliance,
             self.law_numbers, self.points.offset, self.traction, self.curvature, self._r, self._rows,
@@ -169,7 +171,7 @@ class NewtonSolver:
             if bend <= 0.0:
                 return count, self._to_edge(trust), True
             kernels.advance(energy / bend, p, y, self.curvature, s, t, r, points.offset, self._rows)
-            rows = points.all_rows(self._rows)
+            rows = points.all_rows(self._rows[:3])
             change, size = rows[:2].max(axis=1) * per_range
             previous, imbalance = energy, self._level(rows[2].sum())
             small = change < max(self.linear_share * tolerance, 0.5 * self.forcing * size)

@@ -14,7 +14,7 @@ import numpy as np
 from pgfmd import kernels
 from pgfmd.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.drive import Phase
-from pgfmd.extrapolation import lagrange_weights, parabola_integral
+from pgfmd.extrapolation import integral, lagrange_weights
 from pgfmd.newton import NewtonSolver
 from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, StepWeights, step_weights
 from pgfmd.rheology import CreepSeries
@@ -31,8 +31,22 @@ half of what the preload has to be met to."""
 JUMP_SHARPNESS = 1e-3
 """Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
 tiny, and a loose solve lingers on it."""
+FINE, ENERGY_SHARE, LEAST_SHARE = 1.5e-3, 7.0, 1e-3
+"""From this tolerance on, the audit's residual of a step is bounded too: by this multiple of the tolerance, but no less
+than this, as a share of the energy dissipated."""
+LEAST_WAY, SMALLEST_LOOP = 1e-3, 1e-7
+"""Least part of the way of the punch that a step counts as (below it are the errors of the solves), and the least energy
+that a loop is supposed to dissipate, as a share of the elastic energy and of the adhesive energy of a whole contact."""
+POINTS_OF_WORK, NEAREST_PAST = 3, 0.2
+"""The work of a step comes from at most so many forces; the last step's start is one, unless that was shorter than this
+share of the step: too close to tell a slope."""
 ELASTIC_PATIENCE, ELASTIC_SHARPNESS = 2, 0.25
-"""Elastic scenes: patience of CG (newton.py), and share of the tolerance to which steps are solved."""
+"""Elastic scenes: patience of CG (newton.py), and share of the tolerance to which steps are solved, as an elastic step's
+only error is that of its solve."""
+FINE_SHARPNESS, SPENT_SHARPNESS = 0.1, 50.0
+"""The work of the punch has the error of its forces, and in a nearly elastic loop, thousands of times smaller than the
+energies that come and go, it would show. So fine steps are solved to a smaller share of the tolerance where less than one
+over the second number of the energy stored has been dissipated: to no less than the first."""
 
 
 class Inertialess:
@@ -66,6 +80,8 @@ class Inertialess:
         # By how much corrections in single precision let u and w part, relative to the way they go.
         self._rough = SINGLE_ROUNDING if solver.rough.dtype == np.float32 else 0.0
         self._drift = Drift(rounding=self._rounding)
+        # Without attraction and retardation nothing is dissipated that an error could be compared with.
+        self._bounds_energy = audit and tolerance <= FINE and (creep.elements > 0 or solver.law.attractive)
         self._rows = np.zeros((2, points.rows))
         self._observed = np.zeros((4, points.rows))
 
@@ -131,32 +147,37 @@ class Inertialess:
             self._predict(state, trial, i, node * step)
             outcome = self.solver.solve(
                 trial.position, history, weights.compliance[i], self._u[i], self._w[i],
-                self._tolerance(sharp, jump), jump,
+                self._tolerance(state, sharp, jump), jump,
             )  # fmt: skip
             self._drift = self._drift.disturbed(self._rough * outcome.moved)
             trial.newton_iterations += outcome.newton_iterations
             trial.cg_iterations += outcome.cg_iterations
             trial.potential_drop += outcome.potential_drop
             trial.force = outcome.force
-            trial.powers.append(-outcome.force * phase.velocity(elapsed))
+            trial.forces.append(outcome.force)
             if not outcome.converged:
                 trial.converged = False
                 return trial
-            self._f[i] = self.solver.traction
+            # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes the
+            # images G0 phi, and with them the stored energy, those of these tractions.
+            np.subtract(self._w[i], history, out=self._f[i])
+            self._f[i] /= weights.compliance[i]
         trial.change = self._change(state, trial)
         if self.creep.elements:
             trial.error = trial.change.error(self.tableau.error_constant, self.order)
         else:
             trial.error = trial.change.elastic_error(self.solver.law.attractive)
+        if self._bounds_energy and not jump:
+            trial.energy_error = self._energy_error(state, trial, outcome.adhesive)
         return trial
 
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
         weights = trial.weights
-        start_power = -state.force * trial.phase.velocity(state.elapsed)
-        state.energies.work += self._work(state, trial, start_power)
+        state.energies.work += self._work(state, trial)
         if self.audit:
-            self._advance_energies(state, weights)
+            state.energies.elastic, viscous = self._energies(state, weights, keep=True)
+            state.energies.viscous += viscous
         else:
             kernels.advance_branches(state.branches, weights.decay, self._f, weights.gain, self.tableau.stages)
         if trial.is_jump:
@@ -164,13 +185,12 @@ class Inertialess:
             state.counters.jumps += 1
             state.forget_history()
         self._remember(state, trial)
-        state.traction[:] = self._f[-1]
+        state.traction[:] = self.solver.traction
         state.position, state.force = trial.position, trial.force
         state.time += trial.step
         state.elapsed += trial.step
         state.last_step = trial.step
         state.counters.steps += 1
-        state.power = start_power
 
     def measure(self, state: State) -> None:
         """What the curve holds of the present surface: contact, smallest gap, far displacement, adhesive energy.
@@ -185,11 +205,15 @@ class Inertialess:
         state.contact_points, state.smallest_gap, state.far_displacement = int(contact), -rows[3].max(), far
         state.energies.adhesive = energy * points.grid.cell_area
 
-    def _tolerance(self, sharp: bool, jump: bool) -> float:
+    def _tolerance(self, state: State, sharp: bool, jump: bool) -> float:
         if jump:
             return JUMP_SHARPNESS * self.tolerance
-        # An elastic step's only error is that of its solve.
-        usual = self.tolerance if self.creep.elements else ELASTIC_SHARPNESS * self.tolerance
+        share = 1.0 if self.creep.elements else ELASTIC_SHARPNESS
+        if self._bounds_energy:
+            energies = state.energies
+            spent, stored = energies.viscous + energies.released, energies.elastic + abs(energies.adhesive)
+            share = min(share, max(FINE_SHARPNESS, SPENT_SHARPNESS * spent / stored if stored > 0.0 else 1.0))
+        usual = share * self.tolerance
         return min(EVENT_TOLERANCE, EVENT_SHARE * usual) if sharp else min(LOOSEST_TOLERANCE, usual)
 
     def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:
@@ -233,19 +257,23 @@ class Inertialess:
             tuple(times), trial.step,
         )  # fmt: skip
 
-    def _work(self, state: State, trial: Trial, start_power: float) -> float:
-        """Work of the punch [J] over the step: the parabola through its power at the start and at the stages.
+    def _work(self, state: State, trial: Trial) -> float:
+        """Work of the punch [J] over the step: its velocity times the polynomial through the forces at the start, at
+        the stages, and at ends of steps before.
 
-        A single stage (elastic) takes the end of the step before as the third point. A jump takes no time worth
-        counting.
+        A jump happens at the new positions, and what it releases is counted from there: up to each of them, the punch
+        has met the force of the surface as it was.
         """
-        h = trial.step
-        times = [0.0, *(node * h for node in self.tableau.nodes)]
-        powers = [start_power, *trial.powers]
-        if self.tableau.stages == 1 and state.past_steps:
-            times.append(-state.past_steps[0])
-            powers.append(state.power)
-        return parabola_integral(times, powers, h)
+        h, start, phase = trial.step, state.elapsed, trial.phase
+        times, forces = [0.0, *(node * h for node in self.tableau.nodes)], [state.force, *trial.forces]
+        if trial.is_jump:
+            places = [phase.displacement(start + time) for time in times]
+            return -sum(force * (b - a) for force, a, b in zip(forces[:-1], places[:-1], places[1:], strict=True))
+        for past, force in zip(-np.cumsum(state.past_steps), state.past_forces, strict=True):
+            if len(times) < POINTS_OF_WORK and past < -NEAREST_PAST * h:
+                times.append(past)
+                forces.append(force)
+        return -integral(times, forces, lambda time: phase.velocity(start + time), h)
 
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
@@ -267,11 +295,30 @@ class Inertialess:
         state.load, self._w[-1] = self._w[-1], old_w
         # Of the surfaces that the drift knows, newest first, the end of the step stays, and those before the step.
         before = range(self.tableau.stages, self.tableau.stages + len(state.past_u))
-        state.drift = self._drift.kept([0, *before]).covariance
+        state.drift = self._drift.kept([0, *before]).factor
 
-    def _advance_energies(self, state: State, weights: StepWeights) -> None:
-        """Branches and their images phi_m, G0 phi_m, with what they store and dissipate. No transform: G0 f = (u - G0
-        w_hist) / J."""
+    def _energy_error(self, state: State, trial: Trial, adhesive: float) -> float:
+        """The step's share of the energy audit's residual, relative to what is allowed to it.
+
+        That is a small part of what the step dissipates; and of all that has been dissipated, shared out over the way
+        of the punch. adhesive [J]: energy of the interface at the end of the step.
+        """
+        energies, reach = state.energies, self.solver.law.range
+        elastic, viscous = self._energies(state, trial.weights, keep=False)
+        gained = elastic - energies.elastic + adhesive - energies.adhesive
+        residual = self._work(state, trial) - gained - viscous
+        at_stake = elastic + self.solver.law.work_of_adhesion * self.points.total * self.points.grid.cell_area
+        spent = max(energies.viscous + energies.released, SMALLEST_LOOP * at_stake)
+        way = abs(trial.position - state.position) / (reach + abs(trial.position - state.phase_start))
+        allowed = max(ENERGY_SHARE * self.tolerance, LEAST_SHARE) * (viscous + spent * (way + LEAST_WAY))
+        return abs(residual) / allowed if allowed > 0.0 else 0.0
+
+    def _energies(self, state: State, weights: StepWeights, keep: bool) -> tuple[float, float]:
+        """Elastic energy at the end of a step, and energy dissipated in it [J].
+
+        keep: move the branches and their images phi_m, G0 phi_m on to the step's end. No transform: G0 f = (u - G0
+        w_hist) / J.
+        """
         stages, area, images = self.tableau.stages, self.points.grid.cell_area, self._g
         kernels.weigh_branches(state.images, weights.branch_weight, images)
         for i in range(stages):
@@ -283,13 +330,12 @@ class Inertialess:
         offset = self.points.offset
         kernels.advance_branches_and_energy(
             state.branches, state.images, weights.decay, self._f, images, weights.gain, weights.rate_decay,
-            weights.rate_gain, weights.quadrature, self.creep.J, stages, offset, self._rows,
+            weights.rate_gain, weights.quadrature, self.creep.J, stages, keep, offset, self._rows,
         )  # fmt: skip
         stored, lost = self.points.total_of(self._rows)
         kernels.dot(self._f[-1], images[-1], offset, self._rows)
         stored += 0.5 * self.creep.J_inf * self.points.total_of(self._rows[:1])[0]
-        state.energies.elastic = stored * area
-        state.energies.viscous += lost * area
+        return stored * area, lost * area
 
 
 def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:

@@ -66,8 +66,8 @@ class Change:
 class Trial:
     """The outcome of a step that was tried: nothing of it is in the State yet.
 
-    error: see Change. potential_drop [J]: by how much the stages' potentials fell from their starting points. powers
-    [W]: of the punch, at the stages. The fields belong to the scheme and live until the next trial.
+    error: see Change. energy_error: see Inertialess._energy_error. potential_drop [J]: by how much the stages' potentials fell from their starting points. forces
+    [N]: on the punch, at the stages. The fields belong to the scheme and live until the next trial.
     """
 
     step: float
@@ -75,11 +75,12 @@ class Trial:
     phase: Phase
     converged: bool
     error: float = math.inf
+    energy_error: float = 0.0
     force: float = 0.0
     newton_iterations: int = 0
     cg_iterations: int = 0
     potential_drop: float = 0.0
     is_jump: bool = False
     change: Change | None = None
-    powers: list[float] = field(default_factory=list)
+    forces: list[float] = field(default_factory=list)
     weights: StepWeights | None = field(default=None, repr=False)

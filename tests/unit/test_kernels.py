@@ -120,7 +120,7 @@ def trial(points, rng):
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_evaluate_is_the_incremental_potential_and_its_slopes(points, trial, law):
     position, step, weight, compliance = 0.3 * RHO, 0.7, 0.2, 0.013
-    f, k, r, rows = points.zeros(), points.zeros(), points.zeros(), np.full((3, points.rows), np.nan)
+    f, k, r, rows = points.zeros(), points.zeros(), points.zeros(), np.full((4, points.rows), np.nan)
     before = {name: values.copy() for name, values in trial.items()}
     kernels.evaluate(
         trial["height"], position, trial["u"], trial["w"], trial["s"], trial["t"], step, weight, trial["history"],
@@ -131,10 +131,12 @@ def test_evaluate_is_the_incremental_potential_and_its_slopes(points, trial, law
     close(f, law.traction(gap), law.strength)
     close(k, law.curvature(gap), law.stiffness)
     close(r, law.traction(gap) - (w - trial["history"]) / compliance, 1e4 / compliance)
-    potential = u * (w / 2 - trial["history"]) / compliance + law.potential(gap)
-    close(rows[0], row_sums(potential, points), 1e2 * RHO * 1e4 / compliance)
-    close(rows[1], row_sums(f, points), 1e2 * law.strength)
-    close(rows[2], row_sums(r, points), 1e2 * 1e4 / compliance)
+    # The potential without that of the law is u (w/2 - history)/J; its growth along s holds where A is symmetric.
+    growth = step * trial["s"] * ((trial["w"] + w) / 2 - trial["history"]) / compliance
+    close(rows[0], row_sums(f, points), 1e2 * law.strength)
+    close(rows[1], row_sums(r, points), 1e2 * 1e4 / compliance)
+    close(rows[2], row_sums(law.potential(gap), points), 1e2 * GAMMA)
+    close(rows[3], row_sums(growth, points), 1e2 * RHO * 1e4 / compliance)
     assert all(np.array_equal(trial[name], before[name]) for name in trial), "inputs were changed"
 
 
@@ -144,7 +146,7 @@ def test_evaluate_at_the_edges_of_the_law(law):
     zeros, offset = np.zeros(gaps.size), np.array([0, gaps.size])
     f, k, r = zeros.copy(), zeros.copy(), zeros.copy()
     kernels.evaluate(
-        gaps, 0.0, zeros, zeros, zeros, zeros, 0.0, 0.0, zeros, 1.0, numbers(law), offset, f, k, r, np.zeros((3, 1))
+        gaps, 0.0, zeros, zeros, zeros, zeros, 0.0, 0.0, zeros, 1.0, numbers(law), offset, f, k, r, np.zeros((4, 1))
     )
     close(f, law.traction(gaps), law.strength, 1e-15)
     if law.attractive:
@@ -273,9 +275,13 @@ def test_advance_branches_and_energy(points, elements, count, rng):
     new_phi, new_psi = decay[:, None] * phi + gain @ f, decay[:, None] * psi + gain @ g
     stored = np.einsum("m,mp,mp->p", compliances, new_phi, new_psi) / 2
     rows = np.zeros((2, points.rows))
-    kernels.advance_branches_and_energy(
-        phi, psi, decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count, points.offset, rows
-    )
+    weights = decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count
+    before = phi.copy(), psi.copy()
+    foreseen = np.zeros((2, points.rows))
+    kernels.advance_branches_and_energy(phi, psi, *weights, False, points.offset, foreseen)
+    assert np.array_equal(phi, before[0]) and np.array_equal(psi, before[1])
+    kernels.advance_branches_and_energy(phi, psi, *weights, True, points.offset, rows)
+    np.testing.assert_array_equal(foreseen, rows)
     close(phi, new_phi, 10.0)
     close(psi, new_psi, 10.0)
     close(rows[0], row_sums(stored, points), 1e3)

@@ -245,18 +245,26 @@ def test_covariances_of_the_drift_agree_with_random_trials():
 
 
 def test_a_surface_evaluated_anew_forgets_its_past():
-    drift = Drift(np.full((2, 2), 4.0)).renewed(10.0)
+    drift = Drift(np.array([[2.0, 0.0], [2.0, 0.0]])).renewed(10.0)
     assert drift.newest == ROUNDING * 10.0
     assert drift.covariance[0, 1] == drift.covariance[1, 0] == 0.0 and drift.covariance[1, 1] == 4.0
 
 
 def test_drifts_are_kept_by_position():
     covariance = np.array([[9.0, 2.0, 1.0], [2.0, 4.0, 0.5], [1.0, 0.5, 1.0]])
-    kept = Drift(covariance).kept([0, 2])
-    np.testing.assert_array_equal(kept.covariance, [[9.0, 1.0], [1.0, 1.0]])
+    kept = Drift(np.linalg.cholesky(covariance)).kept([0, 2])
+    np.testing.assert_allclose(kept.covariance, [[9.0, 1.0], [1.0, 1.0]])
     assert kept.newest == 3.0
 
 
 def test_fewer_weights_than_surfaces_use_the_newest():
-    drift = Drift(np.diag([4.0, 1.0])).extrapolated([2.0], 0.0)
-    np.testing.assert_array_equal(drift.covariance, [[16.0, 8.0, 0.0], [8.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
+    drift = Drift(np.diag([2.0, 1.0])).extrapolated([2.0], 0.0)
+    np.testing.assert_allclose(drift.covariance, [[16.0, 8.0, 0.0], [8.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_an_error_of_its_own_disturbs_the_newest_surface_alone():
+    covariance = np.array([[9.0, 2.0], [2.0, 4.0]])
+    drift = Drift(np.linalg.cholesky(covariance))
+    np.testing.assert_allclose(drift.disturbed(4.0).covariance, [[25.0, 2.0], [2.0, 4.0]])
+    assert drift.disturbed(4.0).newest == pytest.approx(5.0)
+    assert drift.disturbed(0.0) is drift
