@@ -19,8 +19,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Curve:
-    """time [s], force [N], contact area [m^2] at the ends of steps, each (rows,); preload [N], as the scene asks for it;
-    pull_off_force [N], > 0 in tension; work_of_separation [J]."""
+    """time [s], force [N], contact area [m^2] at the ends of steps, each (rows,); preload [N], as the scene asks for
+    it; pull_off_force [N], > 0 in tension; work_of_separation [J]."""
 
     time: np.ndarray
     force: np.ndarray
@@ -98,8 +98,8 @@ def richardson(coarse: Curve, fine: Curve, ratio: float, order: float = 1.0) -> 
 def cost_at(target: float, errors: Iterable[float], costs: Iterable[float]) -> float:
     """Smallest cost at which a line of settings reaches an error; infinite where it does not.
 
-    Between the cheapest setting that reaches it and the next cheaper one, which does not, errors are taken as a power of
-    the cost. Where the cheapest setting of all reaches it already, its cost is an upper bound.
+    Between the cheapest setting that reaches it and the next cheaper one, which does not, errors are taken as a power
+    of the cost. Where the cheapest setting of all reaches it already, its cost is an upper bound.
     """
     points = sorted(zip(costs, errors, strict=True))
     for i, (cost, error) in enumerate(points):

@@ -207,8 +207,8 @@ def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
 
 
 # Retardation ----------------------------------------------------------------------------------------------------------
-# Whole branches one after another, although stages and sums are read anew for each: going through all branches a stretch
-# at a time, to keep those in cache, took half as long again.
+# Whole branches one after another, although stages and sums are read anew for each: going through all branches a
+# stretch at a time, to keep those in cache, took half as long again.
 @_compile
 def weigh_branches(branches, weights, out):
     """out[i] = sum_m weights[i, m] branches[m], for 1 or 2 stages i in one pass over the branches, four at a time."""

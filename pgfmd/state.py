@@ -54,13 +54,12 @@ class State:
     at the start of the phase. displacement u [m] and load w [Pa] with u = G0 w; traction f [Pa]; branches phi_m [Pa],
     (N, size); images psi_m = G0 phi_m [m], (N, size), or (0, size) without the energy audit. `past_u`, `past_w`,
     `past_steps`: up to two earlier ends of steps, newest first, and the steps [s] that led away from
-    them, with the forces [N] there; drift: covariance of u - G0 w
-    of the surface and the past ones (drift.py). step [s]: the next step to try. power [W]: of the punch at the start
-    of the last step.
+    them, with the forces [N] there; drift: factor of the covariance of
+    u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try.
 
     The scheme gfmd keeps no load, images or past, but `modes` u [m] and `mode_velocities` du/dt [m/s] (of the middle of
-    the last step), spectral, complex, (n, columns of this rank), and `branches` u_m [m], (N, n, columns); its `power`
-    is what the elements dissipate at the end of the last step.
+    the last step), spectral, complex, (n, columns of this rank), and `branches` u_m [m], (N, n, columns); `power`
+    [W] is what the elements dissipate at the end of the last step.
     """
 
     displacement: np.ndarray

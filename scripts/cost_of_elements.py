@@ -1,8 +1,8 @@
 """What Maxwell elements cost: equal steps with few and many of them. Sections of work_precision.py.
 
 `replayed`: the scheme inertialess. The steps that a run with one element has chosen are taken again with 1 and with 20
-elements, with and without the energy audit. The 20 have nearly the same relaxation time, so that the surface moves alike
-and solves take as many transforms: what is left is the cost of the elements themselves.
+elements, with and without the energy audit. The 20 have nearly the same relaxation time, so that the surface moves
+alike and solves take as many transforms: what is left is the cost of the elements themselves.
 `gfmd_steps`: single steps of the scheme gfmd with 0, 1 and 5 elements.
 
 Times are processor times of single steps, the best of several rounds, the longest of all ranks.
@@ -90,7 +90,8 @@ def replayed(comm, n: int, base: tuple[str, ...], rounds: int, say: Callable[[st
         spent = sum(max(comm.allgather(value)) for value in seconds[:steps])
         label = f"n = {n}, {'with' if audit else 'without'} audit"
         counters = simulation.state.counters
-        yield _row(f"N = {elements}", label, elements, simulation.scheme.pairs, steps, counters.newton_iterations, spent)
+        pairs = simulation.scheme.pairs
+        yield _row(f"N = {elements}", label, elements, pairs, steps, counters.newton_iterations, spent)
 
 
 def _simulation(comm, n: int, overrides: tuple[str, ...], audit: bool) -> Simulation:

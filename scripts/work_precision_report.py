@@ -90,7 +90,7 @@ def _kinds(axes, rows: Sequence[dict]) -> None:
     _panel(inertia, lines_of(rows, "inertia"), "x", "force_error", legend=True)
     inertia.set_title("inertia alone: force curve, n = 64, 200 µm/s", loc="left")
     inertia.set(xlabel="ω τ / 2π   (the paper: 1)", ylabel="error [%]")
-    names = {"mesh": ("points a side, n", "mesh alone"), "range": ("range of adhesion ρ [µm]", "range, against ρ = 0.37 µm")}
+    names = {"mesh": ("points a side, n", "mesh alone"), "range": ("range of adhesion ρ [µm]", "range, mesh with it")}
     looks = zip(MEASURES.items(), ((BLUE, "o"), (RED, "s"), (GREEN, "^"), (BLACK, "x")), strict=True)
     for (measure, name), (colour, marker) in looks:
         for axis, panel in ((mesh, "mesh"), (reach, "range")):
@@ -199,7 +199,7 @@ def _equal_error(rows: Sequence[dict]) -> list[list[str]]:
                 if not (math.isfinite(theirs) and math.isfinite(mine)):
                     ratios.append("not reached")
                 else:
-                    share = f"1/{theirs / mine:.0f}"
+                    share = f"1/{theirs / mine:.3g}"
                     ratios.append(f"{share} ({mine:.3g} of {theirs:.3g})")
             body.append(
                 [f"inertialess / {other}, at 1 % in the {name}", f"core-seconds {ratios[0]}, pairs {ratios[1]}",
@@ -215,9 +215,10 @@ def _cost(points: list[dict], measure: str, cost: str) -> float:
 def _sufficient(rows: Sequence[dict]) -> list[list[str]]:
     """Errors of the paper's setting."""
     return [
-        ["gfmd at ω τ = 2π, dt = τ/20", _errors(row), scene]
+        ["gfmd at ω τ = 2π, the paper's \"sufficient\"", _errors(row), scene]
         for panel, line, scene in (
-            ("cost", "gfmd, ω dt = π/10", "n = 128, 10 µm/s"), ("inertia", "gfmd, N = 1", "n = 64, 200 µm/s, dt = τ/4"),
+            ("cost", "gfmd, ω dt = π/10", "n = 128, 10 µm/s, dt = τ/20"),
+            ("inertia", "gfmd, N = 1", "n = 64, 200 µm/s, dt = τ/4"),
             ("inertia", "gfmd, N = 5", "the same, N = 5"), ("inertia", "gfmd, N = 20", "the same, N = 20"),
         )
         for row in lines_of(rows, panel).get(line, [])
@@ -247,8 +248,11 @@ def _elements(rows: Sequence[dict]) -> list[list[str]]:
 def _agreement(rows: Sequence[dict]) -> list[list[str]]:
     """How far the schemes are from each other in the limit."""
     return [
-        ["inertialess at accuracy 1e-6 against gfmd, extrapolated", _errors(row), f"{row['panel']}: {row['label']}{where}"]
+        [
+            "inertialess at accuracy 1e-6 against gfmd, extrapolated",
+            _errors(row),
+            f"panel {row['panel']}: {row['label']}{row['line'].removeprefix(APART)}",
+        ]
         for row in rows
         if row["line"].startswith(APART)
-        for where in (row["line"].removeprefix(APART),)
     ]

@@ -14,10 +14,11 @@ import numpy as np
 from pgfmd import kernels
 from pgfmd.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.drive import Phase
-from pgfmd.extrapolation import integral, lagrange_weights
+from pgfmd.extrapolation import lagrange_weights
 from pgfmd.newton import NewtonSolver
-from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, StepWeights, step_weights
+from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, step_weights
 from pgfmd.rheology import CreepSeries
+from pgfmd.schemes.energy_audit import EnergyAudit, work_of
 from pgfmd.schemes.trial import Change, Trial
 from pgfmd.state import State
 
@@ -31,22 +32,9 @@ half of what the preload has to be met to."""
 JUMP_SHARPNESS = 1e-3
 """Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
 tiny, and a loose solve lingers on it."""
-FINE, ENERGY_SHARE, LEAST_SHARE = 1.5e-3, 7.0, 1e-3
-"""From this tolerance on, the audit's residual of a step is bounded too: by this multiple of the tolerance, but no less
-than this, as a share of the energy dissipated."""
-LEAST_WAY, SMALLEST_LOOP = 1e-3, 1e-7
-"""Least part of the way of the punch that a step counts as (below it are the errors of the solves), and the least energy
-that a loop is supposed to dissipate, as a share of the elastic energy and of the adhesive energy of a whole contact."""
-POINTS_OF_WORK, NEAREST_PAST = 3, 0.2
-"""The work of a step comes from at most so many forces; the last step's start is one, unless that was shorter than this
-share of the step: too close to tell a slope."""
 ELASTIC_PATIENCE, ELASTIC_SHARPNESS = 2, 0.25
 """Elastic scenes: patience of CG (newton.py), and share of the tolerance to which steps are solved, as an elastic step's
 only error is that of its solve."""
-FINE_SHARPNESS, SPENT_SHARPNESS = 0.1, 50.0
-"""The work of the punch has the error of its forces, and in a nearly elastic loop, thousands of times smaller than the
-energies that come and go, it would show. So fine steps are solved to a smaller share of the tolerance where less than one
-over the second number of the energy stored has been dissipated: to no less than the first."""
 
 
 class Inertialess:
@@ -75,13 +63,11 @@ class Inertialess:
         self._w = [points.zeros(solver.dtype) for _ in range(stages)]
         self._f = np.zeros((stages, points.size), solver.dtype)
         self._history = np.zeros((stages, points.size), solver.dtype)
-        self._g = np.zeros((stages, points.size if audit else 0), solver.dtype)
         self._rounding = ROUNDING if solver.dtype == np.float64 else SINGLE_ROUNDING
         # By how much corrections in single precision let u and w part, relative to the way they go.
         self._rough = SINGLE_ROUNDING if solver.rough.dtype == np.float32 else 0.0
         self._drift = Drift(rounding=self._rounding)
-        # Without attraction and retardation nothing is dissipated that an error could be compared with.
-        self._bounds_energy = audit and tolerance <= FINE and (creep.elements > 0 or solver.law.attractive)
+        self._audit = EnergyAudit(points, creep, solver.law, self.tableau, tolerance, solver.dtype) if audit else None
         self._rows = np.zeros((2, points.rows))
         self._observed = np.zeros((4, points.rows))
 
@@ -167,16 +153,16 @@ class Inertialess:
             trial.error = trial.change.error(self.tableau.error_constant, self.order)
         else:
             trial.error = trial.change.elastic_error(self.solver.law.attractive)
-        if self._bounds_energy and not jump:
-            trial.energy_error = self._energy_error(state, trial, outcome.adhesive)
+        if self._audit and self._audit.bounds_steps and not jump:
+            trial.energy_error = self._audit.error(state, trial, self._u, self._f, outcome.adhesive)
         return trial
 
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
         weights = trial.weights
-        state.energies.work += self._work(state, trial)
-        if self.audit:
-            state.energies.elastic, viscous = self._energies(state, weights, keep=True)
+        state.energies.work += work_of(state, trial, self.tableau)
+        if self._audit:
+            state.energies.elastic, viscous = self._audit.energies(state, weights, self._u, self._f, keep=True)
             state.energies.viscous += viscous
         else:
             kernels.advance_branches(state.branches, weights.decay, self._f, weights.gain, self.tableau.stages)
@@ -209,10 +195,8 @@ class Inertialess:
         if jump:
             return JUMP_SHARPNESS * self.tolerance
         share = 1.0 if self.creep.elements else ELASTIC_SHARPNESS
-        if self._bounds_energy:
-            energies = state.energies
-            spent, stored = energies.viscous + energies.released, energies.elastic + abs(energies.adhesive)
-            share = min(share, max(FINE_SHARPNESS, SPENT_SHARPNESS * spent / stored if stored > 0.0 else 1.0))
+        if self._audit:
+            share = min(share, self._audit.sharpness(state.energies))
         usual = share * self.tolerance
         return min(EVENT_TOLERANCE, EVENT_SHARE * usual) if sharp else min(LOOSEST_TOLERANCE, usual)
 
@@ -257,24 +241,6 @@ class Inertialess:
             tuple(times), trial.step,
         )  # fmt: skip
 
-    def _work(self, state: State, trial: Trial) -> float:
-        """Work of the punch [J] over the step: its velocity times the polynomial through the forces at the start, at
-        the stages, and at ends of steps before.
-
-        A jump happens at the new positions, and what it releases is counted from there: up to each of them, the punch
-        has met the force of the surface as it was.
-        """
-        h, start, phase = trial.step, state.elapsed, trial.phase
-        times, forces = [0.0, *(node * h for node in self.tableau.nodes)], [state.force, *trial.forces]
-        if trial.is_jump:
-            places = [phase.displacement(start + time) for time in times]
-            return -sum(force * (b - a) for force, a, b in zip(forces[:-1], places[:-1], places[1:], strict=True))
-        for past, force in zip(-np.cumsum(state.past_steps), state.past_forces, strict=True):
-            if len(times) < POINTS_OF_WORK and past < -NEAREST_PAST * h:
-                times.append(past)
-                forces.append(force)
-        return -integral(times, forces, lambda time: phase.velocity(start + time), h)
-
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
         if len(state.past_u) == 2:
@@ -296,47 +262,6 @@ class Inertialess:
         # Of the surfaces that the drift knows, newest first, the end of the step stays, and those before the step.
         before = range(self.tableau.stages, self.tableau.stages + len(state.past_u))
         state.drift = self._drift.kept([0, *before]).factor
-
-    def _energy_error(self, state: State, trial: Trial, adhesive: float) -> float:
-        """The step's share of the energy audit's residual, relative to what is allowed to it.
-
-        That is a small part of what the step dissipates; and of all that has been dissipated, shared out over the way
-        of the punch. adhesive [J]: energy of the interface at the end of the step.
-        """
-        energies, reach = state.energies, self.solver.law.range
-        elastic, viscous = self._energies(state, trial.weights, keep=False)
-        gained = elastic - energies.elastic + adhesive - energies.adhesive
-        residual = self._work(state, trial) - gained - viscous
-        at_stake = elastic + self.solver.law.work_of_adhesion * self.points.total * self.points.grid.cell_area
-        spent = max(energies.viscous + energies.released, SMALLEST_LOOP * at_stake)
-        way = abs(trial.position - state.position) / (reach + abs(trial.position - state.phase_start))
-        allowed = max(ENERGY_SHARE * self.tolerance, LEAST_SHARE) * (viscous + spent * (way + LEAST_WAY))
-        return abs(residual) / allowed if allowed > 0.0 else 0.0
-
-    def _energies(self, state: State, weights: StepWeights, keep: bool) -> tuple[float, float]:
-        """Elastic energy at the end of a step, and energy dissipated in it [J].
-
-        keep: move the branches and their images phi_m, G0 phi_m on to the step's end. No transform: G0 f = (u - G0
-        w_hist) / J.
-        """
-        stages, area, images = self.tableau.stages, self.points.grid.cell_area, self._g
-        kernels.weigh_branches(state.images, weights.branch_weight, images)
-        for i in range(stages):
-            g = images[i]
-            for j in range(i):
-                g += weights.stage_weight[i, j] * images[j]
-            np.subtract(self._u[i], g, out=g)
-            g /= weights.compliance[i]
-        offset = self.points.offset
-        kernels.advance_branches_and_energy(
-            state.branches, state.images, weights.decay, self._f, images, weights.gain, weights.rate_decay,
-            weights.rate_gain, weights.quadrature, self.creep.J, stages, keep, offset, self._rows,
-        )  # fmt: skip
-        stored, lost = self.points.total_of(self._rows)
-        kernels.dot(self._f[-1], images[-1], offset, self._rows)
-        stored += 0.5 * self.creep.J_inf * self.points.total_of(self._rows[:1])[0]
-        return stored * area, lost * area
-
 
 def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:
     """Weight, surface, weight, surface, weight, surface: what kernels take as a sum, with zeros where there are fewer."""

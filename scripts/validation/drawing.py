@@ -48,7 +48,7 @@ def shown(closed_form: float, error: float) -> str:
     if closed_form == 0.0 or size < 1e-5:
         return number(error)
     digits = max(0, 1 - math.floor(math.log10(100 * size)))
-    return f"{100 * error:+.{digits}f} %".replace("-", "\N{MINUS SIGN}")
+    return f"{100 * error:+.{digits}f}\N{NO-BREAK SPACE}%".replace("-", "\N{MINUS SIGN}")
 
 
 def number(value: float, digits: int = 3) -> str:

@@ -68,7 +68,7 @@ def kendall(quick: bool):
             result = run("flat-punch", "rheology.model=elastic", f"grid.n={n}", f"adhesion.range_factor={factor}")
             ranges.append(result.scene.adhesion.range * MICRO)
             errors.append(result.state.pull_off_force / KENDALL - 1)
-            settings = f"n = {n}, range_factor = {factor}, range {ranges[-1]:.2f} um"
+            settings = f"n = {n}, range_factor = {factor}, range {ranges[-1]:.2f} µm"
             lines.append(Line("pull-off force [mN]", settings, KENDALL * MILLI, result.state.pull_off_force * MILLI))
         released = max(row.released for row in result.jumps if row.phase == "retract")
         lines.append(Line("released in the last jump [nJ]", settings, 0.5 * WORK * NANO, released * NANO))

@@ -160,7 +160,7 @@ def gfmd_mode(quick: bool):
     exact = prony.gfmd_modulus(omegas, series, frequency)
     worst = int(np.argmax(np.abs(found / exact - 1)))
     at = f"model 1, 40 steps per tau, omega tau = {omegas[worst] * series.tau[0]:.2g}, the worst of {omegas.size}"
-    lines.append(Line("|modulus|/E(0)", at, float(np.abs(exact[worst])), float(np.abs(found[worst]))))
+    lines.append(Line("magnitude of the modulus / E(0)", at, float(np.abs(exact[worst])), float(np.abs(found[worst]))))
     extra = (found[0].imag - series.loss(omegas[0])) / (omegas[0] * series.kappa[0] * series.tau[0])
     ideal = 2.0 * series.kappa_inf / (frequency * series.kappa[0] * series.tau[0])
     settings = f"model 1, omega_G tau = 2 pi, omega tau = {omegas[0] * series.tau[0]:.2g}"

@@ -41,7 +41,7 @@ def hertz_figure(quick: bool):
                 settings = f"n = {n}, range_factor = {factor}"
                 lines.append(Line("force at the preload [mN]", settings, exact * MILLI, result.state.preload * MILLI))
                 radius = hertz.contact_radius(depth, SPHERE) * MICRO
-                lines.append(Line("contact radius [um]", settings, radius, radius_of_traction(result) * MICRO))
+                lines.append(Line("contact radius [µm]", settings, radius, radius_of_traction(result) * MICRO))
     deep = np.linspace(0.0, depth, 200)
     closed(left, deep * MICRO, hertz.force(deep, SPHERE, CONTACT_MODULUS) * MILLI)
     for index, phase in enumerate(("approach", "retract")):
@@ -85,7 +85,7 @@ def power_figure(quick: bool):
         radii = np.linspace(20e-6, 300e-6, 4000)
         deep = power_law.indentation(radii, size, exponent)
         exact = power_law.force(radii, size, exponent, CONTACT_MODULUS)
-        drawn = (exact > 1e-5) & (exact < 1.05 * force[-1])
+        drawn = (exact > 2e-6) & (exact < 1.05 * force[-1])
         closed(left, deep[drawn] * MICRO, exact[drawn] * MILLI, index)
         reached = np.interp(depth + apex, deep, radii)
         some = np.flatnonzero(reached > 80e-6)
@@ -93,7 +93,7 @@ def power_figure(quick: bool):
         ours(left, (depth[some] + apex) * MICRO, force[some] * MILLI, index, label=f"p = {exponent}")
         expected = power_law.force(reached[some], size, exponent, CONTACT_MODULUS)
         ours(right, reached[some] * MICRO, 100 * (force[some] / expected - 1), index, ls="-", lw=0.8)
-        settings = f"n = {n}, p = {exponent}, contact radius {reached[-1] * MICRO:.0f} um"
+        settings = f"n = {n}, p = {exponent}, contact radius {reached[-1] * MICRO:.0f} µm"
         lines.append(Line("force [mN]", settings, float(expected[-1]) * MILLI, force[-1] * MILLI))
     left.set(xscale="log", yscale="log", xlabel="indentation [µm]", ylabel="force [mN]")
     left.set_title(f"power laws, n = {n}")
@@ -135,7 +135,7 @@ def lee_radok(quick: bool):
         later = chosen(time[time > 0.1 * end], 14) + np.searchsorted(time, 0.1 * end)
         ours(right, time[later] * MILLI, 100 * (force[later] / exact[later] - 1), index, ls="-", lw=0.8)
         settings = f"n = {n}, {label}, E(inf)/E(0) = {series.kappa_inf:.0f}"
-        lines.append(Line("force at a contact radius of 150 um [mN]", settings, exact[-1] * MILLI, force[-1] * MILLI))
+        lines.append(Line("force at a contact radius of 150 µm [mN]", settings, exact[-1] * MILLI, force[-1] * MILLI))
         worst = np.abs(force / exact - 1)[time > 0.2 * end].max()
         lines.append(Line("largest relative error from a fifth of the way on", settings, 0.0, float(worst)))
     closed(left, time * MILLI, relaxed * MILLI, color=GREY, ls=(0, (2, 1.5)), label="Hertz, relaxed")
@@ -184,12 +184,12 @@ def jkr_figure(quick: bool):
         late.append(last.position / -limit.indentation - 1)
         settings, height = f"n = {n}, {label}", -limit.indentation * MICRO
         lines.append(Line("pull-off force [pi w R]", settings, -1.5, result.state.pull_off_force / TENSION))
-        lines.append(Line("height of the punch at the snap-off [um]", settings, height, last.position * MICRO))
+        lines.append(Line("height of the punch at the snap-off [µm]", settings, height, last.position * MICRO))
     settings = f"n = {sizes[-2]}, {sizes[-1]}"
     lines.append(Line("order of the pull-off in the range", settings, math.nan, order(ranges, excess)))
     left.set(xlabel="indentation [µm]", ylabel=r"force [$\pi w R$]")
     left.set_title("retraction of a sticky sphere")
-    left.legend()
+    left.legend(loc="upper center")
     ranges = np.array(ranges) * MICRO
     convergence(right, ranges, np.array(excess) / 1.5, 0, label="pull-off force")
     convergence(right, ranges, late, 1, label="snap-off displacement")
@@ -222,7 +222,7 @@ def maugis_figure(quick: bool):
             points[strength].append((value, found, 100 * (found / expected - 1)))
             if strength == "w/rho":
                 reach = result.scene.adhesion.range * MICRO
-                settings = f"n = {result.scene.grid.n}, range {reach:.2f} um, lambda = {value:.2f}"
+                settings = f"n = {result.scene.grid.n}, range {reach:.2f} µm, lambda = {value:.2f}"
                 lines.append(Line("pull-off force, equal range [pi w R]", settings, expected, found))
     for index, (strength, rows) in enumerate(points.items()):
         value, found, error = np.array(rows).T

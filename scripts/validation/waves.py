@@ -148,9 +148,9 @@ def johnson(quick: bool):
         ranges.append(reach)
         errors.append(state.pull_off_force / CELL / closing / pull_off - 1)
         tension = state.pull_off_force / CELL / closing
-        lines.append(Line("largest tension [p*]", f"n = {n}, range {reach:.2f} um", pull_off, tension))
+        lines.append(Line("largest tension [p*]", f"n = {n}, range {reach:.2f} µm", pull_off, tension))
     left.set(xlabel="mean pressure $P/p^*$", ylabel="contact fraction")
-    left.set(xlim=(-0.15, 0.5), ylim=(0, 1))
+    left.set(xlim=(-0.15, 0.85), ylim=(0, 1))
     left.set_title("sticky wave; bars: gap from 0 to the range")
     left.legend(loc="lower right")
     convergence(right, np.round(ranges, 2), errors)
@@ -193,7 +193,7 @@ def corrugation_energy(quick: bool):
         own_wave = 2 * q / math.sqrt(3)
         couplings = [CohesiveLaw(WORK_OF_ADHESION, r).stiffness * 2 / (own_wave * CONTACT_MODULUS) for r in reaches]
         convergence(right, np.round(couplings, 1), errors, index, label=pattern)
-        settings = f"{pattern}, z0 = 1 um, {n} x {n}, K_0 G_0(Q) = {couplings[-1]:.0f}"
+        settings = f"{pattern}, z0 = 1 µm, {n} x {n}, K_0 G_0(Q) = {couplings[-1]:.0f}"
         found = energy[-1] * exact * MILLI
         lines.append(Line("energy of full contact [mJ/m^2]", settings, exact * MILLI, found))
         # The waves as they are in the cell, each flattened by the overlap, b = K_0 G_0(q): z b/(1 + b).
