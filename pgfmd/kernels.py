@@ -254,8 +254,8 @@ def advance_branches_and_energy(
     """`advance_branches` for phi and for psi = G0 phi, with the energies that they store and dissipate.
 
     The rates of stage i are k_i = f_i - phi_i = rate_decay[m, i] phi_n + sum_{j <= i} rate_gain[m, i, j] f_j, likewise
-    for psi. Written out for two stages, as loops over them would not vectorise; a single one has no second term. Without
-    `keep` phi and psi stay as they are.
+    for psi. Written out for two stages, as loops over them would not vectorise; a single one has no second term.
+    Without `keep` phi and psi stay as they are.
     rows[0] of sum_m J_m phi_m psi_m / 2;  rows[1] of sum_m sum_i quadrature[m, i] k_i G0 k_i,  [Pa m].
     """
     two, last = count > 1, count - 1

@@ -113,6 +113,7 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         own = scene.substrate.compliance_file
         dotted = "substrate.compliance_file" if own else "grid.n"
         problems.append(Problem(dotted, own or scene.grid.n, "a usable compliance", str(error)))
+    problems += _overlap_problems(scene)
     _, nb = Grid(scene.grid.n, scene.grid.length).block(scene.punch.radius)
     # Rows are shared out, and in the middle of a transform the columns of its half spectrum.
     columns = transform_side(scene, nb) // 2 + 1
@@ -125,6 +126,18 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         problems += _inertia_problems(scene)
     if problems:
         raise SceneError(source, problems)
+
+
+def _overlap_problems(scene) -> list[Problem]:
+    """A preload that even a rigid substrate could not carry: overlaps are as deep as the punch is pressed in, at most."""
+    law, radius = law_of(scene.adhesion), scene.punch.radius
+    area = math.pi * radius**2 if radius else scene.grid.length**2
+    most = law.stiffness * deepest_indentation(scene) * area
+    if scene.drive.preload <= most:
+        return []
+    expected = f"at most {most:.3g} N, what overlaps of {deepest_indentation(scene):.3g} m can carry in this range"
+    cure = "reduce it, or make adhesion.range shorter (adhesion.range_factor larger)"
+    return [Problem("drive.preload", f"{scene.drive.preload:.6g} N", expected, cure)]
 
 
 def _inertia_problems(scene) -> list[Problem]:

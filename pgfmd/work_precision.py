@@ -15,15 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from pgfmd.curve_errors import Curve, errors
-from pgfmd.errors import SceneError
+from pgfmd.errors import RunError, SceneError
 
+FINISHED = "detached"
+"""How a run ends whose curve is whole (simulation.FINISHED)."""
 SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=32", "solver.accuracy=0.1")}
 """What makes a run short that only has to compile the kernels of a scheme."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run: its curve and what it has cost. seconds: of all cores; share: of the time spent outside transforms."""
+    """A run: its curve, what it has cost, how it ended. seconds: of all cores; share: of the time outside transforms."""
 
     curve: Curve
     pairs: int
@@ -32,6 +34,7 @@ class Outcome:
     iterations: int
     seconds: float
     share: float
+    finished: str
 
 
 class Recorder:
@@ -56,17 +59,20 @@ class Recorder:
 class Laboratory:
     """Runs scenes on a communicator, without files; each only once. All ranks call alike.
 
-    base: overrides of every run. A run is named by its scene and overrides; `outcome` returns it from memory if it has
+    base: overrides of every run. Each goes on until the punch is free: gfmd takes millions of steps. A run is named by its scene and overrides; `outcome` returns it from memory if it has
     been made already.
     """
 
-    def __init__(self, comm, base: Sequence[str] = ("output.energy=false",)):
+    def __init__(self, comm, base: Sequence[str] = ("output.energy=false", "solver.max_steps=1000000000")):
         self.comm, self.base = comm, tuple(base)
         self._known: dict[tuple[str, ...], Outcome] = {}
         self._warm: set[tuple[str, str]] = set()
 
     def outcome(self, scene: str, overrides: Sequence[str]) -> Outcome:
-        """The run of a shipped scene, or a file. Raises SceneError for what the scene can't be. Collective."""
+        """The run of a shipped scene, or a file. Collective.
+
+        Raises SceneError for what the scene can't be, RunError for a run that did not come to its end.
+        """
         from pgfmd.parts import confirm
         from pgfmd.scene import load_scene
 
@@ -75,7 +81,10 @@ class Laboratory:
             loaded = load_scene(scene, [*self.base, *overrides])
             confirm(loaded, scene, self.comm.size)
             self._warm_up(scene, overrides, loaded.solver)
-            self._known[name] = run(loaded, self.comm)
+            outcome = run(loaded, self.comm)
+            if outcome.finished != FINISHED:
+                raise RunError(f"{', '.join(name)}: {outcome.finished}, so that its curve is not whole")
+            self._known[name] = outcome
         return self._known[name]
 
     def _warm_up(self, scene: str, overrides: Sequence[str], solver) -> None:
@@ -108,6 +117,7 @@ def run(scene, comm) -> Outcome:
     return Outcome(
         curve, simulation.scheme.pairs, counters.steps, counters.rejected_steps, counters.newton_iterations,
         sum(comm.allgather(spent)), 1.0 - max(comm.allgather(inside)) / max(comm.allgather(wall)),
+        state.finished,
     )  # fmt: skip
 
 

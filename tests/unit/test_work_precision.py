@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from pgfmd import bench, cli
 from pgfmd.curve_errors import Curve, cost_at, errors, richardson, rms_difference
-from pgfmd.errors import SceneError
+from pgfmd.errors import RunError, SceneError
 from pgfmd.work_precision import Laboratory, Setting, explicit, implicit, study
 
 TINY = ("grid.n=32", "drive.speed=400 um/s", "drive.preload=20 mN", "solver.gfmd.fast_pull=1")
@@ -140,6 +140,11 @@ def test_what_a_scene_refuses_is_left_out_with_a_remark(laboratory):
     assert len(said) == 1 and "nonsense" in said[0] and said[0].startswith("new, x")
     with pytest.raises(SceneError):
         laboratory.outcome("tri-tack", (*TINY, "solver.scheme=gfmd", "solver.gfmd.steps_per_tau=1"))
+
+
+def test_a_run_that_stops_early_is_no_measurement(laboratory):
+    with pytest.raises(RunError, match="max_steps"):
+        laboratory.outcome("tri-tack", (*TINY, "solver.max_steps=10"))
 
 
 # pgfmd bench ---------------------------------------------------------------------------------------------------------
