@@ -128,6 +128,9 @@ class Controller:
             return
         growth = self._wish(phase, trial)
         proposal = trial.step * min(LARGEST_GROWTH, max(STRONGEST_CUT, growth))
+        if trial.error > self.limits.tolerance:
+            # Taken as a last resort: shorter steps have not helped.
+            proposal = max(proposal, trial.step)
         # A step cut short by an event says nothing against the one that was wanted.
         state.step = max(proposal, wanted) if wanted > trial.step and growth >= 1.0 else proposal
 

@@ -95,6 +95,7 @@ class NewtonSolver:
         self._s[:] = 0.0
         self._t[:] = 0.0
         (pull, imbalance, potential, _), drop = self._evaluate(position, u, w, 0.0, 0.0, history, compliance), 0.0
+        last_pull = pull
         unbalanced = self.force_share * tolerance * self.force_scale / self.points.grid.cell_area
         most = self.largest_jump_count if jump else self.largest_newton_count
         for count in range(1, most + 1):
@@ -115,10 +116,13 @@ class NewtonSolver:
                 pull, imbalance, potential, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
                 continue
             kernels.move(u, w, self._s, self._t, scale, scale * compliance)
+            # Where the mean load balances by itself, the force is known as well as the last correction has left it.
+            unsettled = max(abs(imbalance), abs(pull - last_pull) if self.floating else 0.0)
+            last_pull = pull
             gained, potential = potential - trial - growth, trial
             drop += gained
             small = size < tolerance or (self.forcing + size) * size < tolerance
-            if scale == 1.0 and not bent and small and abs(imbalance) <= unbalanced:
+            if scale == 1.0 and not bent and small and unsettled <= unbalanced:
                 return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size)
             moved = scale * size
             way += moved
@@ -181,14 +185,15 @@ class NewtonSolver:
         return count, size, False
 
     def _level(self, imbalance: float) -> float:
-        """Lets the mean load take up the mean residual where it moves nothing, A being singular there; what is left of
-        the sum."""
-        if not self.floating:
-            return imbalance
-        mean = imbalance / self.points.total
-        self._r -= mean
-        self._t += mean
-        return 0.0
+        """Lets the mean load take up the mean residual where it moves nothing, A being singular there.
+
+        Returns what was out of balance: there, by how much the last direction has changed the force.
+        """
+        if self.floating:
+            mean = imbalance / self.points.total
+            self._r -= mean
+            self._t += mean
+        return imbalance
 
     def _to_edge(self, trust: float) -> float:
         """Follows the last direction, along which Phi bends down, to the edge of the region of trust; largest |s| in

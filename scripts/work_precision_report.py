@@ -70,7 +70,7 @@ def draw(rows: Sequence[dict], path: Path) -> None:
             for j, (cost, label) in enumerate(COSTS.items()):
                 floor = apart(rows, "cost", f"{APART}, N = 1")
                 _panel(axes[i, j], lines_of(rows, "cost"), cost, measure, floor and floor[measure])
-                axes[i, j].set_title(f"{name}, tri-tack, n = 128, 10 µm/s", loc="left")
+                axes[i, j].set_title(name, loc="left")
                 axes[i, j].set(xlabel=label, ylabel="error [%]")
                 axes[i, j].axhline(100 * TARGET, color=GREY, linewidth=0.7)
         _kinds(axes[4:].ravel(), rows)
@@ -85,12 +85,12 @@ def _kinds(axes, rows: Sequence[dict]) -> None:
     time, inertia, mesh, reach = axes
     floor = apart(rows, "time", APART)
     _panel(time, lines_of(rows, "time"), "steps", "force_error", floor and floor["force_error"], True)
-    time.set_title("time alone: force curve, n = 64, 200 µm/s", loc="left")
+    time.set_title("error of time: force curve", loc="left")
     time.set(xlabel="steps", ylabel="error [%]")
     _panel(inertia, lines_of(rows, "inertia"), "x", "force_error", legend=True)
-    inertia.set_title("inertia alone: force curve, n = 64, 200 µm/s", loc="left")
+    inertia.set_title("error of inertia: force curve", loc="left")
     inertia.set(xlabel="ω τ / 2π   (the paper: 1)", ylabel="error [%]")
-    names = {"mesh": ("points a side, n", "mesh alone"), "range": ("range of adhesion ρ [µm]", "range, mesh with it")}
+    names = {"mesh": ("points a side, n", "error of the mesh"), "range": ("range ρ [µm]", "distance to the finest")}
     looks = zip(MEASURES.items(), ((BLUE, "o"), (RED, "s"), (GREEN, "^"), (BLACK, "x")), strict=True)
     for (measure, name), (colour, marker) in looks:
         for axis, panel in ((mesh, "mesh"), (reach, "range")):
@@ -98,9 +98,10 @@ def _kinds(axes, rows: Sequence[dict]) -> None:
                 _line(axis, points, "x", measure, name, (colour, marker, "-"))
     for axis, panel in ((mesh, "mesh"), (reach, "range")):
         line = next(iter(lines_of(rows, panel)), "")
-        axis.set_title(f"{names[panel][1]}: 10 µm/s, {line}", loc="left")
+        axis.set_title(f"{names[panel][1]}, {line}", loc="left")
         axis.set(xlabel=names[panel][0], ylabel="error [%]")
-        axis.legend(fontsize=7)
+        if axis.lines:
+            axis.legend(fontsize=7)
         _logarithmic(axis)
     for axis, panel in ((mesh, "mesh"), (reach, "range")):
         ticks = sorted({row["x"] for points in lines_of(rows, panel).values() for row in points})
@@ -114,7 +115,7 @@ def _panel(axis, lines: dict, cost: str, measure: str, floor: float | None = Non
     if floor:
         axis.axhline(100 * floor, color=GREY, linewidth=0.9, linestyle=(0, (2, 2)), label="references apart")
     _logarithmic(axis)
-    if legend:
+    if legend and axis.lines:
         axis.legend(fontsize=7)
 
 

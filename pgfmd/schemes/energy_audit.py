@@ -38,8 +38,10 @@ class EnergyAudit:
 
     def __init__(self, points, creep: CreepSeries, law, tableau: Tableau, tolerance: float, dtype):
         self.points, self.creep, self.law, self.tableau, self.tolerance = points, creep, law, tableau, tolerance
-        # Without attraction and retardation nothing is dissipated that an error could be compared with.
-        self.bounds_steps = tolerance <= FINE and (creep.elements > 0 or law.attractive)
+        # Without attraction and retardation nothing is dissipated that an error could be compared with; and in single
+        # precision the errors of the energies don't shrink with the step.
+        lossy = creep.elements > 0 or law.attractive
+        self.bounds_steps = tolerance <= FINE and lossy and np.dtype(dtype) == np.float64
         self._images = np.zeros((tableau.stages, points.size), dtype)
         self._rows = np.zeros((2, points.rows))
 
