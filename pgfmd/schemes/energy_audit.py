@@ -20,6 +20,8 @@ than this, as a share of the energy dissipated."""
 LEAST_WAY, SMALLEST_LOOP = 1e-3, 1e-7
 """Least part of the way of the punch that a step counts as (below it are the errors of the solves), and the least energy
 that a loop is supposed to dissipate, as a share of the elastic energy and of the adhesive energy of a whole contact."""
+SINGLE_NOISE = 1e-7
+"""Error of a step's energies in single precision, as a share of those at stake."""
 POINTS_OF_WORK, NEAREST_PAST = 3, 0.2
 """The work of a step comes from at most so many forces; the last step's start is one, unless that was shorter than this
 share of the step: too close to tell a slope."""
@@ -38,10 +40,10 @@ class EnergyAudit:
 
     def __init__(self, points, creep: CreepSeries, law, tableau: Tableau, tolerance: float, dtype):
         self.points, self.creep, self.law, self.tableau, self.tolerance = points, creep, law, tableau, tolerance
-        # Without attraction and retardation nothing is dissipated that an error could be compared with; and in single
-        # precision the errors of the energies don't shrink with the step.
-        lossy = creep.elements > 0 or law.attractive
-        self.bounds_steps = tolerance <= FINE and lossy and np.dtype(dtype) == np.float64
+        # Without attraction and retardation nothing is dissipated that an error could be compared with.
+        self.bounds_steps = tolerance <= FINE and (creep.elements > 0 or law.attractive)
+        # In single precision the energies have an error that does not shrink with the step.
+        self._noise = SINGLE_NOISE if np.dtype(dtype) == np.float32 else 0.0
         self._images = np.zeros((tableau.stages, points.size), dtype)
         self._rows = np.zeros((2, points.rows))
 
@@ -68,6 +70,7 @@ class EnergyAudit:
         spent = max(energies.viscous + energies.released, SMALLEST_LOOP * at_stake)
         way = abs(trial.position - state.position) / (reach + abs(trial.position - state.phase_start))
         allowed = max(ENERGY_SHARE * self.tolerance, LEAST_SHARE) * (viscous + spent * (way + LEAST_WAY))
+        allowed += self._noise * at_stake
         return abs(residual) / allowed if allowed > 0.0 else 0.0
 
     def energies(
