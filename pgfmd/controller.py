@@ -20,8 +20,8 @@ TELLING = 2.0
 """How many times longer than a step another one has to be for their changes to tell a jump from a motion."""
 ENERGY_CUT, WORTH_AGAIN, MOST_REPEATS = {1: 8.0, 2: 24.0}, 0.6, 3
 """For the sake of the energy audit steps get shorter by at most this factor (by the scheme's order; in elastic scenes
-the errors of the solves, which don't shrink with the step, come sooner), and are taken again where they should have been
-shorter than this share of what they were, at most so many times."""
+the errors of the solves, which don't shrink with the step, come sooner), and are taken again where they should have
+been shorter than this share of what they were, at most so many times."""
 PRELOAD_TOLERANCE, PRELOAD_SHARE, CLOSE_TO_PRELOAD = 1e-4, 0.1, 0.95
 """The preload is met to this fraction, or to that share of a smaller tolerance: a late turn shifts the whole way back.
 From the last fraction of it on, steps are solved tightly."""

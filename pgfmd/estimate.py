@@ -152,7 +152,7 @@ def effort_of(scene) -> Effort:
             longest = float(creep.retardation_times.max())
             rate, each = min(max(20.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0), 7.5
         else:
-            rate, each = 70.0, 45.0
+            rate, each = 70.0, 25.0
         here = rate * length / adhesion.range * refinement
         steps += here
         pairs += here * each * refinement**-0.4

@@ -146,7 +146,8 @@ class NewtonSolver:
         return Outcome(converged, newton_count, cg_count, -pull * area, drop * area, adhesive * area, negative, moved)
 
     def _evaluate(self, position, u, w, step, weight, history, compliance):
-        """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets traction, curvature and residual at u + step s."""
+        """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets
+        traction, curvature and residual at u + step s."""
         kernels.evaluate(
             self.height, position, u, w, self._s, self._t, step, weight, history, compliance,
             self.law_numbers, self.points.offset, self.traction, self.curvature, self._r, self._rows,

@@ -18,17 +18,19 @@ FINE, ENERGY_SHARE, LEAST_SHARE = 1.5e-3, 7.0, 1e-3
 """From this tolerance on, the audit's residual of a step is bounded too: by this multiple of the tolerance, but no less
 than this, as a share of the energy dissipated."""
 LEAST_WAY, SMALLEST_LOOP = 1e-3, 1e-7
-"""Least part of the way of the punch that a step counts as (below it are the errors of the solves), and the least energy
-that a loop is supposed to dissipate, as a share of the elastic energy and of the adhesive energy of a whole contact."""
+"""Least part of the way of the punch that a step counts as (below it are the errors of the solves), and the least
+energy that a loop is supposed to dissipate, as a share of the elastic energy and of the adhesive energy of a whole
+contact."""
 SINGLE_NOISE = 1e-7
 """Error of a step's energies in single precision, as a share of those at stake."""
 POINTS_OF_WORK, NEAREST_PAST = 3, 0.2
 """The work of a step comes from at most so many forces; the last step's start is one, unless that was shorter than this
 share of the step: too close to tell a slope."""
-FINE_SHARPNESS, SPENT_SHARPNESS = 0.1, 50.0
+FINE_SHARPNESS, SPENT_SHARPNESS = 0.1, 5.0
 """The work of the punch has the error of its forces, and in a nearly elastic loop, thousands of times smaller than the
-energies that come and go, it would show. So fine steps are solved to a smaller share of the tolerance where less than one
-over the second number of the energy stored has been dissipated: to no less than the first."""
+energies that come and go, it would show. So fine steps are solved to a smaller share of the tolerance where less than
+one over the second number of the energy stored has been dissipated: to no less than the first. (With 50 instead of 5, a
+spectrum of two elements twelve decades apart took three times the steps, and its audit did not close.)"""
 
 
 class EnergyAudit:

@@ -32,9 +32,10 @@ half of what the preload has to be met to."""
 JUMP_SHARPNESS = 1e-3
 """Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
 tiny, and a loose solve lingers on it."""
-ELASTIC_PATIENCE, ELASTIC_SHARPNESS = 2, 0.25
-"""Elastic scenes: patience of CG (newton.py), and share of the tolerance to which steps are solved, as an elastic step's
-only error is that of its solve."""
+NEARLY_ELASTIC, ELASTIC_PATIENCE = 0.5, 2
+"""Patience of CG (newton.py) where more than this share of the compliance is instantaneous, as where it is elastic."""
+ELASTIC_SHARPNESS = 0.25
+"""Elastic scenes: share of the tolerance to which steps are solved: an elastic step's only error is its solve's."""
 
 
 class Inertialess:
@@ -56,7 +57,7 @@ class Inertialess:
         self.height, self.law, self.far_weights = solver.height, solver.law, far_weights
         # Without retardation each step is an equilibrium of its own: one stage.
         self.tableau = SDIRK2 if creep.elements and order == 2 else IMPLICIT_EULER
-        solver.patience = 1 if creep.elements else ELASTIC_PATIENCE
+        solver.patience = ELASTIC_PATIENCE if creep.J_inf > NEARLY_ELASTIC else 1
         points, stages = solver.points, self.tableau.stages
         self.points = points
         self._u = [points.zeros(solver.dtype) for _ in range(stages)]
@@ -144,8 +145,8 @@ class Inertialess:
             if not outcome.converged:
                 trial.converged = False
                 return trial
-            # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes the
-            # images G0 phi, and with them the stored energy, those of these tractions.
+            # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes
+            # the images G0 phi, and with them the stored energy, those of these tractions.
             np.subtract(self._w[i], history, out=self._f[i])
             self._f[i] /= weights.compliance[i]
         trial.change = self._change(state, trial)

@@ -66,8 +66,9 @@ class Change:
 class Trial:
     """The outcome of a step that was tried: nothing of it is in the State yet.
 
-    error: see Change. energy_error: see Inertialess._energy_error. potential_drop [J]: by how much the stages' potentials fell from their starting points. forces
-    [N]: on the punch, at the stages. The fields belong to the scheme and live until the next trial.
+    error: see Change. energy_error: see EnergyAudit.error, zero where it bounds nothing. potential_drop [J]: by how
+    much the stages' potentials fell from their starting points. forces [N]: on the punch, at the stages. The
+    fields belong to the scheme and live until the next trial.
     """
 
     step: float

@@ -92,7 +92,7 @@ def test_the_ends_of_the_range_of_accuracies_finish(name):
 
 @pytest.mark.parametrize("settings", [(), ("drive.preload=0.01 mN",), (FAST,)], ids=["shipped", "soft", "fast"])
 def test_a_surface_that_moves_fast_does_not_jump(settings):
-    """Just within reach a flat surface leaps towards the punch, but on its own relaxation's time: an index-1 problem."""
+    """Just within reach a flat surface leaps towards the punch, but in the time of its own relaxation."""
     state = ended_well(("flat-punch", 48, *settings), "solver.accuracy=1e-3")
     assert state.counters.jumps == 0
     assert state.counters.rejected_steps < state.counters.steps

@@ -244,6 +244,17 @@ def test_covariances_of_the_drift_agree_with_random_trials():
     assert drift.newest > 100 * ROUNDING * size, "growing steps amplify: the case that it is for"
 
 
+def test_the_drift_of_thousands_of_equal_steps_is_that_of_summed_up_roundings():
+    """The third differences are fresh roundings; covariances would have lost them after some hundred steps."""
+    steps, size = 3000, 10.0
+    drift = Drift(np.zeros((3, 3)))
+    for _ in range(steps):
+        drift = drift.extrapolated([3.0, -3.0, 1.0], size).kept([0, 1, 2])
+    fresh = ROUNDING * size * math.sqrt(20.0)
+    summed = math.sqrt(sum(math.comb(step + 2, 2) ** 2 for step in range(steps)))
+    assert drift.newest == pytest.approx(fresh * summed, rel=1e-6)
+
+
 def test_a_surface_evaluated_anew_forgets_its_past():
     drift = Drift(np.array([[2.0, 0.0], [2.0, 0.0]])).renewed(10.0)
     assert drift.newest == ROUNDING * 10.0
