@@ -29,6 +29,8 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", "-s", metavar="KEY=VALUE", help="The same, one key at a time."),
 ]
+UNBALANCED = 0.05
+"""Residual of the energy audit, as a share of the work of the loop, that is told at the end of a run."""
 COLLECTIVE = ("run", "bench")
 """The commands that every rank takes part in."""
 
@@ -123,6 +125,12 @@ def _summary(record: dict, directory: Path) -> list[str]:
         f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ; "
         f"{record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
     )
+    residual = record["energy_residual"]
+    if residual is not None and residual > UNBALANCED:
+        lines.append(
+            f"The energy audit closes to {100 * residual:.2g} % of the loop's work: lower solver.accuracy before believing "
+            "energies."
+        )
     return [*lines, f"results: {directory}    pictures: pgfmd plot {directory}"]
 
 
