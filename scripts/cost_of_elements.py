@@ -64,9 +64,16 @@ class Replay:
         return trial, why
 
 
-def replayed(comm, n: int, base: tuple[str, ...], rounds: int, say: Callable[[str], None]) -> Iterator[Row]:
-    """Rows of the steps with 1 and 20 elements, without and with the audit: x = N, core_seconds of all steps."""
+def replayed(
+    comm, n: int, speed: str, most: int, rounds: int, say: Callable[[str], None]
+) -> Iterator[Row]:  # fmt: skip
+    """Rows of the steps with 1 and 20 elements, without and with the audit: x = N, core_seconds of all steps.
+
+    speed: of the punch; most: number of steps, at most. Collective.
+    """
+    base = (f"drive.speed={speed}",)
     first = _simulation(comm, n, base, False)
+    first.max_steps = most
     recording = Recording(first.controller)
     first.controller = recording
     first.run()
@@ -88,7 +95,7 @@ def replayed(comm, n: int, base: tuple[str, ...], rounds: int, say: Callable[[st
         if replay.unsolved:
             say(f"N = {elements}: {replay.unsolved} of {steps} steps were not solved")
         spent = sum(max(comm.allgather(value)) for value in seconds[:steps])
-        label = f"n = {n}, {'with' if audit else 'without'} audit"
+        label = f"n = {n}, {speed}, {'with' if audit else 'without'} audit"
         counters = simulation.state.counters
         pairs = simulation.scheme.pairs
         yield _row(f"N = {elements}", label, elements, pairs, steps, counters.newton_iterations, spent)

@@ -20,7 +20,7 @@ def lines(rows: list[dict[str, str]]) -> list[str]:
     for row in rows:
         if row["axis"] != axis:
             axis = row["axis"]
-            table += ["", f"### {axis.capitalize()}", "", "| scene | settings | outcome | steps | pairs | jumps | residual |"]
+            table += ["", f"## {axis.capitalize()}", "", "| scene | settings | outcome | steps | pairs | jumps | residual |"]
             table += ["| --- | --- | --- | --- | --- | --- | --- |"]
         settings = row["settings"].replace("rheology.model=geometric ", "") or "as shipped"
         ran = row["verdict"] in ("ok", "stopped")

@@ -39,6 +39,8 @@ from pgfmd.work_precision import Laboratory, Row, Setting, explicit, implicit, r
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 SCENE = "tri-tack"
 TIGHT = "solver.accuracy=1e-6"
+MOST_STEPS = 250
+"""Of the runs that compare 1 and 20 elements."""
 PAPER, LONG = 0.1, 0.5
 """omega dt, in units of pi: the paper's, and one close to the limit of stability."""
 
@@ -186,10 +188,10 @@ class Study:
 
     def elements(self, known) -> Iterator[Row]:
         """Equal steps with 1 and 20 elements."""
-        if not any(f"n = {self.size.elements}" in label for _, label in known):
-            yield from replayed(
-                self.laboratory.comm, self.size.elements, (self.size.slower,), self.size.rounds, self.say
-            )  # fmt: skip
+        n, rounds = self.size.elements, self.size.rounds
+        for speed in ("10 um/s", "1 um/s"):
+            if not any(f"n = {n}, {speed}" in label for _, label in known):
+                yield from replayed(self.laboratory.comm, n, speed, MOST_STEPS, rounds, self.say)
 
     def gfmd_elements(self, known) -> Iterator[Row]:
         """A step of gfmd with 0, 1 and 5 elements."""

@@ -239,7 +239,7 @@ def _elements(rows: Sequence[dict]) -> list[list[str]]:
         base = spent.get(("gfmd, N = 0" if line.startswith("gfmd") else "N = 1", label))
         if base and base is not row:
             settings = label if line.startswith("gfmd") else (
-                f"{label}, 10 µm/s, {row['steps']:.0f} equal steps, {row['pairs']:.0f} and {base['pairs']:.0f} pairs"
+                f"{label}, {row['steps']:.0f} equal steps, {row['pairs']:.0f} and {base['pairs']:.0f} pairs"
             )  # fmt: skip
             ratio = row["core_seconds"] / base["core_seconds"]
             body.append([f"{line} over {base['line'].removeprefix('gfmd, ')}", f"{ratio:.2f}", settings])
