@@ -21,6 +21,8 @@ MEASURES = {
 }
 COSTS = {"core_seconds": "core-seconds [s]", "pairs": "transform pairs"}
 TARGET = 0.01
+GRIDS = ("mesh", "range")
+"""Panels whose lines run over grids, not over steps."""
 BLUE, SKY, GREEN, RED, ORANGE, PURPLE, GREY, BLACK = (
     "#0072B2", "#56B4E9", "#009E73", "#D55E00", "#E69F00", "#CC79A7", "#8a8a8a", "#000000",
 )  # fmt: skip
@@ -44,13 +46,20 @@ LOOKS = {
     "gfmd, N = 20": (ORANGE, "*", ":"),
 }
 APART = "schemes apart"
+ORDER = {name: place for place, name in enumerate(LOOKS)}
+
+
+def in_order(rows: Iterable[dict], panel: str) -> list[dict]:
+    """The rows of a panel, line by line and each from few steps to many, however the CSV has come about."""
+    mine = (row for row in rows if row["panel"] == panel)
+    return sorted(mine, key=lambda row: (ORDER.get(row["line"], len(ORDER)), row["line"], row["steps"]))
 
 
 def lines_of(rows: Iterable[dict], panel: str) -> dict[str, list[dict]]:
-    """The rows of a panel by their lines, in the order of the CSV; without those of how far the schemes are apart."""
+    """The rows of a panel by their lines; without those of how far the schemes are apart."""
     lines: dict[str, list[dict]] = {}
-    for row in rows:
-        if row["panel"] == panel and not row["line"].startswith(APART):
+    for row in in_order(rows, panel):
+        if not row["line"].startswith(APART):
             lines.setdefault(row["line"], []).append(row)
     return lines
 
@@ -84,10 +93,10 @@ def _kinds(axes, rows: Sequence[dict]) -> None:
     """The four panels of one kind of error each."""
     time, inertia, mesh, reach = axes
     floor = apart(rows, "time", APART)
-    _panel(time, lines_of(rows, "time"), "steps", "force_error", floor and floor["force_error"], True)
+    _panel(time, lines_of(rows, "time"), "steps", "force_error", floor and floor["force_error"], "lower left")
     time.set_title("error of time: force curve", loc="left")
     time.set(xlabel="steps", ylabel="error [%]")
-    _panel(inertia, lines_of(rows, "inertia"), "x", "force_error", legend=True)
+    _panel(inertia, lines_of(rows, "inertia"), "x", "force_error", legend="upper right")
     inertia.set_title("error of inertia: force curve", loc="left")
     inertia.set(xlabel="ω τ / 2π   (the paper: 1)", ylabel="error [%]")
     names = {"mesh": ("points a side, n", "error of the mesh"), "range": ("range ρ [µm]", "distance to the finest")}
@@ -95,6 +104,7 @@ def _kinds(axes, rows: Sequence[dict]) -> None:
     for (measure, name), (colour, marker) in looks:
         for axis, panel in ((mesh, "mesh"), (reach, "range")):
             for points in lines_of(rows, panel).values():
+                points.sort(key=lambda row: row["x"])
                 _line(axis, points, "x", measure, name, (colour, marker, "-"))
     for axis, panel in ((mesh, "mesh"), (reach, "range")):
         line = next(iter(lines_of(rows, panel)), "")
@@ -109,14 +119,14 @@ def _kinds(axes, rows: Sequence[dict]) -> None:
         axis.set_xticks([], minor=True)
 
 
-def _panel(axis, lines: dict, cost: str, measure: str, floor: float | None = None, legend: bool = False) -> None:
+def _panel(axis, lines: dict, cost: str, measure: str, floor: float | None = None, legend: str = "") -> None:
     for name, points in lines.items():
         _line(axis, points, cost, measure, name, LOOKS.get(name, (GREY, ".", "-")))
     if floor:
         axis.axhline(100 * floor, color=GREY, linewidth=0.9, linestyle=(0, (2, 2)), label="references apart")
     _logarithmic(axis)
     if legend and axis.lines:
-        axis.legend(fontsize=7)
+        axis.legend(fontsize=7, loc=legend)
 
 
 def _line(axis, points: list[dict], cost: str, measure: str, name: str, look: tuple[str, str, str]) -> None:
@@ -174,11 +184,10 @@ def error_table(rows: Sequence[dict], panel: str) -> str:
     """All rows of a panel."""
     head = ("line", "setting", *(f"{name} [%]" for name in MEASURES.values()), "pairs", "steps", "core-seconds")
     body = []
-    for row in rows:
-        if row["panel"] == panel:
-            errors = [f"{100 * row[measure]:.2g}" for measure in MEASURES]
-            costs = [f"{row['pairs']:.0f}", f"{row['steps']:.0f}", f"{row['core_seconds']:.3g}"]
-            body.append([row["line"], row["label"], *errors, *(costs if row["line"][:13] != APART else ["", "", ""])])
+    for row in sorted(in_order(rows, panel), key=lambda row: row["x"]) if panel in GRIDS else in_order(rows, panel):
+        errors = [f"{100 * row[measure]:.2g}" for measure in MEASURES]
+        costs = [f"{row['pairs']:.0f}", f"{row['steps']:.0f}", f"{row['core_seconds']:.3g}"]
+        body.append([row["line"], row["label"], *errors, *("" if row["line"].startswith(APART) else c for c in costs)])
     return markdown(head, body)
 
 
@@ -200,8 +209,8 @@ def _equal_error(rows: Sequence[dict]) -> list[list[str]]:
                 if not (math.isfinite(theirs) and math.isfinite(mine)):
                     ratios.append("not reached")
                 else:
-                    share = f"1/{theirs / mine:.3g}"
-                    ratios.append(f"{share} ({mine:.3g} of {theirs:.3g})")
+                    shown = "{:,.0f} of {:,.0f}" if cost == "pairs" else "{:.3g} of {:.3g} s"
+                    ratios.append(f"1/{theirs / mine:.4g} ({shown.format(mine, theirs)})")
             body.append(
                 [f"inertialess / {other}, at 1 % in the {name}", f"core-seconds {ratios[0]}, pairs {ratios[1]}",
                  "tri-tack, n = 128, 10 µm/s, 1 rank"]
