@@ -107,7 +107,7 @@ def _images(scene) -> Iterator[str]:
     if scene.substrate.boundary == "periodic" and radius is not None and length < 3.0 * radius:
         yield (
             f"grid.length is only {length / radius:.3g} punch radii: the periodic images carry part of the load; "
-            'the paper has 4, substrate.boundary = "free" has no images'
+            f"the paper has 4.{_free_boundary(scene)}"
         )
 
 
@@ -121,6 +121,13 @@ def _explicit_steps(scene) -> Iterator[str]:
     if steps / scene.output.every > MANY_ROWS:
         every = 10 ** math.ceil(math.log10(steps / MANY_ROWS))
         yield f"output.every: about {steps / scene.output.every:.2g} rows are to come in curve.csv; set it to {every}"
+
+
+def _free_boundary(scene) -> str:
+    """What a free boundary offers to a scheme that can have one."""
+    if scene.solver.scheme == "gfmd":
+        return ""
+    return ' substrate.boundary = "free" has no images, needs no such correction and costs the same'
 
 
 def _memory(scene, ranks: int) -> Iterator[str]:
@@ -145,7 +152,7 @@ def _far_displacement(scene) -> Iterator[str]:
     if scene.substrate.boundary == "periodic" and scene.punch.radius is not None:
         yield (
             "periodic cell: the far displacement u_inf is extrapolated; for a flat punch and L = 4a it is about 11 % "
-            'off that of a free surface. substrate.boundary = "free" needs no such correction and costs the same'
+            f"off that of a free surface.{_free_boundary(scene)}"
         )
 
 

@@ -16,8 +16,8 @@ from pgfmd.simulation import Simulation
 from pgfmd.transform import Convolution, Plane, free_multiplier, periodic_multiplier
 
 STEP_SHARE = 0.7
-"""Tolerance of a step's error, in ranges of adhesion, for a `solver.accuracy` of 1. On tri-tack at n = 512 the default
-accuracy then gives the pull-off force to 0.1 %, for 8 % fewer transforms than 0.5; 1.0 gives it to 0.5 %."""
+"""Tolerance of a step's error, in ranges of adhesion, for a `solver.accuracy` of 1. With 0.5,
+tri-tack at n = 512 takes 9 % more transforms at the default accuracy, and its audit closes to 0.4 instead of 0.55 %."""
 
 
 def convolution_of(scene, points: PunchPoints, whole_cell: bool = False, dtype=np.float64) -> Convolution:

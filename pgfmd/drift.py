@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 ROUNDING, SINGLE_ROUNDING = 4e-16, 2e-7
-"""Standard deviation of the drift of a freshly evaluated surface, relative to its size, in double and single precision."""
+"""Standard deviation of the drift of a freshly evaluated surface, relative to its size, in double and single
+precision."""
 
 
 class Drift:

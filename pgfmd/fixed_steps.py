@@ -1,4 +1,5 @@
-"""Steps of one length, for explicit schemes: shortened a little to end on the spot where a phase or a wanted time does."""
+"""Steps of one length, for explicit schemes: shortened a little to end on the spot where a phase or a wanted time
+does."""
 
 from __future__ import annotations
 

@@ -35,7 +35,8 @@ class Inertia:
         return self.frequency * self.step * math.sqrt(1.0 + contact_stiffness / kappa_inf)
 
     def added_viscosity(self, series) -> float:
-        """What the damping adds at low frequencies, 2 kappa_inf/omega, relative to the material's own sum kappa_n tau_n."""
+        """What the damping adds at low frequencies, 2 kappa_inf/omega, relative to the material's own sum kappa_n
+        tau_n."""
         return 2.0 * series.kappa_inf / self.frequency / float((series.kappa * series.tau).sum())
 
 
@@ -77,5 +78,5 @@ def instability(inertia: Inertia, stiffness: float, kappa_inf: float) -> str:
     return (
         f"omega dt sqrt(1 + K_0 G0/kappa_inf) is {number:.3g}: the step {inertia.step:.3g} s would make contacts "
         f"explode. Set solver.gfmd.omega = \"{inertia.frequency:.6g} rad/s\" and solver.gfmd.dt = \"{largest:.3g} s\", "
-        "or lower omega, or raise adhesion.range"
+        "or raise steps_per_tau, lower omega, or raise adhesion.range"
     )

@@ -129,7 +129,8 @@ class Snapshots(_Observer):
             self._write_due(simulation)
 
     def _write_due(self, simulation) -> None:
-        """Writes what is wanted by now; twice the same time, or one that has passed, would ask for a step of no length."""
+        """Writes what is wanted by now; twice the same time, or one that has passed, would ask for a step of no
+        length."""
         state = simulation.state
         while self.wanted and self.wanted[0][0] <= state.time + 1e-9 * state.last_step:
             _, label = self.wanted.pop(0)

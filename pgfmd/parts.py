@@ -129,7 +129,8 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
 
 
 def _overlap_problems(scene) -> list[Problem]:
-    """A preload that even a rigid substrate could not carry: overlaps are as deep as the punch is pressed in, at most."""
+    """A preload that even a rigid substrate could not carry: overlaps are as deep as the punch is pressed in, at
+    most."""
     law, radius = law_of(scene.adhesion), scene.punch.radius
     area = math.pi * radius**2 if radius else scene.grid.length**2
     most = law.stiffness * deepest_indentation(scene) * area
@@ -152,5 +153,5 @@ def _inertia_problems(scene) -> list[Problem]:
     inertia = inertia_of_scene(scene)
     cure = instability(inertia, stiffness, series_of(scene.rheology).kappa_inf)
     if cure:
-        problems.append(Problem("solver.gfmd", f"dt = {inertia.step:.3g} s", "a stable time step", cure))
+        problems.append(Problem("solver.gfmd.dt", f"{inertia.step:.3g} s", "a stable time step", cure))
     return problems

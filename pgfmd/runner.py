@@ -14,6 +14,7 @@ from pgfmd.assemble import assemble, convolution_of
 from pgfmd.curve_file import CurveFile, EnergyFile, EventFile
 from pgfmd.errors import RunError
 from pgfmd.fields_file import FieldsFile
+from pgfmd.parts import inertia_of_scene
 from pgfmd.scene import load_scene
 
 _LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
@@ -52,7 +53,8 @@ def run_scene(scene, comm, directory: str | Path, say=print) -> dict:
 def compile_kernels(comm, scene) -> None:
     """Has rank 0 compile the kernels that the scene needs, by tiny tack tests, while the others wait.
 
-    All ranks would otherwise compile the same at once, and race for numba's cache. One rank compiles when it gets there.
+    All ranks would otherwise compile the same at once, and race for numba's cache. One rank compiles when it gets
+    there.
     """
     if comm.size > 1:
         if comm.rank == 0:
@@ -109,7 +111,9 @@ def _scouted(scene, comm, fractions: list[float], say) -> list[tuple[float, str]
         return []
     if comm.rank == 0:
         say("a coarse approach is run ahead to place the snapshots before the preload")
-    coarse = scene.solver.model_copy(update={"accuracy": max(SCOUT_ACCURACY, scene.solver.accuracy)})
+    accuracy = SCOUT_ACCURACY if scene.solver.scheme == "gfmd" else max(SCOUT_ACCURACY, scene.solver.accuracy)
+    # Whatever the scheme: explicit steps can't be coarse.
+    coarse = scene.solver.model_copy(update={"scheme": "inertialess", "accuracy": accuracy})
     quiet = scene.output.model_copy(update={"energy": False})
     state = assemble(scene.model_copy(update={"solver": coarse, "output": quiet}), comm).run(only_to_preload=True)
     if state.preload_time is None:
@@ -143,7 +147,7 @@ def record_of(simulation, scene, comm, wall: float) -> dict:
         "finished": state.finished,
         "scheme": scene.solver.scheme,
         "precision": scene.solver.precision,
-        "accuracy": scene.solver.accuracy,
+        **_numerics(scene),
         "ranks": comm.size,
         "n": scene.grid.n,
         "range_m": scene.adhesion.range,
@@ -168,6 +172,14 @@ def record_of(simulation, scene, comm, wall: float) -> dict:
         "peak_rss_bytes": memory,
         "versions": versions(),
     }
+
+
+def _numerics(scene) -> dict:
+    """What the scheme was run with: its accuracy and order, or its inertia."""
+    if scene.solver.scheme == "gfmd":
+        inertia = inertia_of_scene(scene)
+        return {"omega_rad_s": inertia.frequency, "dt_s": inertia.step}
+    return {"accuracy": scene.solver.accuracy, "order": scene.solver.order}
 
 
 def _span(state) -> float | None:

@@ -195,8 +195,11 @@ def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
     for name, here in zip(keys, given, strict=True):
         if not here and (any(given) or elastic):
             why = "an elastic substrate, which has no relaxation time" if elastic else "the other one given alone"
-            cure = f"add {example('solver.gfmd', name)} to [solver.gfmd]"
+            cure = 'add both, such as omega = "15700 rad/s" and dt = "20 us", to [solver.gfmd]'
             yield draft.problem(f"solver.gfmd.{name}", f"both omega and dt, because of {why}", cure)
+    for name in ("omega_tau", "steps_per_tau", "fast_pull"):
+        if all(given) and draft.given(f"solver.gfmd.{name}"):
+            yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
     if draft["substrate.boundary"] == "free":
         cure = 'set substrate.boundary = "periodic", or solver.scheme = "inertialess"'
         yield draft.problem("substrate.boundary", "a periodic cell, because the scheme gfmd steps its modes", cure)

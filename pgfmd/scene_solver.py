@@ -48,8 +48,12 @@ class Solver(Section):
         "time-stepping scheme: `inertialess`, the massless limit by implicit steps, or `gfmd`, the paper's explicit one",
         "inertialess",
     )
-    accuracy: float = number("relative error allowed in one time step", 1e-2, at_least=1e-8, at_most=0.3)
-    order: Literal[2, 1] = key("order of implicit steps: 2 (two stages, SDIRK2) or 1 (implicit Euler)", 2)
+    accuracy: float = number(
+        "relative error allowed in one time step of `inertialess`; `gfmd` has [solver.gfmd]", 1e-2, at_least=1e-8, at_most=0.3
+    )
+    order: Literal[2, 1] = key(
+        "order of the steps of `inertialess`: 2 (two stages, SDIRK2) or 1 (implicit Euler); `gfmd` is always of order 2", 2
+    )
     precision: Literal["double", "mixed", "single"] = key(
         "`double`; `mixed`: single within conjugate gradients, double in all that lasts; `single`: all fields", "double"
     )

@@ -25,8 +25,9 @@ class Event:
 class Simulation:
     """A tack test: scheme, controller, programme and state, with observers that are called after each step.
 
-    scheme: of schemes/; controller: controller.Controller, or fixed_steps.FixedSteps for an explicit scheme. deepest [m]: indentation at which an approach is given up. An observer is an object with `observe(simulation,
-    event)` and `next_time(simulation)`, the next time [s] at which a step must end, or infinity.
+    scheme: of schemes/; controller: controller.Controller, or fixed_steps.FixedSteps for an explicit scheme. deepest
+    [m]: indentation at which an approach is given up. An observer is an object with `observe(simulation, event)` and
+    `next_time(simulation)`, the next time [s] at which a step must end, or infinity.
     """
 
     def __init__(self, scheme, controller, drive: Drive, deepest: float, max_steps: int):
@@ -63,7 +64,7 @@ class Simulation:
         return state
 
     def _start(self) -> None:
-        self.state.force = self.scheme.start(self.state)
+        self.state.force = self.state.least_force = self.scheme.start(self.state)
         self._measure()
         self.state.energies.adhesive_start = self.state.energies.adhesive
         self.state.energies.largest_residual = 0.0
@@ -102,9 +103,9 @@ class Simulation:
             state.first_contact_time = state.time
         name = self.phase.name
         if name == "approach":
-            state.snap_in_force = min(state.snap_in_force, state.force)
+            state.snap_in_force = min(state.snap_in_force, state.least_force)
         elif name != "dwell":
-            state.pull_off_force = min(state.pull_off_force, state.force)
+            state.pull_off_force = min(state.pull_off_force, state.least_force)
 
     def _count_separation(self, phase, old_work: float, old_force: float, old_position: float) -> None:
         """Adds the work of the step, if the punch pulled; of a step through zero force only the part under tension."""

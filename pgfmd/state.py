@@ -55,7 +55,8 @@ class State:
     (N, size); images psi_m = G0 phi_m [m], (N, size), or (0, size) without the energy audit. `past_u`, `past_w`,
     `past_steps`: up to two earlier ends of steps, newest first, and the steps [s] that led away from
     them, with the forces [N] there; drift: factor of the covariance of
-    u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try.
+    u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try. least_force [N]: the lowest
+    force within the last step.
 
     The scheme gfmd keeps no load, images or past, but `modes` u [m] and `mode_velocities` du/dt [m/s] (of the middle of
     the last step), spectral, complex, (n, columns of this rank), and `branches` u_m [m], (N, n, columns); `power`
@@ -76,6 +77,7 @@ class State:
     last_step: float = 0.0
     power: float = 0.0
     force: float = 0.0
+    least_force: float = 0.0
     contact_points: int = 0
     smallest_gap: float = np.inf
     far_displacement: float = 0.0

@@ -25,7 +25,8 @@ SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=3
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run: its curve, what it has cost, how it ended. seconds: of all cores; share: of the time outside transforms."""
+    """A run: its curve, what it has cost, how it ended. seconds: of all cores; share: of the time outside
+    transforms."""
 
     curve: Curve
     pairs: int
@@ -59,8 +60,8 @@ class Recorder:
 class Laboratory:
     """Runs scenes on a communicator, without files; each only once. All ranks call alike.
 
-    base: overrides of every run. Each goes on until the punch is free: gfmd takes millions of steps. A run is named by its scene and overrides; `outcome` returns it from memory if it has
-    been made already.
+    base: overrides of every run. Each goes on until the punch is free: gfmd takes millions of steps. A run is named by
+    its scene and overrides; `outcome` returns it from memory if it has been made already.
     """
 
     def __init__(self, comm, base: Sequence[str] = ("output.energy=false", "solver.max_steps=1000000000")):

@@ -7,8 +7,9 @@
 
 A case is `ok` when it ended detached, with a force of zero and, at accuracy 1e-3 or finer, an energy audit that closes
 to 2 % of the work of the whole loop (where nothing can dissipate, and that is zero: of the largest work on the way);
-`refused` when the scene was rejected beforehand; `stopped` when the run ended with the message that the preload is out of
-reach, at the depth where an approach is given up; `FAILED` otherwise, a hang included. Exit code 1 where any case failed.
+`refused` when the scene was rejected beforehand; `stopped` when the run ended with the message that the preload is out
+of reach, at the depth where an approach is given up; `FAILED` otherwise, a hang included. Exit code 1 where any case
+failed.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ class Gfmd:
         state.elapsed += step
         state.time += step
         state.position = state.phase_start + phase.displacement(state.elapsed)
-        state.force = self._touch(state)
+        state.force = state.least_force = self._touch(state)
         moved = state.position - moved
         energies.work -= 0.5 * (force + state.force) * moved
         if self.audit:
@@ -120,7 +120,8 @@ class Gfmd:
         return keep, kick, decay, mean - decay, 1.0 - mean
 
     def _touch(self, state: State) -> float:
-        """Takes the surface under the punch from the plane, and the traction there; returns the force on the punch [N]."""
+        """Takes the surface under the punch from the plane, and the traction there; returns the force on the punch
+        [N]."""
         points = self.points
         kernels.touch(
             self.plane.real, self._top, self._left, points.first, self.height, state.position, self.law_numbers,

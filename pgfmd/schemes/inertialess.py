@@ -171,6 +171,7 @@ class Inertialess:
             state.energies.released += trial.potential_drop
             state.counters.jumps += 1
             state.forget_history()
+        state.least_force = self._least_force(state, trial)
         self._remember(state, trial)
         state.traction[:] = self.solver.traction
         state.position, state.force = trial.position, trial.force
@@ -223,7 +224,8 @@ class Inertialess:
 
     def _change(self, state: State, trial: Trial) -> Change:
         """How far the step has moved surface and force, and how far from where the last steps point."""
-        # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path is.
+        # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path
+        # is.
         count = self.order + 1 if self.creep.elements else 3
         known = [state.displacement, *state.past_u][:count]
         times = [0.0, *-np.cumsum(state.past_steps)][:count]
@@ -241,6 +243,19 @@ class Inertialess:
             moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
             tuple(times), trial.step,
         )  # fmt: skip
+
+    def _least_force(self, state: State, trial: Trial) -> float:
+        """The lowest force [N] within the step: of the parabola through its start, stage and end, where that has its
+        vertex between them. A step may well be as long as the peak of the pull-off is wide."""
+        ends = min(state.force, trial.force)
+        if trial.is_jump or len(trial.forces) < 2:
+            return ends
+        node = self.tableau.nodes[0]
+        first = (trial.forces[0] - state.force) / node
+        bend = (trial.force - trial.forces[0]) / (1.0 - node) - first
+        slope = first - bend * node
+        vertex = -0.5 * slope / bend if bend > 0.0 else -1.0
+        return min(ends, state.force + 0.5 * slope * vertex) if 0.0 < vertex < 1.0 else ends
 
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
@@ -265,6 +280,7 @@ class Inertialess:
         state.drift = self._drift.kept([0, *before]).factor
 
 def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:
-    """Weight, surface, weight, surface, weight, surface: what kernels take as a sum, with zeros where there are fewer."""
+    """Weight, surface, weight, surface, weight, surface: what kernels take as a sum, with zeros where there are
+    fewer."""
     c, a = [*weights, 0.0, 0.0], [*surfaces, surfaces[0], surfaces[0]]
     return c[0], a[0], c[1], a[1], c[2], a[2]

@@ -58,7 +58,8 @@ def prony_mode(quick: bool):
 
 
 def _at_rest(series: PronySeries, steps_per_tau: float, n: int):
-    """A gfmd cell of half-space, the punch out of reach: scheme, state, phase of the longest wave, and its compliance."""
+    """A gfmd cell of half-space, the punch out of reach: scheme, state, phase of the longest wave, and its
+    compliance."""
     scene = scene_from_mapping(
         {
             "punch": {"pattern": "sinusoid", "wavelength": "100 um", "amplitude": "1 nm"},

@@ -1,4 +1,5 @@
-"""Scenes that fill a periodic cell: a sinusoid in full and partial contact, the paper's corrugations in full contact."""
+"""Scenes that fill a periodic cell: a sinusoid in full and partial contact, the paper's corrugations in full
+contact."""
 
 from __future__ import annotations
 
