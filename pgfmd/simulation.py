@@ -51,10 +51,8 @@ class Simulation:
             phase = self.phase
             until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
             released = state.energies.released
-            before = (state.energies.work, state.force, state.position)
             taken, why = self.controller.advance(state, phase, until)
             self._measure()
-            self._count_separation(phase, *before)
             self._note(Event("jump" if taken.is_jump else "step", state.energies.released - released))
             if why == "time":
                 self._note(Event("time"))
@@ -106,18 +104,6 @@ class Simulation:
             state.snap_in_force = min(state.snap_in_force, state.least_force)
         elif name != "dwell":
             state.pull_off_force = min(state.pull_off_force, state.least_force)
-
-    def _count_separation(self, phase, old_work: float, old_force: float, old_position: float) -> None:
-        """Adds the work of the step, if the punch pulled; of a step through zero force only the part under tension."""
-        state, energies = self.state, self.state.energies
-        moved = state.position - old_position
-        if phase.velocity_end <= 0.0 or moved <= 0.0:
-            return
-        if max(old_force, state.force) <= 0.0:
-            energies.work_of_separation += energies.work - old_work
-        elif min(old_force, state.force) < 0.0:
-            tension = -min(old_force, state.force)
-            energies.work_of_separation += 0.5 * tension * moved * tension / abs(old_force - state.force)
 
     def _note(self, event: Event) -> None:
         for observer in self.observers:

@@ -112,6 +112,9 @@ class Convolution:
         self._plan((EFFORTS[effort],))
 
     def _plan(self, flags):
+        # What FFTW has planned before, in this process, would decide which of its ways of the same transform it takes,
+        # and so the last bits.
+        fftw.forget_wisdom()
         n, width = self.n, self.spectrum.width
         lines = _batch(n, self.complex.itemsize, max(1, self.points.rows))
         self._line = fftw.aligned((lines, n), dtype=self.dtype, fill=0)
@@ -202,6 +205,7 @@ class Plane:
 
     def __init__(self, comm, n: int, effort: str = "estimate"):
         self.comm, self.n = comm, n
+        fftw.forget_wisdom()
         self._plan = PFFT(comm, (n, n), axes=(0, 1), dtype=np.float64, grid=(-1, 1), flags=(EFFORTS[effort],))
         self.real, self.spectral = self._plan.forward.input_array, self._plan.forward.output_array
         self.real[:] = 0.0

@@ -26,6 +26,8 @@ SINGLE_NOISE = 1e-7
 POINTS_OF_WORK, NEAREST_PAST = 3, 0.2
 """The work of a step comes from at most so many forces; the last step's start is one, unless that was shorter than this
 share of the step: too close to tell a slope."""
+TENSION_SAMPLES = 65
+"""Points of a step at which its force is looked at for tension."""
 FINE_SHARPNESS, SPENT_SHARPNESS = 0.1, 5.0
 """The work of the punch has the error of its forces, and in a nearly elastic loop, thousands of times smaller than the
 energies that come and go, it would show. So fine steps are solved to a smaller share of the tolerance where less than
@@ -119,3 +121,31 @@ def work_of(state: State, trial: Trial, tableau: Tableau) -> float:
             times.append(past)
             forces.append(force)
     return -integral(times, forces, lambda time: phase.velocity(start + time), h)
+
+
+def tension_of(state: State, trial: Trial, tableau: Tableau, work: float) -> tuple[float, float]:
+    """Lowest force [N] within a step, and the work [J] of a retracting punch where it pulls; work [J]: of the whole step.
+
+    By the parabola through the forces at the start, at the first stage and at the end: a step may well be as long as the
+    peak of the pull-off is wide. A jump, or a step of one stage, has its ends alone.
+    """
+    start, phase = state.elapsed, trial.phase
+    lowest, highest = min(state.force, *trial.forces), max(state.force, *trial.forces)
+    if lowest > highest - lowest or lowest == highest == 0.0:
+        # Far from tension, or free.
+        return lowest, 0.0
+    places = np.linspace(0.0, 1.0, TENSION_SAMPLES)
+    known = [0.0, *tableau.nodes], [state.force, *trial.forces]
+    if trial.is_jump:
+        known = [0.0, 1.0], [state.force, trial.force]
+    curve = np.polyval(np.polyfit(*known, len(known[0]) - 1), places)
+    dip = float(curve.min())
+    # Not what rounding makes of a parabola that ends at zero.
+    lowest = dip if dip < lowest - 1e-9 * (highest - lowest) else lowest
+    if phase.velocity_end <= 0.0 or lowest >= 0.0:
+        return lowest, 0.0
+    if curve.max() <= 0.0:
+        return lowest, work
+    moved = np.diff([phase.displacement(start + place * trial.step) for place in places])
+    pull = np.maximum(-curve, 0.0)
+    return lowest, float(0.5 * (pull[1:] + pull[:-1]) @ np.maximum(moved, 0.0))

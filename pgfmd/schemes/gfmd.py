@@ -78,13 +78,16 @@ class Gfmd:
         plane.forward()
         self._advance(state, step)
         plane.backward()
-        moved, force = state.position, state.force
+        before, force = state.position, state.force
         state.elapsed += step
         state.time += step
         state.position = state.phase_start + phase.displacement(state.elapsed)
         state.force = state.least_force = self._touch(state)
-        moved = state.position - moved
+        moved = state.position - before
         energies.work -= 0.5 * (force + state.force) * moved
+        if phase.velocity_end > 0.0 and moved > 0.0:
+            # A step is short: the force is a straight line, and one through zero pulls next to nothing.
+            energies.work_of_separation -= 0.5 * (min(force, 0.0) + min(state.force, 0.0)) * moved
         if self.audit:
             self._follow_energies(state, step)
         state.last_step = step

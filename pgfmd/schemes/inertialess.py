@@ -18,7 +18,7 @@ from pgfmd.extrapolation import lagrange_weights
 from pgfmd.newton import NewtonSolver
 from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, step_weights
 from pgfmd.rheology import CreepSeries
-from pgfmd.schemes.energy_audit import EnergyAudit, work_of
+from pgfmd.schemes.energy_audit import EnergyAudit, tension_of, work_of
 from pgfmd.schemes.trial import Change, Trial
 from pgfmd.state import State
 
@@ -161,7 +161,10 @@ class Inertialess:
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
         weights = trial.weights
-        state.energies.work += work_of(state, trial, self.tableau)
+        work = work_of(state, trial, self.tableau)
+        state.energies.work += work
+        state.least_force, pulled = tension_of(state, trial, self.tableau, work)
+        state.energies.work_of_separation += pulled
         if self._audit:
             state.energies.elastic, viscous = self._audit.energies(state, weights, self._u, self._f, keep=True)
             state.energies.viscous += viscous
@@ -171,7 +174,6 @@ class Inertialess:
             state.energies.released += trial.potential_drop
             state.counters.jumps += 1
             state.forget_history()
-        state.least_force = self._least_force(state, trial)
         self._remember(state, trial)
         state.traction[:] = self.solver.traction
         state.position, state.force = trial.position, trial.force
@@ -243,19 +245,6 @@ class Inertialess:
             moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
             tuple(times), trial.step,
         )  # fmt: skip
-
-    def _least_force(self, state: State, trial: Trial) -> float:
-        """The lowest force [N] within the step: of the parabola through its start, stage and end, where that has its
-        vertex between them. A step may well be as long as the peak of the pull-off is wide."""
-        ends = min(state.force, trial.force)
-        if trial.is_jump or len(trial.forces) < 2:
-            return ends
-        node = self.tableau.nodes[0]
-        first = (trial.forces[0] - state.force) / node
-        bend = (trial.force - trial.forces[0]) / (1.0 - node) - first
-        slope = first - bend * node
-        vertex = -0.5 * slope / bend if bend > 0.0 else -1.0
-        return min(ends, state.force + 0.5 * slope * vertex) if 0.0 < vertex < 1.0 else ends
 
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
