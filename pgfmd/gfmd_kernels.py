@@ -8,9 +8,7 @@ import math
 import numba
 import numpy as np
 
-from pgfmd.kernels import _compile, _compile_maxima, _cosine_of, _sine_of
-
-_compile_sums = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+from pgfmd.kernels import _compile, _compile_maxima, _compile_sums, _cosine_of, _sine_of
 
 
 @_compile

@@ -16,9 +16,8 @@ import numpy as np
 
 from pgfmd.curve_errors import Curve, errors
 from pgfmd.errors import RunError, SceneError
+from pgfmd.simulation import FINISHED
 
-FINISHED = "detached"
-"""How a run ends whose curve is whole (simulation.FINISHED)."""
 SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=32", "solver.accuracy=0.1")}
 """What makes a run short that only has to compile the kernels of a scheme."""
 
