@@ -11,16 +11,14 @@ The same studies on small grids, with tolerances, are the tests of tests/physics
 
 from __future__ import annotations
 
-import argparse
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "physics"))
+# The package also puts the runs of tests/physics on the path.
+from validation.choice import chosen  # isort: skip
 
 from runs import (  # noqa: E402
     CONTACT_MODULUS,
@@ -170,22 +168,11 @@ def show(line: Line) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("studies", nargs="*", metavar="study", help="names of studies; all if none is given")
-    parser.add_argument("--quick", action="store_true", help="small grids")
-    parser.add_argument("--list", action="store_true", help="the studies and what they compare")
-    arguments = parser.parse_args()
-    unknown = [name for name in arguments.studies if name not in STUDIES]
-    if unknown:
-        parser.error(f"no study {', '.join(unknown)}; choose from {', '.join(STUDIES)}")
-    if arguments.list:
-        for name, study in STUDIES.items():
-            print(f"{name:8s} {study.__doc__}")
-        return
+    names, quick = chosen(__doc__, "study", STUDIES, "small grids")
     print(f"{'':40s} {'closed form':>12s} {'ours':>12s} {'error':>10s}   settings")
-    for name in arguments.studies or STUDIES:
+    for name in names:
         start = time.perf_counter()
-        for line in STUDIES[name](arguments.quick):
+        for line in STUDIES[name](quick):
             show(line)
         print(f"# {name}: {time.perf_counter() - start:.1f} s", flush=True)
 

@@ -12,7 +12,6 @@ Into docs/figures/validation: a PNG a figure, and errors.csv. The tables of docs
 
 from __future__ import annotations
 
-import argparse
 import csv
 import re
 import time
@@ -23,6 +22,7 @@ from matplotlib import rc_context
 
 from pgfmd.plots import STYLE
 from validation import ROOT, flat, numbers, response, schemes, spheres, waves
+from validation.choice import chosen
 from validation.drawing import Line, number, shown
 
 PAGE = ROOT / "docs" / "validation.md"
@@ -112,25 +112,14 @@ def make(name: str, quick: bool, folder: Path) -> list[dict[str, str]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("figures", nargs="*", metavar="figure", help="names of figures; all if none is given")
-    parser.add_argument("--quick", action="store_true", help="small grids; leaves docs alone")
-    parser.add_argument("--list", action="store_true", help="the figures and what they show")
-    arguments = parser.parse_args()
-    unknown = [name for name in arguments.figures if name not in FIGURES]
-    if unknown:
-        parser.error(f"no figure {', '.join(unknown)}; choose from {', '.join(FIGURES)}")
-    if arguments.list:
-        for name, maker in FIGURES.items():
-            print(f"{name:15s} {maker.__doc__.splitlines()[0]}")
-        return
-    folder = ROOT / "out" / "validation-quick" if arguments.quick else FOLDER
+    names, quick = chosen(__doc__, "figure", FIGURES, "small grids; leaves docs alone")
+    folder = ROOT / "out" / "validation-quick" if quick else FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    for name in arguments.figures or FIGURES:
+    for name in names:
         # Read and written anew after each figure, so that a run that is ended early leaves what it has made.
-        new = make(name, arguments.quick, folder)
+        new = make(name, quick, folder)
         write_rows(folder, [row for row in read_rows(folder) if row["figure"] != name] + new)
-    if not arguments.quick:
+    if not quick:
         PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8"), read_rows(folder)), encoding="utf-8")
 
 
