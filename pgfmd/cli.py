@@ -8,8 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from pgfmd import __version__, bench_command, fit_command, launch
+from pgfmd import __version__, bench_command, fit_command, launch, run_command, status_command
 from pgfmd.errors import PgfmdError, Problem, ResultError, SceneError
+from pgfmd.run_command import Changes, Overrides, SceneName, all_changes
 
 app = typer.Typer(
     help="Tack tests of a corrugated punch on a viscoelastic, adhesive substrate. Start with: pgfmd init tri-tack",
@@ -20,17 +21,6 @@ app = typer.Typer(
 )
 app.add_typer(bench_command.app, name="bench")
 
-SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
-Changes = Annotated[
-    list[str] | None,
-    typer.Argument(metavar="[KEY=VALUE]...", help='Keys to change, such as grid.n=512 "drive.speed=10 um/s".'),
-]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", "-s", metavar="KEY=VALUE", help="The same, one key at a time."),
-]
-UNBALANCED = 0.05
-"""Residual of the energy audit, as a share of the work of the loop, that is told at the end of a run."""
 COLLECTIVE = ("run", "bench")
 """The commands that every rank takes part in."""
 
@@ -77,64 +67,6 @@ def _options(
 
 
 @app.command()
-def run(
-    scene: SceneName,
-    changes: Changes = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")] = None,
-    overrides: Overrides = None,
-) -> None:
-    """Run a scene; on several ranks: mpirun -n 4 pgfmd run SCENE."""
-    comm = launch.world()
-    with launch.guarded(comm):
-        loaded, directory = launch.on_first(comm, lambda: _prepared(scene, _all(changes, overrides), out, comm.size))
-        from pgfmd.runner import run_scene
-
-        record = run_scene(loaded, comm, directory, _say)
-        if comm.rank == 0:
-            for line in _summary(record, directory):
-                _say(line)
-
-
-def _all(changes: list[str] | None, overrides: list[str] | None) -> list[str]:
-    return [*(overrides or []), *(changes or [])]
-
-
-def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -> tuple[Any, Path]:
-    """The checked scene and the folder for its results."""
-    from pgfmd.parts import confirm
-    from pgfmd.scene import load_scene
-
-    scene = load_scene(source, overrides)
-    confirm(scene, source, ranks)
-    if out is not None:
-        return scene, out
-    return scene, Path(scene.output.directory or Path("out", Path(source).stem)).expanduser()
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)
-
-
-def _summary(record: dict, directory: Path) -> list[str]:
-    """The last lines of a run."""
-    lines = []
-    if record["finished"] != "detached":
-        lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
-    lines.append(
-        f"pull-off force {record['pull_off_force_N'] * 1e3 + 0.0:.4g} mN, "
-        f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ; "
-        f"{record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
-    )
-    residual = record["energy_residual"]
-    if residual is not None and residual > UNBALANCED:
-        lines.append(
-            f"The energy audit closes to {100 * residual:.2g} % of the loop's work: lower solver.accuracy before believing "
-            "energies."
-        )
-    return [*lines, f"results: {directory}    pictures: pgfmd plot {directory}"]
-
-
-@app.command()
 def init(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of a shipped scene, such as tri-tack.")],
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file of this name.")] = False,
@@ -167,7 +99,7 @@ def check(
     from pgfmd.parts import confirm
     from pgfmd.scene import load_scene
 
-    loaded = load_scene(scene, _all(changes, overrides))
+    loaded = load_scene(scene, all_changes(changes, overrides))
     confirm(loaded, scene, ranks)
     _show(report(loaded, ranks))
 
@@ -223,7 +155,7 @@ def plot_rheology(
     from pgfmd.rheology_plots import plot_rheology as draw
     from pgfmd.scene import load_scene
 
-    loaded = load_scene(scene, _all(changes, overrides))
+    loaded = load_scene(scene, all_changes(changes, overrides))
     series = series_of(loaded.rheology)
     if not series.elements:
         cure = "give it a relaxation, such as rheology.model=single"
@@ -234,6 +166,9 @@ def plot_rheology(
 
 
 app.command()(fit_command.fit_prony)
+app.command()(run_command.run)
+app.command()(status_command.status)
+app.command()(status_command.verify)
 
 
 @app.command()

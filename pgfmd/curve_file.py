@@ -4,6 +4,7 @@ any time."""
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import re
 from dataclasses import astuple, dataclass
@@ -81,7 +82,7 @@ class CsvFile:
 
     Attributes:
         rows: lines in the file, without the header; the same on every rank.
-        offered: rows handed in, also those that `every` left out. With `rows` this is all a checkpoint has to hold.
+        offered: rows handed in, also those that `every` left out.
     """
 
     def __init__(self, path: str | Path, comm, columns: tuple[str, ...], every: int = 1):
@@ -91,6 +92,7 @@ class CsvFile:
         self._comm = comm
         self._header = (",".join(columns) + "\n").encode()
         self._file = None
+        self._digest = hashlib.sha256()
         self.rows = comm.bcast(on_root(comm, f"{self.path}: could not be opened", self._open))
         self.offered = self.rows
 
@@ -110,14 +112,22 @@ class CsvFile:
             on_root(self._comm, f"{self.path}: could not be written", lambda: self._write(_line(row)))
             self.rows += 1
 
-    def truncate(self, rows: int, offered: int | None = None) -> None:
-        """Cut back to the first `rows` rows, as a checkpoint counted them; `offered` defaults to `rows`.
+    def mark(self) -> dict | None:
+        """What a checkpoint has to hold of the table, which is brought to the disk for it; on rank 0, else None.
 
         Raises:
-            ResultError: on every rank, if the file holds fewer rows.
+            ResultError: on every rank.
         """
-        on_root(self._comm, f"{self.path}: could not be cut back", lambda: self._cut(rows))
-        self.rows, self.offered = rows, rows if offered is None else offered
+        return on_root(self._comm, f"{self.path}: could not be brought to the disk", self._mark)
+
+    def cut_back(self, mark: dict) -> None:
+        """Cut back to what a checkpoint has marked.
+
+        Raises:
+            ResultError: on every rank, if the file does not begin with the rows that were marked.
+        """
+        on_root(self._comm, f"{self.path}: could not be cut back", lambda: self._cut_to(mark))
+        self.rows, self.offered = mark["rows"], mark["offered"]
 
     def close(self) -> None:
         """Close the file; nothing is lost without it."""
@@ -145,15 +155,23 @@ class CsvFile:
         self._file.seek(0)
         return [newline.end() for newline in re.finditer(b"\n", self._file.readall())]
 
-    def _cut(self, rows: int) -> None:
-        ends = self._line_ends()
-        if not 0 <= rows < len(ends):
-            raise ResultError(f"{self.path}: holds {len(ends) - 1} rows, can't be cut back to {rows}")
-        self._keep(ends[rows])
-
     def _keep(self, size: int) -> None:
         self._file.truncate(size)
-        self._file.seek(size)
+        self._file.seek(0)
+        self._digest = hashlib.sha256(self._file.read(size))
+
+    def _mark(self) -> dict:
+        os.fsync(self._file.fileno())
+        size, digest = self._file.tell(), self._digest.hexdigest()
+        return {"rows": self.rows, "offered": self.offered, "bytes": size, "sha256": digest}
+
+    def _cut_to(self, mark: dict) -> None:
+        if not begins_as_marked(self.path, mark):
+            raise ResultError(
+                f"{self.path}: can't be continued: its first {mark['rows']} rows are not those that the checkpoint knows. "
+                "Put the file back, or start anew with --fresh, which keeps the old results"
+            )
+        self._keep(mark["bytes"])
 
     def _write(self, line: bytes) -> None:
         if self._file is None:
@@ -167,6 +185,13 @@ class CsvFile:
             with contextlib.suppress(OSError):
                 self._keep(start)
             raise
+        self._digest.update(line)
+
+
+def begins_as_marked(path: Path, mark: dict) -> bool:
+    """Whether a table begins with the rows that a checkpoint has marked. OSError if it can't be read."""
+    with open(path, "rb") as file:
+        return hashlib.sha256(file.read(mark["bytes"])).hexdigest() == mark["sha256"]
 
 
 def _line(row: CurveRow | EnergyRow | EventRow) -> bytes:

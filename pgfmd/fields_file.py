@@ -15,6 +15,7 @@ import numpy as np
 from . import fields_layout
 from .errors import ResultError
 from .fields_layout import BLOCK_FIELDS, SURFACE_FIELD, Layout
+from .restart.checksum import whole_sum
 from .storage import agree, attempt, on_root
 
 # HDF5's own book-keeping for one more snapshot: B-tree nodes and chunks of the per-snapshot numbers.
@@ -103,6 +104,7 @@ class FieldsFile:
             ValueError: on every rank, if the ranks' rows of the surface do not make up the cell.
         """
         arrays = self._local_arrays(gap, traction, displacement_field, surface)
+        sums = self._checksums(arrays)
         frame, what = self.frames, f"{self.path}: could not be written"
 
         def make_room() -> None:
@@ -110,7 +112,7 @@ class FieldsFile:
             size = fields_layout.reserve(self.path, self._layout.frame_bytes + BOOKKEEPING_BYTES)
             fields_layout.remember(self.path, self._layout, size)
             fields_layout.resize(self.path, self._layout, frame + 1)
-            fields_layout.describe(self.path, frame, label, time=time, punch_position=displacement, force=force)
+            fields_layout.describe(self.path, frame, label, sums, time=time, punch_position=displacement, force=force)
 
         on_root(self._comm, what, make_room)
         write = self._write_together if self.parallel else self._write_gathered
@@ -157,6 +159,12 @@ class FieldsFile:
             _check_rows(self._comm, (first, len(plane)), self._layout.n)
             arrays[SURFACE_FIELD] = plane, int(first)
         return arrays
+
+    def _checksums(self, arrays: dict[str, tuple[np.ndarray, int]]) -> dict[str, np.uint64]:
+        """name -> checksum of the whole array, from the shares of all ranks."""
+        mine = [whole_sum(values, first * values.shape[1]) for values, first in arrays.values()]
+        total = np.array(self._comm.allgather(mine), dtype=np.uint64).sum(axis=0, dtype=np.uint64)
+        return dict(zip(arrays, total, strict=True))
 
     def _shape_problem(self, name: str, values: np.ndarray, shape: tuple[int, ...]) -> ResultError | None:
         if values.shape == shape:

@@ -11,7 +11,6 @@ start if the copy is still there.
 from __future__ import annotations
 
 import contextlib
-import errno
 import hashlib
 import json
 import os
@@ -22,7 +21,7 @@ import h5py
 import numpy as np
 
 from .errors import ResultError
-from .storage import UNDO_SUFFIX, write_atomically
+from .storage import UNDO_SUFFIX, secure_space, write_atomically
 
 BLOCK_FIELDS = {
     "gap": ("m", "gap between punch and elastomer"),
@@ -106,7 +105,9 @@ def create(path: Path, layout: Layout) -> None:
         # Fixed length: text of free length can't be written through MPI-IO, should a later version want to.
         text = h5py.string_dtype("utf-8", LABEL_BYTES)
         _growing(file, "label", text, long_name="what the programme calls this moment", _Encoding="utf-8")
-        for name in (*SNAPSHOT_NUMBERS, "label"):
+        for name in layout.arrays:
+            _growing(file, checksum_of(name), "u8", long_name=f"checksum of {name}, for `pgfmd verify`")
+        for name in (*SNAPSHOT_NUMBERS, "label", *map(checksum_of, layout.arrays)):
             file[name].dims[0].attach_scale(file["snapshot"])
         for name in layout.arrays:
             _create_array(file, name, layout)
@@ -153,18 +154,26 @@ def count_frames(path: Path, layout: Layout) -> int:
 def resize(path: Path, layout: Layout, frames: int) -> None:
     """Set the number of snapshots: new ones hold NaN, those beyond are dropped."""
     with open_serial(path, "r+") as file:
-        for name in ("snapshot", *SNAPSHOT_NUMBERS, "label", *layout.arrays):
+        for name in ("snapshot", *SNAPSHOT_NUMBERS, "label", *layout.arrays, *map(checksum_of, layout.arrays)):
             file[name].resize(frames, axis=0)
         file["snapshot"][:] = np.arange(frames)
 
 
-def describe(path: Path, frame: int, label: str, **numbers: float) -> None:
-    """Write label and `SNAPSHOT_NUMBERS` of one snapshot. A label longer than 80 bytes is cut between characters."""
+def checksum_of(name: str) -> str:
+    """The variable that holds the checksum of an array, for each snapshot (restart/checksum.py: `whole_sum`)."""
+    return f"{name}_checksum"
+
+
+def describe(path: Path, frame: int, label: str, sums: dict[str, int], **numbers: float) -> None:
+    """Write label, checksums of the arrays and `SNAPSHOT_NUMBERS` of one snapshot. A label longer than 80 bytes is cut
+    between characters."""
     cut = label.encode()[:LABEL_BYTES].decode(errors="ignore").encode()
     with open_serial(path, "r+") as file:
         file["label"][frame] = cut
         for name in SNAPSHOT_NUMBERS:
             file[name][frame] = numbers[name]
+        for name, total in sums.items():
+            file[checksum_of(name)][frame] = total
 
 
 def reserve(path: Path, size: int) -> int:
@@ -175,16 +184,13 @@ def reserve(path: Path, size: int) -> int:
     Raises:
         OSError: if they are not there; the file is then as before.
     """
-    with open(path, "r+b") as file:
-        before = file.seek(0, os.SEEK_END)
-        try:
-            if hasattr(os, "posix_fallocate"):
-                os.posix_fallocate(file.fileno(), before, size)
-        except OSError as problem:
-            with contextlib.suppress(OSError):
-                file.truncate(before)
-            if problem.errno not in (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS):
-                raise
+    before = path.stat().st_size
+    try:
+        secure_space(path, before, size)
+    except OSError:
+        with contextlib.suppress(OSError):
+            os.truncate(path, before)
+        raise
     return before
 
 

@@ -4,14 +4,16 @@
     with launch.guarded(comm):
         ...                       # what every rank does
 
-MPI is only loaded by `world`.
+MPI is only loaded by `world`. From then on an error on one rank ends the job, also outside of `guarded`.
 """
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -19,6 +21,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from pgfmd.errors import PgfmdError
+from pgfmd.processes import end_with_launcher
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
@@ -56,18 +59,26 @@ def launched() -> tuple[int, int]:
 
 
 def world():
-    """MPI's communicator of all ranks. Raises LaunchError if the launcher started more processes than MPI sees."""
+    """MPI's communicator of all ranks. Raises LaunchError if the launcher started more processes than MPI sees.
+
+    From here on no rank outlives its launcher; and an exception that nothing catches, or a sys.exit with another code
+    than 0, ends all ranks if it does not come on all of them.
+    """
+    processes, _ = launched()
+    if any(size in os.environ for size, _ in _LAUNCHERS):
+        end_with_launcher()
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
         raise LaunchError(f"MPI can't be loaded: {error}; `pgfmd doctor` tells more") from None
-    processes, _ = launched()
     if processes > 1 and MPI.COMM_WORLD.size == 1:
         library = MPI.Get_library_version().splitlines()[0].split(",")[0]
         raise LaunchError(
             f"{processes} processes were started, but each is alone: the mpirun or srun that started them belongs to "
             f"another MPI than the one pgfmd runs with, {library}. Use its own mpirun; `pgfmd doctor` tells more."
         )
+    if MPI.COMM_WORLD.size > 1:
+        _watch_for_faults(MPI)
     return MPI.COMM_WORLD
 
 
@@ -92,6 +103,65 @@ def complain(message: object) -> None:
     sys.stdout.flush()
     sys.stderr.write(f"pgfmd: {message}\n")
     sys.stderr.flush()
+
+
+class _Exit(SystemExit):
+    """What sys.exit raises. Keeps track of whether it ends the process, or something has caught it."""
+
+    leaving: _Exit | None = None
+
+    def __init__(self, *args: object):
+        super().__init__(*args)
+        self.stack = "".join(traceback.format_stack()[:-2])
+
+    @property
+    def code(self) -> object:
+        if sys._getframe().f_back is None:
+            # Nobody's frame: it is the interpreter that asks, on its way out.
+            _Exit.leaving = self
+        return None if not self.args else self.args[0] if len(self.args) == 1 else self.args
+
+
+def _exit(status: object = None) -> None:
+    raise _Exit(status)
+
+
+def _watch_for_faults(MPI) -> None:
+    """Makes errors, and exits that tell of one, end all ranks. MPI itself would wait for the others, without an end.
+
+    An exit with 0 is no fault: ranks may be done earlier than others.
+    """
+    if sys.exit is _exit:
+        return
+    comm, process = MPI.COMM_WORLD, os.getpid()
+
+    def abort(what: str, text: str, code: int) -> None:
+        complain(f"rank {comm.rank}: {what} on this rank ends the job\n{text}")
+        comm.Abort(code)
+
+    def on_error(kind: type[BaseException], error: BaseException, trace: Any) -> None:
+        if MPI.Is_finalized() or os.getpid() != process:
+            sys.__excepthook__(kind, error, trace)
+        elif isinstance(error, KeyboardInterrupt):
+            complain(_INTERRUPTION)
+            comm.Abort(INTERRUPTED)
+        elif not (isinstance(error, PgfmdError) and _all_here(comm)):
+            abort("error", "".join(traceback.format_exception(error)), 1)
+        elif comm.rank == 0:
+            sys.__excepthook__(kind, error, trace)
+
+    def on_error_in_thread(found: Any) -> None:
+        if found.exc_type is not SystemExit:
+            on_error(found.exc_type, found.exc_value, found.exc_traceback)
+
+    def at_end() -> None:
+        code = _Exit.leaving.code if _Exit.leaving else 0
+        if code in (0, None) or MPI.Is_finalized() or os.getpid() != process or _all_here(comm):
+            return
+        abort("exit", f"exit code {code}, from\n{_Exit.leaving.stack}", code if isinstance(code, int) else 1)
+
+    sys.excepthook, threading.excepthook, sys.exit = on_error, on_error_in_thread, _exit
+    atexit.register(at_end)
 
 
 @contextmanager
@@ -152,7 +222,10 @@ def _stopper(comm) -> Callable[[int, Any], None]:
 
 
 def _all_here(meeting) -> bool:
-    """Whether every rank comes here within PATIENCE."""
+    """Whether every rank comes here within PATIENCE.
+
+    On MPI's own communicator too, in the middle of other calls: if not all ranks come, the job ends anyway.
+    """
     request = meeting.Ibarrier()
     latest = time.monotonic() + PATIENCE
     while not request.Test():

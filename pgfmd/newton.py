@@ -13,6 +13,7 @@ must go down.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,6 +96,8 @@ class NewtonSolver:
         self._s[:] = 0.0
         self._t[:] = 0.0
         (pull, imbalance, potential, _), drop = self._evaluate(position, u, w, 0.0, 0.0, history, compliance), 0.0
+        if not math.isfinite(potential):
+            return self._outcome(False, 0, 0, pull, drop, potential, negative, way)
         last_pull = pull
         unbalanced = self.force_share * tolerance * self.force_scale / self.points.grid.cell_area
         most = self.largest_jump_count if jump else self.largest_newton_count

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pgfmd.curve_file import CurveFile, CurveRow, EnergyFile, EnergyRow, EventFile, EventRow
 from pgfmd.fields_file import FieldsFile
+from pgfmd.restart.packing import unpack
 from pgfmd.state import State
 
 INDENTATION_OFFSET = 0.0
@@ -73,27 +74,56 @@ class Events(_Observer):
             self.file.append(EventRow(state.time, state.position, state.force, event.released, name))
 
 
-@dataclass
-class _Frame:
-    """A surface kept back until it is known to be wanted."""
+def _nothing() -> np.ndarray:
+    return np.zeros(0)
 
-    time: float
-    position: float
-    force: float
-    displacement: np.ndarray
-    traction: np.ndarray
-    kept: np.ndarray | None
+
+@dataclass
+class Frame:
+    """A surface kept back until it is known to be wanted; `kept`: what its whole cell is made of (Surface)."""
+
+    held: bool = False
+    time: float = 0.0
+    position: float = 0.0
+    force: float = 0.0
+    displacement: np.ndarray = field(default_factory=_nothing)
+    traction: np.ndarray = field(default_factory=_nothing)
+    kept: np.ndarray = field(default_factory=_nothing)
+
+    def take(self, state, surface: Surface | None) -> Frame:
+        """Holds the present fields of the state, in the arrays of before where there are some."""
+        if self.displacement.size != state.displacement.size:
+            self.displacement, self.traction = np.empty_like(state.displacement), np.empty_like(state.traction)
+        self.displacement[:], self.traction[:] = state.displacement, state.traction
+        if surface:
+            self.kept = surface.keep(state)
+        self.held, self.time, self.position, self.force = True, state.time, state.position, state.force
+        return self
 
 
 @dataclass(frozen=True)
 class Surface:
     """How the surface of the whole cell is had: what is kept of a state, and how the surface is made of that.
 
-    make: gives (rows of this rank, n) [m], and the first row's index. Collective.
+    keep: gives a vector, this rank's share. make: gives (rows of this rank, n) [m], and the first row's index.
+    Collective.
     """
 
     keep: Callable[[State], np.ndarray]
     make: Callable[[np.ndarray], tuple[np.ndarray, int]]
+
+
+@dataclass
+class Agenda:
+    """What snapshots are still to come, and what a checkpoint has to know of them.
+
+    wanted: times [s] with labels, in order; fractions: of the time t_pl from first contact to preload, whose times are
+    not known yet. tension: the surface at the largest tension so far.
+    """
+
+    wanted: list[tuple[float, str]]
+    fractions: list[float]
+    tension: Frame = field(default_factory=Frame)
 
 
 class Snapshots(_Observer):
@@ -108,51 +138,60 @@ class Snapshots(_Observer):
         self, file: FieldsFile, wanted: list[tuple[float, str]], fractions: list[float], surface: Surface | None = None
     ):
         self.file, self.surface = file, surface
-        self.wanted, self.fractions = sorted(wanted), fractions
-        self.tension: _Frame | None = None
+        self.agenda = Agenda(sorted(wanted), fractions)
+
+    def replan(self, state, wanted: list[tuple[float, str]], fractions: list[float]) -> None:
+        """Other snapshots from now on; what is over already is left out."""
+        coming = [entry for entry in wanted if entry[0] > state.time or not state.started]
+        self.agenda.wanted, self.agenda.fractions = sorted(coming), fractions
+        if state.preload_time is not None:
+            self._schedule(state)
+
+    def recall(self, state, numbers: dict, read: Callable[[str, np.ndarray], None]) -> None:
+        """Takes up the agenda of a checkpoint (restart/packing.py)."""
+        # The arrays that are to be filled.
+        self.agenda.tension = Frame().take(state, self.surface) if numbers["tension"]["held"] else Frame()
+        unpack(self.agenda, numbers, read)
+        self.agenda.wanted = [(time, label) for time, label in self.agenda.wanted]
 
     def next_time(self, simulation) -> float:
-        return self.wanted[0][0] if self.wanted else math.inf
+        return self.agenda.wanted[0][0] if self.agenda.wanted else math.inf
 
     def observe(self, simulation, event) -> None:
-        state = simulation.state
+        state, tension = simulation.state, self.agenda.tension
         if event.kind == "preload":
-            self._write(simulation, "preload", self._frame(state))
+            self._write_present(simulation, "preload")
             self._schedule(state)
         elif event.kind in ("step", "jump"):
             tense = simulation.phase.name == "retract" and state.force < 0.0
-            if tense and (self.tension is None or state.force < self.tension.force):
-                self.tension = self._frame(state, self.tension)
-        elif event.kind == "end" and self.tension is not None:
-            self._write(simulation, "largest tension", self.tension)
+            if tense and (not tension.held or state.force < tension.force):
+                tension.take(state, self.surface)
+        elif event.kind == "end" and tension.held:
+            self._write(simulation, "largest tension", tension)
         if event.kind != "end":
             self._write_due(simulation)
 
     def _write_due(self, simulation) -> None:
         """Writes what is wanted by now; twice the same time, or one that has passed, would ask for a step of no
         length."""
-        state = simulation.state
-        while self.wanted and self.wanted[0][0] <= state.time + 1e-9 * state.last_step:
-            _, label = self.wanted.pop(0)
-            self._write(simulation, label, self._frame(state))
+        state, wanted = simulation.state, self.agenda.wanted
+        while wanted and wanted[0][0] <= state.time + 1e-9 * state.last_step:
+            _, label = wanted.pop(0)
+            self._write_present(simulation, label)
 
     def _schedule(self, state) -> None:
         """Turns fractions of the time to the preload into times."""
-        self.wanted = sorted(self.wanted + [(time_of(state, value), f"{value:g} t_pl") for value in self.fractions])
+        times = [(time_of(state, value), f"{value:g} t_pl") for value in self.agenda.fractions]
+        self.agenda.wanted = sorted(self.agenda.wanted + [entry for entry in times if entry[0] >= state.time])
+        self.agenda.fractions = []
 
-    def _frame(self, state, old: _Frame | None = None) -> _Frame:
-        """The present state's fields, in the arrays of a frame that is no longer wanted."""
-        kept = self.surface.keep(state) if self.surface else None
-        if old is None:
-            displacement, traction = state.displacement.copy(), state.traction.copy()
-        else:
-            displacement, traction = old.displacement, old.traction
-            displacement[:], traction[:] = state.displacement, state.traction
-        return _Frame(state.time, state.position, state.force, displacement, traction, kept)
+    def _write_present(self, simulation, label: str) -> None:
+        self._write(simulation, label, Frame().take(simulation.state, self.surface))
 
-    def _write(self, simulation, label: str, frame: _Frame) -> None:
+    def _write(self, simulation, label: str, frame: Frame) -> None:
         points = simulation.points
-        gap = frame.position + simulation.scheme.height - frame.displacement
+        # In double precision, whatever that of the fields.
+        gap = np.float64(frame.position) + simulation.scheme.height - frame.displacement
         surface = self.surface.make(frame.kept) if self.surface else None
         self.file.append(
             label, frame.time, frame.position, frame.force, points.to_rows(gap), points.to_rows(frame.traction),

@@ -2,52 +2,176 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-import platform
-import resource
-import sys
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from pgfmd import observers, storage
-from pgfmd.assemble import assemble, convolution_of
-from pgfmd.curve_file import CurveFile, EnergyFile, EventFile
+from pgfmd import launch, storage
+from pgfmd.assemble import assemble
 from pgfmd.errors import RunError
-from pgfmd.fields_file import FieldsFile
-from pgfmd.parts import inertia_of_scene
+from pgfmd.fields_layout import Layout
+from pgfmd.outputs import Outputs
+from pgfmd.record import record_of, versions
+from pgfmd.restart import resume
+from pgfmd.restart.checkpoints import Checkpoints
+from pgfmd.restart.disk_space import require_space
+from pgfmd.restart.history import History
+from pgfmd.restart.keeper import Keeper, Stopped, Timing
+from pgfmd.restart.packing import arrays_of, unpack
+from pgfmd.restart.scene_changes import contents_of, review
+from pgfmd.run_lock import RunLock
 from pgfmd.scene import load_scene
+from pgfmd.simulation import STOPPED_STEPS
+from pgfmd.stop_signals import StopSignals
 
-_LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
+@dataclass(frozen=True)
+class Options:
+    """How a run deals with what is in its folder, and with limits of time.
+
+    fresh: begin anew, and keep the old results aside. allow: keys of the scene, or sections, that may have changed since
+    the run began. timing: of checkpoints (keeper.Timing).
+    """
+
+    fresh: bool = False
+    allow: tuple[str, ...] = ()
+    timing: Timing = field(default_factory=Timing)
 
 
-def run_scene(scene, comm, directory: str | Path, say=print) -> dict:
-    """Runs a scene on a communicator and writes its results into `directory`; returns the record that is in `run.json`.
+def run_scene(scene, comm, directory: str | Path, say=print, options: Options = Options()) -> dict:
+    """Runs a scene on a communicator and writes its results into `directory`, or goes on with the run that is there;
+    returns the record that is in `run.json`.
 
-    say: called on rank 0 with lines of progress. Collective. Raises SceneError before any field is allocated,
-    ResultError when the folder can't be written, RunError when a step can't be solved: what was written before stays,
-    and is valid.
+    say: called on rank 0 with lines of progress. Collective. Raises SceneError and ResultError before any field is
+    allocated, RunError when a step can't be solved, Stopped when a signal or a limit of time came first: what was
+    written before stays, and is valid.
     """
     began = time.perf_counter()
+    folder = Path(directory)
+    lock = storage.on_root(comm, f"{folder}: can't be used as a results folder", lambda: _enter(folder, comm.size, say))
+    try:
+        plan = launch.on_first(comm, lambda: _planned(folder, scene, options))
+        if comm.rank == 0:
+            for line in plan.told:
+                say(line)
+        if plan.record:
+            if comm.rank == 0:
+                say(f"{folder}: this run is finished ({plan.record['finished']}); --fresh starts it anew")
+            return plan.record
+        return _run(scene, comm, folder, say, options, plan.go_on, began)
+    finally:
+        if lock:
+            lock.release()
+
+
+def _enter(folder: Path, ranks: int, say) -> RunLock:
+    storage.make_directory(folder)
+    lock = RunLock.acquire(folder, ranks)
+    if lock.recovered:
+        say(lock.recovered)
+    return lock
+
+
+def _planned(folder: Path, scene, options: Options) -> resume.Plan:
+    what = f"{folder}: can't be used as a results folder"
+    found, error = storage.attempt(what, lambda: resume.plan(folder, scene, options.fresh, options.allow))
+    if error is not None:
+        raise error
+    return found
+
+
+def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: float) -> dict:
+    """From the first step, or from a checkpoint, to the end."""
     compile_kernels(comm, scene)
     simulation = assemble(scene, comm)
-    folder = storage.prepare_directory(directory, comm, say)
+    _require_space(simulation, scene, comm, folder)
     text = scene.to_toml().encode()
     storage.on_root(comm, "the scene", lambda: storage.write_atomically(folder / storage.SCENE_FILE, text))
-    files = _attach(simulation, scene, comm, folder, say)
-    failure = None
+    history = History(comm.size, versions(), began)
+    outputs = Outputs(simulation, scene, comm, folder, say)
     try:
-        simulation.run()
-    except RunError as error:
-        failure = error
-        simulation.state.finished = "failed"
+        with StopSignals(comm) as signals:
+            about = {"pgfmd": history.now.versions["pgfmd"], "scene": text.decode(), "files": contents_of(scene)}
+            checkpoints = Checkpoints(folder, comm)
+            keeper = Keeper(comm, checkpoints, outputs, signals, options.timing, about, history, say)
+            if go_on:
+                _restore(checkpoints, simulation, outputs, history, scene, options.allow, say)
+                keeper.go_on(simulation)
+            else:
+                outputs.plan_snapshots(simulation.state)
+            _to_the_end(simulation, keeper, scene, folder, history)
     finally:
-        for file in files:
-            file.close()
-    record = record_of(simulation, scene, comm, time.perf_counter() - began)
+        outputs.close()
+    record = record_of(simulation, scene, comm, history)
     storage.write_run_json(folder / storage.RUN_FILE, comm, record)
-    if failure:
-        raise failure
     return record
+
+
+def _to_the_end(simulation, keeper: Keeper, scene, folder: Path, history: History) -> None:
+    """Steps, checkpoints, and what is left behind where it ends early."""
+    state, comm = simulation.state, keeper.comm
+    try:
+        simulation.run(attend=keeper.attend)
+        if not keeper.why:
+            keeper.finish(simulation)
+    except RunError as error:
+        state.finished = resume.FAILED
+        record = record_of(simulation, scene, comm, history) | {"error": str(error)}
+        storage.write_run_json(folder / storage.RUN_FILE, comm, record)
+        raise
+    if keeper.why:
+        raise Stopped(
+            f"stopped by {keeper.why} after step {state.counters.steps} ({simulation.phase.name}, t = {state.time:.6g} s)"
+            f", with a checkpoint in {folder}: the same command goes on from there"
+        )
+
+
+def _restore(checkpoints: Checkpoints, simulation, outputs: Outputs, history: History, scene, allow, say) -> None:
+    """Puts the simulation and its outputs where a checkpoint left them."""
+    comm, state, found = checkpoints.comm, simulation.state, {}
+
+    def apply(head: dict, read) -> None:
+        found["changed"] = launch.on_first(comm, lambda: review(head, scene, allow, str(checkpoints.newest.parent)))
+        found["head"] = head
+        unpack(state, head["state"], lambda name, share: read(f"state/{name}", share))
+        agenda = head["outputs"]["snapshots"]
+        outputs.snapshots.recall(state, agenda, lambda name, share: read(f"snapshots/{name}", share))
+
+    path = checkpoints.restore(apply, say)
+    head, changed = found["head"], found["changed"]
+    outputs.cut_back(head["outputs"])
+    storage.on_root(comm, "the old record", lambda: (path.parent / storage.RUN_FILE).unlink(missing_ok=True))
+    history.go_on(head["links"], state.counters.steps, changed)
+    if "solver.max_steps" in changed and state.finished == STOPPED_STEPS:
+        state.finished = ""
+    if "output.snapshots" in changed:
+        outputs.plan_snapshots(state)
+    if comm.rank == 0:
+        for line in _told(simulation, path, changed, history):
+            say(line)
+
+
+def _told(simulation, path: Path, changed: list[str], history: History) -> list[str]:
+    """What is said when a run goes on."""
+    state = simulation.state
+    lines = [f"going on from {path.name}: step {state.counters.steps}, t = {state.time:.6g} s"]
+    if changed:
+        lines.append(f"changed from here on, as allowed: {', '.join(changed)}")
+    others = history.other_versions()
+    if others:
+        lines.append(f"warning: other versions than before ({others}): last digits may differ from an uninterrupted run")
+    return lines
+
+
+def _require_space(simulation, scene, comm, folder: Path) -> None:
+    """ResultError on every rank if the disk has no room for the checkpoints and snapshots."""
+    state, points = simulation.state, simulation.points
+    arrays = sum(array.nbytes for array in arrays_of(state).values())
+    # Two surfaces and loads of the past, and a surface kept for a snapshot.
+    later = 2 * (state.displacement.nbytes + state.load.nbytes) + 3 * state.displacement.nbytes
+    checkpoint = comm.allreduce(arrays + later)
+    grid, count = points.grid, 2 + len(scene.output.snapshots)
+    frame = Layout(grid.n, grid.length, points.block_start, points.nb, scene.output.surface).frame_bytes
+    storage.on_root(comm, f"{folder}", lambda: require_space(folder, checkpoint, count * frame))
 
 
 def compile_kernels(comm, scene) -> None:
@@ -72,132 +196,3 @@ def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
         tests = (["solver.max_steps=3"],)
     for changes in tests:
         assemble(load_scene("tri-tack", [*common, *changes]), MPI.COMM_SELF).run()
-
-
-def _attach(simulation, scene, comm, folder: Path, say) -> list:
-    """Gives the simulation its observers; returns the open tables."""
-    output, points = scene.output, simulation.points
-    curve = CurveFile(folder / storage.CURVE_FILE, comm, output.every)
-    energy = EnergyFile(folder / storage.ENERGY_FILE, comm, output.every) if output.energy else None
-    events = EventFile(folder / storage.EVENTS_FILE, comm)
-    fields = FieldsFile(
-        folder / storage.FIELDS_FILE, comm, points.grid.n, points.grid.length, points.block_start, points.nb,
-        points.row_start, points.rows, points.inside(), surface=output.surface,
-    )  # fmt: skip
-    wanted = [(value, f"t = {value:g} s") for value, relative in output.snapshot_times if not relative]
-    fractions = [value for value, relative in output.snapshot_times if relative]
-    wanted += _scouted(scene, comm, [value for value in fractions if value < 1.0], say)
-    later = [value for value in fractions if value > 1.0]
-    surface = _surface(simulation, scene) if output.surface else None
-    simulation.observers += [
-        observers.Curve(curve, energy),
-        observers.Events(events),
-        observers.Snapshots(fields, wanted, later, surface),
-        observers.Progress(comm, say),
-    ]
-    return [file for file in (curve, energy, events) if file]
-
-
-SCOUT_ACCURACY = 0.1
-
-
-def _scouted(scene, comm, fractions: list[float], say) -> list[tuple[float, str]]:
-    """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
-
-    How long the approach takes is known only at its end, so a coarse one is run ahead; its t_pl is good to a few tenths
-    of a percent. Nothing is run where no such snapshot is asked for.
-    """
-    if not fractions:
-        return []
-    if comm.rank == 0:
-        say("a coarse approach is run ahead to place the snapshots before the preload")
-    accuracy = SCOUT_ACCURACY if scene.solver.scheme == "gfmd" else max(SCOUT_ACCURACY, scene.solver.accuracy)
-    # Whatever the scheme: explicit steps can't be coarse.
-    coarse = scene.solver.model_copy(update={"scheme": "inertialess", "accuracy": accuracy})
-    quiet = scene.output.model_copy(update={"energy": False})
-    state = assemble(scene.model_copy(update={"solver": coarse, "output": quiet}), comm).run(only_to_preload=True)
-    if state.preload_time is None:
-        return []
-    return [(observers.time_of(state, value), f"{value:g} t_pl") for value in fractions]
-
-
-def _surface(simulation, scene) -> observers.Surface:
-    """How this scene's whole surface is had."""
-    scheme = simulation.scheme
-    if scene.solver.scheme == "gfmd":
-        return observers.Surface(lambda state: scheme.plane.real.copy(), lambda rows: (rows, scheme.plane.row_start))
-    if scene.substrate.boundary == "periodic":
-        whole_cell = scheme.solver.convolve.whole_cell
-    else:
-        # A free surface needs a larger transform of its own.
-        def whole_cell(load):
-            return convolution_of(scene, simulation.points, whole_cell=True).whole_cell(load)
-
-    return observers.Surface(lambda state: state.load.copy(), whole_cell)
-
-
-def record_of(simulation, scene, comm, wall: float) -> dict:
-    """The contents of `run.json` (docs: results). Collective."""
-    state, scheme = simulation.state, simulation.scheme
-    counters, energies = state.counters, state.energies
-    memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
-    transform = max(comm.allgather(scheme.transform_seconds))
-    audit = scene.output.energy and energies.work != 0.0
-    return {
-        "finished": state.finished,
-        "scheme": scene.solver.scheme,
-        "precision": scene.solver.precision,
-        **_numerics(scene),
-        "ranks": comm.size,
-        "n": scene.grid.n,
-        "range_m": scene.adhesion.range,
-        "steps": counters.steps,
-        "rejected_steps": counters.rejected_steps,
-        "newton_iterations": counters.newton_iterations,
-        "cg_iterations": counters.cg_iterations,
-        "transform_pairs": scheme.pairs,
-        "jumps": counters.jumps,
-        "wall_s": wall,
-        "transform_s": transform,
-        "pull_off_force_N": -state.pull_off_force,
-        "snap_in_force_N": -state.snap_in_force,
-        "preload_N": state.preload,
-        "time_to_preload_s": _span(state),
-        "work_of_separation_J": energies.work_of_separation,
-        "work_J": energies.work,
-        "viscous_J": energies.viscous if scene.output.energy else None,
-        "released_J": energies.released,
-        "energy_residual": energies.largest_residual / abs(energies.work) if audit else None,
-        "indentation_offset_m": observers.INDENTATION_OFFSET,
-        "peak_rss_bytes": memory,
-        "versions": versions(),
-    }
-
-
-def _numerics(scene) -> dict:
-    """What the scheme was run with: its accuracy and order, or its inertia."""
-    if scene.solver.scheme == "gfmd":
-        inertia = inertia_of_scene(scene)
-        return {"omega_rad_s": inertia.frequency, "dt_s": inertia.step}
-    return {"accuracy": scene.solver.accuracy, "order": scene.solver.order}
-
-
-def _span(state) -> float | None:
-    """t_pl [s]: from first contact to the preload."""
-    if state.preload_time is None or state.first_contact_time is None:
-        return None
-    return state.preload_time - state.first_contact_time
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python, the libraries and MPI that this run used."""
-    from mpi4py import MPI
-
-    found = {"python": platform.python_version(), "platform": sys.platform}
-    for name in _LIBRARIES:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            found[name] = "unknown"
-    found["mpi"] = MPI.Get_library_version().splitlines()[0].split(",")[0]
-    return found

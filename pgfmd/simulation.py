@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from pgfmd.drive import DETACHED, Drive
 from pgfmd.errors import RunError
+from pgfmd.finite import not_finite_on
+from pgfmd.restart.packing import arrays_of
 from pgfmd.state import State
 
 FINISHED = "detached"
@@ -42,26 +45,48 @@ class Simulation:
         """The phase that the next step belongs to."""
         return self.phases[self.state.phase]
 
-    def run(self, only_to_preload: bool = False) -> State:
-        """Runs the programme to its end, or to the preload; returns the state, whose `finished` says how it ended."""
+    def run(self, only_to_preload: bool = False, attend: Callable[[Simulation], bool] | None = None) -> State:
+        """Runs the programme to its end, or to the preload; returns the state, whose `finished` says how it ended.
+
+        Goes on from wherever the state is. attend: called at the start and between steps; the run stops, unfinished,
+        where it returns True.
+        """
         state = self.state
-        if state.counters.steps == 0 and state.time == 0.0:
+        if state.finished:
+            return state
+        earlier = state.counters.transform_pairs - self.scheme.pairs
+
+        def is_to_stop() -> bool:
+            state.counters.transform_pairs = earlier + self.scheme.pairs
+            return attend is not None and not state.finished and attend(self)
+
+        stopped = False
+        if not state.started:
             self._start()
-        while not (state.finished or (only_to_preload and state.preload_time is not None)):
+            stopped = is_to_stop()
+        while not (stopped or state.finished or (only_to_preload and state.preload_time is not None)):
             phase = self.phase
             until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
             released = state.energies.released
-            taken, why = self.controller.advance(state, phase, until)
+            try:
+                taken, why = self.controller.advance(state, phase, until)
+            except RunError:
+                # Not for want of an equilibrium, if the numbers have gone.
+                self._require_finite()
+                raise
             self._measure()
             self._note(Event("jump" if taken.is_jump else "step", state.energies.released - released))
             if why == "time":
                 self._note(Event("time"))
             self._turn_page(phase, why)
-        state.counters.transform_pairs = self.scheme.pairs
-        self._note(Event("end"))
+            stopped = is_to_stop()
+        if not stopped:
+            self._note(Event("end"))
+            state.counters.transform_pairs = earlier + self.scheme.pairs
         return state
 
     def _start(self) -> None:
+        self.state.started = True
         self.state.force = self.state.least_force = self.scheme.start(self.state)
         self._measure()
         self.state.energies.adhesive_start = self.state.energies.adhesive
@@ -89,12 +114,8 @@ class Simulation:
         """Derives from the fields what rows of the curve and of the energy audit hold."""
         state, energies = self.state, self.state.energies
         self.scheme.measure(state)
-        if not (math.isfinite(state.force) and math.isfinite(energies.adhesive)):
-            raise RunError(
-                f"the surface is no longer finite in step {state.counters.steps} ({self.phase.name}, "
-                f"t = {state.time:.6g} s, d = {state.position:.6g} m): force {state.force}, adhesive energy "
-                f"{energies.adhesive}. What was written before is valid. {self.scheme.cure}"
-            )
+        if not math.isfinite(state.force + energies.adhesive + energies.residual + state.far_displacement):
+            self._require_finite()
         if self.scheme.audit:
             energies.largest_residual = max(energies.largest_residual, abs(energies.residual))
         if state.contact_points and state.first_contact_time is None:
@@ -104,6 +125,17 @@ class Simulation:
             state.snap_in_force = min(state.snap_in_force, state.least_force)
         elif name != "dwell":
             state.pull_off_force = min(state.pull_off_force, state.least_force)
+
+    def _require_finite(self) -> None:
+        """RunError, naming array and entry, if a field of the state is no longer finite. Collective."""
+        state = self.state
+        where = not_finite_on(self.points.comm, arrays_of(state))
+        if where or not math.isfinite(state.force):
+            raise RunError(
+                f"the surface is no longer finite in step {state.counters.steps} ({self.phase.name}, "
+                f"t = {state.time:.6g} s, d = {state.position:.6g} m): {where or f'force = {state.force}'}. What was "
+                f"written before is valid. {self.scheme.cure}"
+            )
 
     def _note(self, event: Event) -> None:
         for observer in self.observers:

@@ -1,6 +1,7 @@
 """Everything that evolves during a run. What is in the State is exactly what a checkpoint has to hold.
 
-Fields are point vectors (size,) of the local points under the punch (see grid.PunchPoints).
+Fields are point vectors (size,) of the local points under the punch (see grid.PunchPoints). A checkpoint takes any array
+as this rank's share of a whole along the last axis, and goes by the metadata of the others (restart/packing.py).
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class State:
     `past_steps`: up to two earlier ends of steps, newest first, and the steps [s] that led away from
     them, with the forces [N] there; drift: factor of the covariance of
     u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try. least_force [N]: the lowest
-    force within the last step.
+    force within the last step. started: whether the surface has met the punch at its first position.
 
     The scheme gfmd keeps no load, images or past, but `modes` u [m] and `mode_velocities` du/dt [m/s] (of the middle of
     the last step), spectral, complex, (n, columns of this rank), and `branches` u_m [m], (N, n, columns); `power`
@@ -87,13 +88,14 @@ class State:
     pull_off_force: float = 0.0
     snap_in_force: float = 0.0
     finished: str = ""
-    past_u: list[np.ndarray] = field(default_factory=list)
-    past_w: list[np.ndarray] = field(default_factory=list)
+    started: bool = False
+    past_u: list[np.ndarray] = field(default_factory=list, metadata={"like": "displacement"})
+    past_w: list[np.ndarray] = field(default_factory=list, metadata={"like": "load"})
     past_steps: list[float] = field(default_factory=list)
     past_forces: list[float] = field(default_factory=list)
     modes: np.ndarray | None = None
     mode_velocities: np.ndarray | None = None
-    drift: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
+    drift: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)), metadata={"replicated": True})
     energies: Energies = field(default_factory=Energies)
     counters: Counters = field(default_factory=Counters)
 

@@ -6,6 +6,7 @@ rank runs on into a collective call that the others never reach.
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -24,7 +25,12 @@ EVENTS_FILE = "events.csv"
 FIELDS_FILE = "fields.h5"
 RUN_FILE = "run.json"
 SCENE_FILE = "scene.resolved.toml"
+CHECKPOINT_FILE = "checkpoint.h5"
+PREVIOUS_CHECKPOINT_FILE = "checkpoint.previous.h5"
 UNDO_SUFFIX = ".undo"
+RESULTS = (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, RUN_FILE, CURVE_FILE, ENERGY_FILE, EVENTS_FILE, FIELDS_FILE,
+           FIELDS_FILE + UNDO_SUFFIX, SCENE_FILE)  # fmt: skip
+"""The files of a run, in the order in which they are moved away."""
 
 Value = TypeVar("Value")
 
@@ -79,37 +85,24 @@ def on_root(comm, what: str, action: Callable[[], Value]) -> Value | None:
     return result
 
 
-def prepare_directory(path: str | Path, comm, say: Callable[[str], None] = print) -> Path:
-    """Make the results folder and prove that it can be written; results of an earlier run move to `previous-<k>`.
-
-    Args:
-        path: the folder; it and those above it are made where they are missing.
-        comm: the communicator; collective over it.
-        say: called on rank 0 with one line if earlier results were moved.
-
-    Raises:
-        ResultError: on every rank, if the folder can't be made or written.
-    """
-    directory = Path(path)
-    moved = on_root(comm, f"{directory}: can't be used as a results folder", lambda: _prepare(directory))
-    if moved:
-        say(moved)
-    return directory
-
-
-def _prepare(directory: Path) -> str:
-    directory.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryFile(dir=directory) as probe:
+def make_directory(path: Path) -> None:
+    """Make the results folder, and those above it, and prove that it can be written. OSError if it can't."""
+    path.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=path) as probe:
         probe.write(b"probe")
-    names = (CURVE_FILE, RUN_FILE, ENERGY_FILE, EVENTS_FILE, FIELDS_FILE, FIELDS_FILE + UNDO_SUFFIX, SCENE_FILE)
-    old = [directory / name for name in names if (directory / name).exists()]
-    if not any(file.name in (CURVE_FILE, RUN_FILE) for file in old):
-        return ""
+
+
+def set_aside(directory: Path) -> Path | None:
+    """Move the results in a folder to a folder `previous-<k>` within it, which is returned; None without results."""
+    old = [directory / name for name in RESULTS if (directory / name).exists()]
+    if not old:
+        return None
     target = next(folder for k in range(1, 10**6) if not (folder := directory / f"previous-{k}").exists())
     target.mkdir()
+    # The checkpoints first: what is left by somebody who is interrupted here must not look like a run to go on with.
     for file in (*old, *sorted(directory.glob("*.png"))):
         file.rename(target / file.name)
-    return f"{directory} held the results of an earlier run: moved to {target}"
+    return target
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -128,6 +121,22 @@ def write_atomically(path: Path, content: bytes) -> None:
     except OSError:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def secure_space(path: Path, start: int, size: int) -> None:
+    """Make sure that the disk has room for `size` bytes of the file from `start` on.
+
+    Raises:
+        OSError: if it has not.
+    """
+    if size <= 0 or not hasattr(os, "posix_fallocate"):
+        return
+    with open(path, "r+b") as file:
+        try:
+            os.posix_fallocate(file.fileno(), start, size)
+        except OSError as problem:
+            if problem.errno not in (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS):
+                raise
 
 
 def write_run_json(path: str | Path, comm, record: dict) -> None:

@@ -266,7 +266,9 @@ class Inertialess:
         state.load, self._w[-1] = self._w[-1], old_w
         # Of the surfaces that the drift knows, newest first, the end of the step stays, and those before the step.
         before = range(self.tableau.stages, self.tableau.stages + len(state.past_u))
-        state.drift = self._drift.kept([0, *before]).factor
+        # In one order of memory, as after a restart: the last bits of what is made of it depend on that.
+        state.drift = np.ascontiguousarray(self._drift.kept([0, *before]).factor)
+
 
 def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:
     """Weight, surface, weight, surface, weight, surface: what kernels take as a sum, with zeros where there are

@@ -18,7 +18,7 @@ from pgfmd import fields_layout
 from pgfmd.curve_file import CURVE_COLUMNS, CurveFile, CurveRow, EnergyFile, EnergyRow
 from pgfmd.errors import ResultError
 from pgfmd.fields_file import FieldsFile
-from pgfmd.storage import agree, prepare_directory, write_run_json
+from pgfmd.storage import RESULTS, agree, make_directory, on_root, set_aside, write_run_json
 
 pytestmark = pytest.mark.mpi
 
@@ -107,46 +107,48 @@ def test_agree_gives_every_rank_the_text_of_the_lowest_rank_that_failed(comm):
     assert str(caught.value) == "No space left on device"
 
 
-def test_prepare_moves_earlier_results_and_says_so(comm, folder):
-    target, said = folder / "out", []
-    prepare_directory(target, comm, said.append)
-    assert said == [] and target.is_dir()
-    comm.Barrier()
+def made(folder, comm):
+    """The results folder, made as a run makes it."""
+    on_root(comm, f"{folder}: can't be used as a results folder", lambda: make_directory(folder))
+    return folder
+
+
+def test_results_are_set_aside_and_nothing_else(comm, folder):
+    target = made(folder / "out", comm)
+    assert on_root(comm, "aside", lambda: set_aside(target)) is None
     for k in (1, 2):
         if comm.rank == 0:
-            for name in ("curve.csv", "run.json", "fields.h5", "stress-maps.png", "notes.txt"):
+            for name in (*RESULTS, "stress-maps.png", "notes.txt"):
                 (target / name).write_text(f"{name} {k}")
-        comm.Barrier()
-        prepare_directory(target, comm, said.append)
+        moved = on_root(comm, "aside", lambda: set_aside(target))
+        assert moved == (target / f"previous-{k}" if comm.rank == 0 else None)
         moved = target / f"previous-{k}"
-        names = sorted(file.name for file in moved.iterdir())
-        assert names == ["curve.csv", "fields.h5", "run.json", "stress-maps.png"]
+        comm.Barrier()
+        assert {file.name for file in moved.iterdir()} == {*RESULTS, "stress-maps.png"}
         assert (moved / "curve.csv").read_text() == f"curve.csv {k}"
         assert (target / "notes.txt").exists() and not (target / "curve.csv").exists()
         comm.Barrier()
-    assert len(said) == (2 if comm.rank == 0 else 0)
-    assert all("previous-" in line for line in said)
 
 
-def test_prepare_makes_missing_folders(comm, folder):
-    assert prepare_directory(folder / "missing" / "out", comm).is_dir()
+def test_missing_folders_are_made(comm, folder):
+    assert made(folder / "missing" / "out", comm).is_dir()
 
 
 @pytest.mark.parametrize("where", ["file", "file/out"])
-def test_prepare_fails_alike_on_all_ranks(comm, folder, where):
+def test_making_a_folder_fails_alike_on_all_ranks(comm, folder, where):
     if comm.rank == 0:
         (folder / "file").write_text("")
     with pytest.raises(ResultError, match=where) as caught:
-        prepare_directory(folder / where, comm)
+        made(folder / where, comm)
     assert same_on_all(comm, str(caught.value))
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_prepare_refuses_a_folder_without_write_permission(comm, folder):
+def test_a_folder_without_write_permission_is_refused(comm, folder):
     if comm.rank == 0:
         (folder / "sealed").mkdir(mode=0o555)
     with pytest.raises(ResultError, match="Permission denied"):
-        prepare_directory(folder / "sealed", comm)
+        made(folder / "sealed", comm)
 
 
 def test_run_json_keeps_order_and_turns_what_json_lacks_into_null(comm, folder):
@@ -202,7 +204,9 @@ def test_continued_and_cut_back_curve_equals_an_uninterrupted_one(comm, folder):
         whole.append(row(k))
     for k in range(5):
         broken.append(row(k))
-    kept = broken.rows, broken.offered
+    mark = broken.mark()
+    assert (mark is None) == (comm.rank > 0)
+    mark = comm.bcast(mark)
     for k in range(5, 8):
         broken.append(row(100 * k))
     broken.close()
@@ -212,7 +216,8 @@ def test_continued_and_cut_back_curve_equals_an_uninterrupted_one(comm, folder):
     comm.Barrier()
     broken = CurveFile(folder / "broken.csv", comm, every=3)
     assert broken.rows == 3
-    broken.truncate(*kept)
+    broken.cut_back(mark)
+    assert broken.offered == 5
     for k in range(5, 11):
         broken.append(row(k))
     assert (folder / "broken.csv").read_bytes() == (folder / "whole.csv").read_bytes()
@@ -225,8 +230,21 @@ def test_curve_refuses_a_foreign_table_and_missing_rows(comm, folder):
     with pytest.raises(ResultError, match="its columns are not time"):
         CurveFile(folder / "table.csv", comm)
     assert (folder / "table.csv").read_bytes() == before
-    with pytest.raises(ResultError, match="holds 1 rows, can't be cut back to 2"):
-        EnergyFile(folder / "table.csv", comm).truncate(2)
+    table = EnergyFile(folder / "table.csv", comm)
+    mark = comm.bcast(table.mark())
+    table.append(EnergyRow(*range(7)))
+    table.cut_back(mark)
+    assert table.rows == 1 and (folder / "table.csv").read_bytes() == before
+    table.close()
+    comm.Barrier()
+    for changed in (before[:-1], before.replace(b"3.0", b"4.0")):
+        assert changed != before
+        if comm.rank == 0:
+            (folder / "table.csv").write_bytes(changed)
+        comm.Barrier()
+        with pytest.raises(ResultError, match="its first 1 rows are not those that the checkpoint knows"):
+            EnergyFile(folder / "table.csv", comm).cut_back(mark)
+        comm.Barrier()
 
 
 def test_full_disk_leaves_whole_lines(comm, folder):

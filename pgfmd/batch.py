@@ -1,0 +1,81 @@
+"""The batch job that this process belongs to, if there is one, and whether another one is over."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from dataclasses import dataclass
+
+ANSWER_WITHIN = 5.0
+"""Time [s] that a batch system gets to answer."""
+SLURM, PBS = "Slurm", "PBS"
+_VARIABLES = {
+    SLURM: ("SLURM_JOB_ID", "SLURM_CLUSTER_NAME", "SLURM_RESTART_COUNT"),
+    PBS: ("PBS_JOBID", "PBS_SERVER", ""),
+    "LSF": ("LSB_JOBID", "LSF_CLUSTER_NAME", ""),
+    "Grid Engine": ("JOB_ID", "SGE_CLUSTER_NAME", ""),
+}
+"""Where systems tell a job's id, its cluster, and how often it was requeued."""
+_OVER = {
+    *("BOOT_FAIL", "CANCELLED", "COMPLETED", "DEADLINE", "FAILED", "NODE_FAIL", "OUT_OF_MEMORY", "PENDING", "PREEMPTED"),
+    *("REVOKED", "TIMEOUT"),
+}
+"""States of a Slurm job in which none of its processes runs; a requeued one is pending."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """A batch job. cluster: whose ids these are. restarts: how often it was requeued."""
+
+    system: str
+    id: str
+    cluster: str = ""
+    restarts: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.system} job {self.id}"
+
+
+def this_job() -> Job | None:
+    """The job that this process runs in."""
+    for system, (name, cluster, restarts) in _VARIABLES.items():
+        if os.environ.get(name):
+            count = os.environ.get(restarts, "")
+            return Job(system, os.environ[name], os.environ.get(cluster, ""), int(count) if count.isdecimal() else 0)
+    return None
+
+
+def is_over(job: Job) -> bool | None:
+    """Whether a job's processes are gone; None if that can't be told from here.
+
+    A job that was requeued since is over. Others are only known to Slurm, and only to that of their own cluster.
+    """
+    here = this_job()
+    if here and (here.system, here.cluster, here.id) == (job.system, job.cluster, job.id):
+        return True if here.restarts > job.restarts else None
+    if job.system != SLURM or job.cluster != (here.cluster if here else _cluster()):
+        return None
+    done = asked("squeue", "--noheader", "--states=all", f"--jobs={job.id}", "--format=%T")
+    if done is None or (done.returncode and "Invalid job id" not in done.stderr):
+        return None
+    return set(done.stdout.split()) <= _OVER
+
+
+def _cluster() -> str:
+    """The name of the cluster that Slurm's commands talk to, where they are called outside of its jobs."""
+    done = asked("scontrol", "show", "config")
+    match = re.search(r"^ClusterName\s*=\s*(\S+)", done.stdout, re.MULTILINE) if done else None
+    return match[1] if match else ""
+
+
+def asked(*command: str) -> subprocess.CompletedProcess | None:
+    """A batch system's answer to a command; None if there is none in time."""
+    # With these, users tell squeue to show other things than it is asked for.
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("SQUEUE_")}
+    try:
+        return subprocess.run(
+            command, env=plain, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER_WITHIN
+        )
+    except (OSError, ValueError, subprocess.SubprocessError):
+        return None

@@ -1,0 +1,50 @@
+"""Where a run's numbers stop being finite: which array, which entry, on which rank. Plain NumPy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+PIECE = 2**17
+"""Numbers looked at at a time: no copy of a whole array is made."""
+
+
+def lines_of(array: np.ndarray) -> np.ndarray:
+    """A contiguous array as lines of real numbers, (lines, width), real and imaginary parts side by side. A view."""
+    real = array.view(array.real.dtype)
+    return real.reshape(math.prod(real.shape[:-1]), real.shape[-1])
+
+
+def first_not_finite(lines: np.ndarray) -> tuple[int, int] | None:
+    """(line, column) of the first number that is infinite or not a number."""
+    for line, values in enumerate(lines):
+        for start in range(0, values.size, PIECE):
+            wrong = np.flatnonzero(~np.isfinite(values[start : start + PIECE]))
+            if wrong.size:
+                return line, start + int(wrong[0])
+    return None
+
+
+def not_finite_on(comm, arrays: dict[str, np.ndarray]) -> str:
+    """The first number of the ranks' shares of some arrays that is not finite, as "name[line, column] = nan on rank 1",
+    counted in the whole; empty if all are. Collective.
+
+    Shares lie side by side along the last axis, in the order of the ranks; lines count over all other axes.
+    """
+    found = None
+    for name, array in sorted(arrays.items()):
+        lines = lines_of(array)
+        index = first_not_finite(lines)
+        if index is not None:
+            found = name, lines.shape[1], index, float(lines[index])
+            break
+    reports = comm.allgather(found) if comm.size > 1 else [found]
+    rank = next((rank for rank, report in enumerate(reports) if report), None)
+    if rank is None:
+        return ""
+    name, _, (line, column), value = reports[rank]
+    # The others may have stopped at another array, or found nothing: ask for this one.
+    width = lines_of(arrays[name]).shape[1]
+    widths = comm.allgather(width) if comm.size > 1 else [width]
+    return f"{name}[{line}, {sum(widths[:rank]) + column}] = {value} on rank {rank}"

@@ -1,0 +1,44 @@
+"""Whether `flock` on a file is seen by all who can open it, or only by those on the same host."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_LOCAL = ("ext2", "ext3", "ext4", "xfs", "btrfs", "zfs", "f2fs", "jfs", "bcachefs", "tmpfs", "overlay")
+_SHARED = ("nfs", "nfs4", "gpfs", "ceph")
+_MOUNTS = Path("/proc/self/mountinfo")
+
+
+def has_common_locks(folder: Path, mounts: str | None = None) -> bool:
+    """Whether a lock on a file in this folder would be seen wherever the folder is; False if that isn't known.
+
+    mounts: text of /proc/self/mountinfo (proc(5)), which is read by default. A local file system has one kernel, also
+    where containers go by different host names. NFS keeps locks on its server unless it was mounted otherwise.
+    """
+    if mounts is None:
+        try:
+            mounts = _MOUNTS.read_text(errors="replace")
+        except OSError:
+            return False
+    kind, options = _mount_of(str(Path(folder).resolve()), mounts)
+    if kind == "lustre":
+        return "flock" in options
+    if kind in ("nfs", "nfs4"):
+        return not options & {"nolock", "local_lock=all", "local_lock=flock"}
+    return kind in _LOCAL or kind in _SHARED
+
+
+def _mount_of(folder: str, mounts: str) -> tuple[str, set[str]]:
+    """(type, options) of the file system that an absolute path is on."""
+    longest, kind, options = "", "", set()
+    for line in mounts.splitlines():
+        first, _, last = (part.split() for part in line.partition(" - "))
+        if len(first) < 6 or len(last) < 3:
+            continue
+        # Spaces in paths are written in octal.
+        point = first[4].encode().decode("unicode_escape")
+        inside = folder == point or folder.startswith(point.rstrip("/") + "/")
+        # Of several mounts on one point the last counts.
+        if inside and len(point) >= len(longest):
+            longest, kind, options = point, last[0], {*first[5].split(","), *last[2].split(",")}
+    return kind, options

@@ -1,0 +1,94 @@
+"""Processes of the operating system: is this one still alive, and how a rank ends with the launcher that started it."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import os
+import signal
+import socket
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+_PROC = Path("/proc")
+_LAUNCHERS = ("mpi", "orte", "orted", "prte", "hydra", "pmi", "slurmstepd", "palsd")
+"""Parts of the names of programs that start ranks."""
+_SET_DEATH_SIGNAL = 1
+"""PR_SET_PDEATHSIG of prctl(2)."""
+
+
+@dataclass(frozen=True)
+class Process:
+    """A process, told apart from a later one with its number.
+
+    started: in ticks of the machine's clock since it was started; boot: which start of the machine that was. Both are
+    empty where the system has no /proc.
+    """
+
+    host: str
+    pid: int
+    started: int | None
+    boot: str
+
+    @classmethod
+    def this(cls) -> Process:
+        """The process that asks."""
+        return cls(socket.gethostname(), os.getpid(), _start_of(os.getpid())[1], _boot())
+
+    def is_alive(self) -> bool | None:
+        """Whether it still runs; None for one on another host."""
+        if self.host != socket.gethostname():
+            return None
+        if self.pid <= 0 or (self.boot and self.boot != _boot()):
+            return False
+        state, started = _start_of(self.pid)
+        if started is not None:
+            # A zombie runs no more: its parent has only not asked for its exit code.
+            return state not in "ZX" and self.started in (None, started)
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return False
+        except (PermissionError, OverflowError):
+            # Somebody else's, which some systems hide in /proc.
+            return self.pid < 2**31
+        return True
+
+
+@functools.cache
+def _boot() -> str:
+    with contextlib.suppress(OSError):
+        return (_PROC / "sys/kernel/random/boot_id").read_text().strip()
+    return ""
+
+
+def _start_of(pid: int) -> tuple[str, int | None]:
+    """(state, start) of a process as /proc has them; ("", None) if it has not."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        # The name, in brackets, may hold anything.
+        fields = (_PROC / str(pid) / "stat").read_text(errors="replace").rpartition(")")[2].split()
+        return fields[0], int(fields[19])
+    return "", None
+
+
+def end_with_launcher() -> None:
+    """Has the kernel kill this process when the launcher that started it dies: it must not go on alone.
+
+    Only where its parent is a launcher: what a shell has started may outlive it (nohup). Only on Linux. OpenMPI's ranks
+    end by themselves within a few seconds when mpirun is gone, those of other MPIs may not.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    parent = os.getppid()
+    try:
+        name = (_PROC / str(parent) / "comm").read_text()
+    except OSError:
+        return
+    if not any(part in name for part in _LAUNCHERS):
+        return
+    with contextlib.suppress(OSError, AttributeError):
+        if ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0) == 0 and os.getppid() != parent:
+            # It died in between.
+            os.kill(os.getpid(), signal.SIGKILL)

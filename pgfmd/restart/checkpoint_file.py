@@ -1,0 +1,186 @@
+"""A checkpoint written and read by all ranks together: one file, the same for any number of ranks. Collective.
+
+Rank 0 makes the file with room for everything, all ranks write their shares (parallel HDF5 where h5py has it, else one
+rank after the other), rank 0 seals it, all bring it to the disk. The file is not a checkpoint before it is sealed.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from pgfmd.errors import RunError
+from pgfmd.finite import lines_of, not_finite_on
+from pgfmd.restart import checkpoint_layout
+from pgfmd.restart.checkpoint_layout import Damaged, Entry, compare_sums, open_serial
+from pgfmd.restart.checksum import block_sums
+from pgfmd.storage import agree, attempt, on_root
+
+PIECE_BYTES = 2**20
+"""Most that a rank hands to one collective write: MPI-IO keeps copies of what is under way."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where this rank's columns are in the whole: the first of them, how many there are, most that a rank has."""
+
+    first: int
+    total: int
+    widest: int
+
+    @classmethod
+    def of(cls, comm, width: int) -> Place:
+        """The place of a share with `width` columns. Collective."""
+        widths = comm.allgather(width) if comm.size > 1 else [width]
+        return cls(sum(widths[: comm.rank]), sum(widths), max(widths))
+
+
+def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray]) -> int:
+    """Writes head and arrays (this rank's shares) to a file that must not matter yet; returns its size [bytes].
+
+    RunError on every rank where a number is not finite, naming array and place: nothing is written then. ResultError on
+    every rank if it can't be written; the file is gone then.
+    """
+    shares = {name: lines_of(array) for name, array in sorted(arrays.items())}
+    places = {name: Place.of(comm, share.shape[1]) for name, share in shares.items()}
+    # What no rank has a part of needs no dataset.
+    shares = {name: share for name, share in shares.items() if len(share) and places[name].total}
+    _require_finite(comm, shares)
+    entries = [_entry(comm, name, share, places[name]) for name, share in shares.items()]
+    what, size = f"{path}: could not be written", None
+    try:
+        on_root(comm, what, lambda: checkpoint_layout.create(path, head, entries))
+        _write_shares(path, comm, shares, places)
+        size = on_root(comm, what, lambda: checkpoint_layout.seal(path))
+        # Each rank: on a cluster the data may still be in its own node's memory.
+        agree(comm, attempt(what, lambda: bring_to_disk(path))[1])
+    except BaseException:
+        if comm.rank == 0:
+            path.unlink(missing_ok=True)
+        raise
+    return comm.bcast(size)
+
+
+def read_head(path: Path, comm) -> dict:
+    """The head of a file whose structure is whole, on every rank. Damaged on every rank if it is not, or not there."""
+    head, problem = None, None
+    if comm.rank == 0:
+        try:
+            head = checkpoint_layout.read_head(path)
+        except Damaged as error:
+            problem = str(error)
+        except FileNotFoundError:
+            problem = "missing"
+    head, problem = comm.bcast((head, problem))
+    if problem:
+        raise Damaged(problem)
+    return head
+
+
+class Reader:
+    """Reads this rank's shares of the arrays of a file, and compares their checksums: `reader(name, share)` fills
+    `share`. Collective. Damaged on every rank where an array is not what was written."""
+
+    def __init__(self, path: Path, comm, head: dict):
+        self.path, self.comm = path, comm
+        self.entries = {entry.name: entry for entry in head["entries"]}
+
+    def __call__(self, name: str, share: np.ndarray) -> None:
+        lines = lines_of(share)
+        place, entry = Place.of(self.comm, lines.shape[1]), self.entries.get(name)
+        if entry is None and not (len(lines) and place.total):
+            return
+        shape = (len(lines), place.total)
+        if entry is None or entry.shape != shape or entry.dtype != lines.dtype.str:
+            found = f"{entry.dtype} {entry.shape}" if entry else "not there"
+            raise Damaged(f"its array {name} is {found}, expected {lines.dtype.str} {shape}")
+        _, error = attempt(f"{self.path}: could not be read", lambda: self._fill(name, lines, place.first))
+        failed = self.comm.allreduce(int(error is not None))
+        if failed:
+            raise Damaged(f"its array {name} can't be read on {failed} of {self.comm.size} ranks: {error or ''}")
+        compare_sums(entry, _over_ranks(self.comm, block_sums(lines, place.first, place.total)))
+
+    def _fill(self, name: str, lines: np.ndarray, first: int) -> None:
+        if lines.shape[1]:
+            with open_serial(self.path, "r") as file:
+                file[name].read_direct(lines, np.s_[:, first : first + lines.shape[1]])
+
+
+def bring_to_disk(path: Path) -> None:
+    """Waits until a file or folder is on the disk. OSError."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _over_ranks(comm, sums: np.ndarray) -> np.ndarray:
+    """Sums modulo 2^64 over all ranks."""
+    if comm.size == 1:
+        return sums
+    total = np.empty_like(sums)
+    comm.Allreduce(sums, total)
+    return total
+
+
+def _entry(comm, name: str, share: np.ndarray, place: Place) -> Entry:
+    sums = _over_ranks(comm, block_sums(share, place.first, place.total))
+    return Entry(name, (len(share), place.total), share.dtype.str, sums)
+
+
+def _require_finite(comm, shares: dict[str, np.ndarray]) -> None:
+    """RunError on every rank if a number of a share is not finite."""
+    where = not_finite_on(comm, shares)
+    if where:
+        raise RunError(f"the state is no longer finite: {where}. It was not written to a checkpoint: those from before are valid")
+
+
+def _write_shares(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
+    """Every rank's shares into the room that is there. ResultError on every rank if one can't."""
+    what = f"{path}: could not be written"
+    if comm.size > 1 and h5py.get_config().mpi:
+        agree(comm, attempt(what, lambda: _write_together(path, comm, shares, places))[1])
+        return
+    for turn in range(comm.size):
+        agree(comm, attempt(what, lambda: _write_alone(path, shares, places))[1] if turn == comm.rank else None)
+
+
+def _write_alone(path: Path, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
+    with open_serial(path, "r+") as file:
+        for name, share in shares.items():
+            if share.shape[1]:
+                first = places[name].first
+                file[name].write_direct(share, dest_sel=np.s_[:, first : first + share.shape[1]])
+
+
+def _write_together(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
+    together = h5py.h5p.create(h5py.h5p.DATASET_XFER)
+    together.set_dxpl_mpio(h5py.h5fd.MPIO_COLLECTIVE)
+    with h5py.File(path, "r+", driver="mpio", comm=comm) as file:
+        for name, share in shares.items():
+            place, dataset, most = places[name], file[name].id, PIECE_BYTES // share.itemsize
+            # As many calls on every rank, each with a small piece.
+            lines = max(1, most // place.widest)
+            for line in range(0, len(share), lines):
+                for start in range(0, place.widest, most):
+                    piece = share[line : line + lines, start : start + most]
+                    _write_piece(dataset, piece, (line, place.first + start), together)
+
+
+def _write_piece(dataset, piece: np.ndarray, begin: tuple[int, int], together) -> None:
+    """One collective write, in which a rank may have nothing to write."""
+    space = dataset.get_space()
+    if piece.size:
+        space.select_hyperslab(begin, piece.shape)
+        dataset.write(h5py.h5s.create_simple(piece.shape), space, np.ascontiguousarray(piece), dxpl=together)
+    else:
+        # Slices of h5py skip the call of such a rank, for which the others then wait.
+        space.select_none()
+        memory = h5py.h5s.create_simple((1, 1))
+        memory.select_none()
+        dataset.write(memory, space, np.zeros((1, 1), piece.dtype), dxpl=together)

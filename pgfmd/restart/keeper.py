@@ -1,0 +1,125 @@
+"""When to write a checkpoint, and when to stop for one: between steps, all ranks together.
+
+Rank 0's clock decides about times; signals count on whatever rank they reach.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgfmd.errors import PgfmdError
+from pgfmd.restart.checkpoints import Checkpoints, Saved
+from pgfmd.restart.history import History
+from pgfmd.restart.packing import arrays_of, numbers_of
+from pgfmd.stop_signals import StopSignals
+
+OUT_OF_TIME = -1
+"""In the place of the number of a signal: the limit of time is near."""
+RESERVE, RESERVE_SHARE, MOST_RESERVE = 1.0, 0.03, 60.0
+"""Time [s] kept free before a limit: at least the first, a share of what there was, at most the last; and what is
+needed."""
+STEPS_KEPT, SAVES_KEPT = 3.0, 3.0
+"""So many of the longest steps, and of the longest checkpoints, must fit into the time that is left."""
+LEAST_PATIENCE, STEPS_OF_PATIENCE = 6.0, 4.0
+"""How long [s], or how many of the longest steps, ranks may take to hear of a signal before one of them gives up."""
+
+
+class Stopped(PgfmdError):
+    """A run that was stopped, with a checkpoint from which it goes on."""
+
+    exit_code = 75
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Time [s] between checkpoints, infinite for none but the last; limit: when (time.time()) the run has to be over."""
+
+    every: float = 600.0
+    limit: float = math.inf
+
+
+class Keeper:
+    """Looks after a run: `attend` between steps, `finish` at its end."""
+
+    def __init__(self, comm, checkpoints: Checkpoints, outputs, signals: StopSignals, timing: Timing, about: dict,
+                 history: History, say):  # fmt: skip
+        """about: what the head of every checkpoint says of the run (scene, files, versions)."""
+        self.comm, self.checkpoints, self.outputs, self.signals = comm, checkpoints, outputs, signals
+        self.timing, self.about, self.history = timing, about, history
+        self.say = say if comm.rank == 0 else (lambda line: None)
+        self.why = ""
+        self._began = time.time()
+        self._last_save = self._last_step = time.perf_counter()
+        self._longest_step = self._longest_save = 0.0
+        self._phase: int | None = None
+
+    def attend(self, simulation) -> bool:
+        """Writes a checkpoint if it is time to; returns whether to stop, which `why` then explains. Collective."""
+        state = simulation.state
+        now = time.perf_counter()
+        if state.counters.steps > 0:
+            self._longest_step = max(self._longest_step, now - self._last_step)
+        if self.comm.size > 1:
+            self.signals.patience = max(LEAST_PATIENCE, STEPS_OF_PATIENCE * self._longest_step)
+        stop, due = self._agree(now)
+        if stop:
+            self.signals.heard()
+            self.why = "the limit of time" if stop == OUT_OF_TIME else StopSignals.name_of(stop)
+            self._save(simulation)
+        elif due or (self._phase != state.phase and math.isfinite(self.timing.every)):
+            saved = self._save(simulation)
+            if due:
+                self.say(
+                    f"checkpoint  t {state.time:.4g} s  {state.counters.steps} steps  {saved.bytes * 1e-6:.3g} MB"
+                    f" in {saved.seconds:.2g} s"
+                )
+        self._last_step = time.perf_counter()
+        return bool(stop)
+
+    def go_on(self, simulation) -> None:
+        """The simulation has come from a checkpoint: it needs no new one."""
+        self._phase = simulation.state.phase
+
+    def finish(self, simulation) -> None:
+        """Keeps the last state. Collective."""
+        self._save(simulation)
+
+    def _agree(self, now: float) -> tuple[int, bool]:
+        """(signal or OUT_OF_TIME or 0, whether a checkpoint is due), the same on all ranks."""
+        found = np.array([self.signals.stop, self.signals.take_save(), 0], dtype=np.int64)
+        if self.comm.rank == 0:
+            found[1] |= now - self._last_save >= self.timing.every
+            found[2] = self._time_is_up()
+        if self.comm.size > 1:
+            from mpi4py import MPI
+
+            self.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
+        signal, due, late = found.tolist()
+        return signal or (OUT_OF_TIME if late else 0), bool(due)
+
+    def _time_is_up(self) -> bool:
+        if math.isinf(self.timing.limit):
+            return False
+        kept = max(RESERVE, min(RESERVE_SHARE * (self.timing.limit - self._began), MOST_RESERVE))
+        kept += STEPS_KEPT * self._longest_step + SAVES_KEPT * self._longest_save
+        return time.time() >= self.timing.limit - kept
+
+    def _save(self, simulation) -> Saved:
+        state, snapshots = simulation.state, self.outputs.snapshots
+        began = time.perf_counter()
+        outputs = self.outputs.marks() | {"snapshots": numbers_of(snapshots.agenda)}
+        links = self.history.update(state.counters.steps, simulation.scheme.transform_seconds)
+        head = {**self.about, "state": numbers_of(state), "outputs": outputs, "links": links}
+        arrays = {f"state/{name}": array for name, array in arrays_of(state).items()}
+        arrays |= {f"snapshots/{name}": array for name, array in arrays_of(snapshots.agenda).items()}
+        saved = self.checkpoints.save(head, arrays)
+        self._last_save = time.perf_counter()
+        self._longest_save = max(self._longest_save, self._last_save - began)
+        self._phase = state.phase
+        self.history.now.checkpoints += 1
+        self.history.now.checkpoint_s += self._last_save - began
+        return saved

@@ -1,0 +1,88 @@
+"""What to do in a results folder: begin a run, go on with the one that is there, or nothing, as it is finished.
+
+One process decides, before anything is computed; no MPI. A run is never begun anew silently where there was one.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pgfmd import storage
+from pgfmd.errors import ResultError
+from pgfmd.restart.checkpoint_layout import Damaged, read_head
+from pgfmd.restart.scene_changes import contents_of, review
+from pgfmd.simulation import STOPPED_STEPS
+
+FAILED = "failed"
+"""What `run.json` calls a run that could not go on; it has a checkpoint from before."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to do: `go_on` from a checkpoint, or begin; or nothing, where `record` is that of a finished run. `told`:
+    lines for the user."""
+
+    go_on: bool = False
+    record: dict | None = None
+    told: list[str] = field(default_factory=list)
+
+
+def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
+    """The plan for a folder whose lock is held. Moves away what is there if `fresh`.
+
+    Raises SceneError where the scene is not the one that the run began with, ResultError where there are results, but
+    nothing to go on from.
+    """
+    if fresh:
+        aside = storage.set_aside(folder)
+        return Plan(told=[f"{folder} held results: moved to {aside}"] if aside else [])
+    checkpoints = [folder / name for name in (storage.CHECKPOINT_FILE, storage.PREVIOUS_CHECKPOINT_FILE)]
+    if any(path.exists() for path in checkpoints):
+        return _plan_from(folder, checkpoints, scene, allow)
+    record = finished_record(folder)
+    if record and record["finished"] != FAILED:
+        # Its checkpoint was deleted, which is fine.
+        text = (folder / storage.SCENE_FILE).read_text(encoding="utf-8")
+        review({"scene": text, "files": contents_of(scene)}, scene, (), str(folder))
+        return Plan(record=record)
+    curve = folder / storage.CURVE_FILE
+    if curve.exists() and curve.read_bytes().count(b"\n") > 2:
+        raise ResultError(
+            f"{folder}: holds results of a run, but no {storage.CHECKPOINT_FILE} to go on from. Choose another --out, or "
+            "start anew with --fresh, which keeps them"
+        )
+    for name in storage.RESULTS:
+        # Of a run that was ended before its first step.
+        (folder / name).unlink(missing_ok=True)
+    return Plan()
+
+
+def finished_record(folder: Path) -> dict | None:
+    """The record of a run that has ended, from `run.json`. ResultError if that is damaged."""
+    path = folder / storage.RUN_FILE
+    try:
+        return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+    except ValueError as problem:
+        raise ResultError(f"{path}: damaged: {problem}; move it away") from problem
+
+
+def _plan_from(folder: Path, checkpoints: list[Path], scene, allow: Sequence[str]) -> Plan:
+    """The plan where there are checkpoints; whether their arrays are whole turns out when they are read."""
+    head = None
+    for path in checkpoints:
+        try:
+            head = read_head(path)
+            break
+        except (Damaged, FileNotFoundError):
+            continue
+    if head is None:
+        # What is wrong with each is said by whoever tries to read them.
+        return Plan(go_on=True)
+    changed = review(head, scene, allow, str(folder))
+    finished, record = head["state"]["finished"], finished_record(folder)
+    if finished and record and not (finished == STOPPED_STEPS and "solver.max_steps" in changed):
+        return Plan(record=record)
+    return Plan(go_on=True)

@@ -1,0 +1,56 @@
+"""Whether two results folders hold the same numbers, to the last bit: what an interrupted run must leave. No MPI."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+
+from pgfmd import storage
+from pgfmd.restart.checkpoint_layout import HEAD, examine, open_serial
+
+
+def differences(one: Path, other: Path) -> list[str]:
+    """What differs between the tables, the snapshots and the last states of two runs; empty if nothing does.
+
+    What depends on the clock, such as the time that a run has taken, is left out. OSError, or Damaged, where something
+    can't be read.
+    """
+    tables = (storage.CURVE_FILE, storage.ENERGY_FILE, storage.EVENTS_FILE)
+    found = [name for name in tables if _content(one / name) != _content(other / name)]
+    found += _different_arrays(one / storage.FIELDS_FILE, other / storage.FIELDS_FILE)
+    heads = [examine(folder / storage.CHECKPOINT_FILE) for folder in (one, other)]
+    found += _different_arrays(one / storage.CHECKPOINT_FILE, other / storage.CHECKPOINT_FILE)
+    states = [head["state"] for head in heads]
+    keys = sorted(states[0].keys() | states[1].keys())
+    return found + [f"{storage.CHECKPOINT_FILE}: {key}" for key in keys if states[0].get(key) != states[1].get(key)]
+
+
+def _content(path: Path) -> bytes | None:
+    return path.read_bytes() if path.exists() else None
+
+
+def _different_arrays(one: Path, other: Path) -> list[str]:
+    """The datasets of two HDF5 files that differ in type, shape or contents, or are in one of them alone."""
+    if not (one.exists() and other.exists()):
+        return [] if one.exists() == other.exists() else [f"{one.name}: only in one of the two"]
+    with open_serial(one, "r") as first, open_serial(other, "r") as second:
+        names = [set(), set()]
+        for found, file in zip(names, (first, second), strict=True):
+            file.visititems(lambda name, item, found=found: found.add(name) if _is_data(name, item) else None)
+        both = names[0] & names[1]
+        wrong = [name for name in both if not _equal(first[name], second[name])]
+    return [f"{one.name}: {name}" for name in sorted(wrong + list(names[0] ^ names[1]))]
+
+
+def _is_data(name: str, item: object) -> bool:
+    # The head holds times of day.
+    return isinstance(item, h5py.Dataset) and name != HEAD
+
+
+def _equal(one: h5py.Dataset, other: h5py.Dataset) -> bool:
+    if one.shape != other.shape or one.dtype != other.dtype:
+        return False
+    if not one.shape or one.ndim < 2:
+        return one[()].tobytes() == other[()].tobytes()
+    return all(one[k].tobytes() == other[k].tobytes() for k in range(one.shape[0]))

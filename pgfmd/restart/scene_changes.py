@@ -1,0 +1,99 @@
+"""Whether a run may go on with a scene that is not quite the one it began with. No MPI.
+
+What has been computed must stay what the scene describes. So only this can change, and only where it is asked for: what
+is written, the phases of the programme that are still to come, and how finely time is stepped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+
+from pgfmd.drive import PRELOAD
+from pgfmd.errors import Problem, SceneError
+from pgfmd.parts import drive_of
+from pgfmd.scene import parse_scene
+
+UNIMPORTANT = ("title", "output.directory")
+CHANGEABLE = ("output.every", "output.snapshots", "solver.accuracy", "solver.max_steps")
+"""Keys that may change at any time; those of [drive] may where their phases are still to come."""
+FILES = ("punch.file", "substrate.compliance_file")
+"""Keys that name files: their contents count, not where they are."""
+NOT_THERE = "not there"
+
+
+def contents_of(scene) -> dict[str, str]:
+    """Key -> SHA-256 of the file that it names, for the scene's files. OSError if one can't be read."""
+    named = {dotted: getattr(scene.section(dotted.split(".")[0]), dotted.split(".")[1]) for dotted in FILES}
+    return {key: hashlib.sha256(Path(path).read_bytes()).hexdigest() for key, path in named.items() if path}
+
+
+def review(head: dict, scene, allow: Sequence[str], source: str) -> list[str]:
+    """The keys that have changed since a checkpoint with this head was written, all of them allowed.
+
+    allow: keys, or whole sections, that may change. source names the scene in errors. Raises SceneError with every key
+    that must not have changed.
+    """
+    old, new = _flat(head["scene"]), _flat(scene.to_toml())
+    files = contents_of(scene)
+    changed, problems = [], []
+    for key in sorted(old.keys() | new.keys()):
+        before, now = old.get(key, NOT_THERE), new.get(key, NOT_THERE)
+        if key in FILES:
+            if files.get(key) == head["files"].get(key):
+                continue
+            now = f"{now} with other contents" if before == now else now
+        elif before == now or key in UNIMPORTANT:
+            continue
+        refusal = _refusal(key, head, scene, allow)
+        if refusal:
+            problems.append(Problem(key, now, f"{before!r}, with which the run in this folder began", refusal))
+        else:
+            changed.append(key)
+    if problems:
+        raise SceneError(source, problems)
+    return changed
+
+
+def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str:
+    """Why a key must not have changed, and what to do; nothing if it may."""
+    anew = "choose another --out, or start anew with --fresh, which keeps the old results"
+    section = key.partition(".")[0]
+    if section == "drive":
+        why = _drive_refusal(head, scene)
+        if why:
+            return f"{why}: {anew}"
+    elif key not in CHANGEABLE:
+        return anew
+    if key in allow or section in allow:
+        return ""
+    return f"to go on with the new one, add --allow {key}; else {anew}"
+
+
+def _drive_refusal(head: dict, scene) -> str:
+    """Why the programme can't go on as the scene now has it; nothing if only what is to come has changed."""
+    before = parse_scene(head["scene"]).drive
+    old, new, state = drive_of(before), drive_of(scene.drive), head["state"]
+    now = state["phase"]
+    if old.clearance != new.clearance or old.phases[: now + 1] != new.phases[: now + 1]:
+        return f"the {old.phases[now].name} has begun"
+    if old.preload == new.preload:
+        return ""
+    if old.phases[now].ends_with != PRELOAD:
+        return "the preload has been met"
+    return "" if new.preload > state["force"] else f"the force is {state['force']:.6g} N already"
+
+
+def _flat(text: str) -> dict[str, object]:
+    """A scene's TOML as one table with dotted keys."""
+    flat, stack = {}, [("", tomllib.loads(text))]
+    while stack:
+        prefix, table = stack.pop()
+        for name, value in table.items():
+            if isinstance(value, dict):
+                stack.append((f"{prefix}{name}.", value))
+            else:
+                flat[prefix + name] = value
+    return flat

@@ -1,0 +1,229 @@
+"""Whether every byte of a results folder that has a checksum is what was written. No MPI; memory for a piece at a time.
+
+A folder in use is examined as far as it is safe: checkpoints are replaced and tables grow meanwhile. Not covered: what
+no checksum is kept of, the numbers and labels beside the arrays of fields.h5.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from pgfmd import storage
+from pgfmd.curve_file import begins_as_marked
+from pgfmd.errors import ResultError
+from pgfmd.fields_layout import BLOCK_FIELDS, SURFACE_FIELD, checksum_of, open_serial, undo_path
+from pgfmd.inventory import CHECKPOINTS, Inventory, require_known, take_inventory
+from pgfmd.restart.checkpoint_layout import Damaged, examine
+from pgfmd.restart.checksum import whole_sum
+from pgfmd.results import Results
+
+PAUSE = 1.0
+"""Time [s] after which a file that a run may just be writing to is looked at again."""
+PIECE = 2**20
+"""Elements of a snapshot that are read at a time."""
+TABLES = {"curve": storage.CURVE_FILE, "energy": storage.ENERGY_FILE, "events": storage.EVENTS_FILE}
+"""Names of the tables in a checkpoint's head, and their files."""
+ANEW = "start anew with --fresh, which keeps the old results"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A file that was examined: whether it is fine, what was found, and what to do if it is not."""
+
+    path: Path
+    fine: bool
+    found: str
+    cure: str = ""
+
+    def __str__(self) -> str:
+        cure = f"; {self.cure}" if self.cure else ""
+        return f"{'OK  ' if self.fine else 'FAIL'} {self.path}: {self.found}{cure}"
+
+
+def verify(folder: Path) -> Iterator[Part]:
+    """Examines the parts of a results folder one after the other. ResultError if it is none, or can't be read."""
+    inventory = take_inventory(folder)
+    if inventory is None:
+        yield Part(folder, True, "no run yet")
+        return
+    if inventory.in_use:
+        yield Part(folder, True, f"in use by {inventory.holder}: examined as far as it is safe")
+    newest, previous = (_examined(folder / name) for name in CHECKPOINTS)
+    yield _about_newest(newest, previous, inventory)
+    if previous.head or previous.problem:
+        yield _about_previous(newest, previous, inventory)
+    head = newest.head or previous.head
+    for name, file in TABLES.items():
+        part = _guarded(folder / file, lambda path: _table(path, name, head, inventory))
+        if part:
+            yield part
+    yield from _fields(folder / storage.FIELDS_FILE, head, inventory)
+    yield from _texts(inventory)
+
+
+def _guarded(path: Path, examine_part: Callable[[Path], Part | None]) -> Part | None:
+    """What an examination finds, also if the file can't be read."""
+    try:
+        return examine_part(path)
+    except (OSError, RuntimeError, KeyError, ValueError) as problem:
+        return Part(path, False, f"can't be read: {storage.reason(problem)}", f"it is damaged, or the disk: {ANEW}")
+
+
+@dataclass(frozen=True)
+class _Examined:
+    """A checkpoint: its head if it is valid, else what is wrong with it; neither if it is not there."""
+
+    path: Path
+    head: dict | None = None
+    problem: str = ""
+
+    def __str__(self) -> str:
+        state = self.head["state"]
+        step, time = state["counters"]["steps"], state["time"]
+        return f"step {step}, t = {time:.6g} s, {len(self.head['entries'])} arrays, {self.path.stat().st_size} bytes"
+
+
+def _examined(path: Path) -> _Examined:
+    """A checkpoint, every byte of which was read. A run may replace it meanwhile: then it is read once more."""
+    problem = ""
+    for _ in range(2):
+        try:
+            before = _identity(path)
+            return _Examined(path, require_known(examine(path)))
+        except FileNotFoundError:
+            return _Examined(path)
+        except Damaged as damage:
+            problem = str(damage)
+        if path.exists() and _identity(path) == before:
+            break
+    return _Examined(path, problem=problem)
+
+
+def _identity(path: Path) -> tuple[int, int, int]:
+    about = path.stat()
+    return about.st_ino, about.st_mtime_ns, about.st_size
+
+
+def _about_newest(newest: _Examined, previous: _Examined, inventory: Inventory) -> Part:
+    if newest.head:
+        return Part(newest.path, True, str(newest))
+    if previous.head:
+        cure = f"the run goes on from the one before it, step {previous.head['state']['counters']['steps']}"
+        return Part(newest.path, False, newest.problem or "missing", cure)
+    if newest.problem or previous.problem:
+        cure = "the results don't need it: move it away" if inventory.finished else f"nothing to go on from: {ANEW}"
+        return Part(newest.path, False, newest.problem or "missing", cure)
+    if inventory.in_use or inventory.finished or inventory.rows_from(0) <= 2:
+        return Part(newest.path, True, "there is none, nor anything that it should tell")
+    return Part(newest.path, False, "missing", f"nothing to go on from: {ANEW}")
+
+
+def _about_previous(newest: _Examined, previous: _Examined, inventory: Inventory) -> Part:
+    if previous.head:
+        return Part(previous.path, True, str(previous))
+    spare = newest.head or inventory.finished
+    return Part(previous.path, False, previous.problem, "it is not needed: delete it" if spare else "see above")
+
+
+def _table(path: Path, name: str, head: dict | None, inventory: Inventory) -> Part | None:
+    """A table, compared with what a checkpoint has marked."""
+    mark = head["outputs"].get(name) if head else None
+    if mark is None:
+        return Part(path, True, "there, but no checkpoint tells what it should be") if path.exists() else None
+    if not path.exists():
+        return Part(path, False, "missing", f"put it back, or {ANEW}")
+    if not begins_as_marked(path, mark):
+        found = f"its first {mark['rows']} rows are not those that the checkpoint knows"
+        return Part(path, False, found, f"put the file back, or {ANEW}")
+    more = path.stat().st_size - mark["bytes"]
+    if more and head["state"]["finished"] and inventory.finished and not inventory.in_use:
+        return Part(path, False, f"{more} bytes after the end of the run", f"cut it back to {mark['bytes']} bytes")
+    later = f", and {more} bytes written since, not examined" if more else ""
+    return Part(path, True, f"{mark['rows']} rows as the checkpoint knows them{later}")
+
+
+def _fields(path: Path, head: dict | None, inventory: Inventory) -> Iterator[Part]:
+    """The snapshots, and an addition to them that did not end."""
+    undo, marked = undo_path(path), head["outputs"]["fields"]["frames"] if head else None
+    if undo.exists():
+        if inventory.in_use:
+            yield Part(undo, True, "a snapshot is just being added")
+        elif _is_whole(undo):
+            yield Part(undo, False, "an addition to the snapshots did not end", "the next start puts it right")
+        else:
+            yield Part(undo, False, "damaged, so the snapshots can't be trusted", "move both away")
+    if not path.exists():
+        if marked:
+            yield Part(path, False, f"missing, {marked} snapshots were in it", f"put it back, or {ANEW}")
+        return
+    for pause in (PAUSE, 0.0):
+        # What is being added can't be trusted; what was added before the checkpoint can.
+        part = _guarded(path, lambda path: _snapshots(path, marked, inventory.in_use or undo.exists()))
+        if part.fine or not inventory.in_use:
+            break
+        time.sleep(pause)
+    yield part
+
+
+def _is_whole(undo: Path) -> bool:
+    head, _, kept = undo.read_bytes().partition(b"\n")
+    try:
+        return hashlib.sha256(kept).hexdigest() == json.loads(head)["sha256"]
+    except (ValueError, KeyError, TypeError):
+        return False
+
+
+def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
+    """Compares the arrays of all snapshots with their checksums, or only of those that a checkpoint knows."""
+    with open_serial(path, "r") as file:
+        frames = len(file["snapshot"])
+        if frames < (marked or 0):
+            found = f"has {frames} snapshots, the checkpoint knows {marked}"
+            return Part(path, False, found, f"put the file back, or {ANEW}")
+        names = [name for name in (*BLOCK_FIELDS, SURFACE_FIELD) if name in file]
+        if any(checksum_of(name) not in file for name in names):
+            return Part(path, True, f"{frames} snapshots without checksums, of an earlier version: not examined")
+        count = min(frames, marked or 0) if only_marked else frames
+        for frame in range(count):
+            wrong = [name for name in names if _sum_of(file[name], frame) != file[checksum_of(name)][frame]]
+            if wrong:
+                label = file["label"].asstr()[frame]
+                found = f"snapshot {frame} ({label}) is changed: wrong checksum of {', '.join(wrong)}"
+                return Part(path, False, found, "don't use it; put the file back if you have a copy")
+    left_out = f", and {frames - count} not examined" if frames > count else ""
+    return Part(path, True, f"{count} snapshots of {len(names)} arrays{left_out}")
+
+
+def _sum_of(array: h5py.Dataset, frame: int) -> np.uint64:
+    """The checksum of one snapshot of an array, read by rows."""
+    _, rows, side = array.shape
+    step = max(1, PIECE // side)
+    sums = [whole_sum(np.ascontiguousarray(array[frame, row : row + step]), row * side) for row in range(0, rows, step)]
+    return np.array(sums, dtype=np.uint64).sum(dtype=np.uint64)
+
+
+def _texts(inventory: Inventory) -> Iterator[Part]:
+    """Scene and record: whether they can be read, as no checksum is kept of them."""
+    path = inventory.folder / storage.SCENE_FILE
+    try:
+        _ = Results(inventory.folder).scene
+        yield Part(path, True, "can be read")
+    except ResultError as error:
+        yield Part(path, False, _short(error, path), "the next start of the run writes it anew")
+    path = inventory.folder / storage.RUN_FILE
+    if inventory.problem:
+        yield Part(path, False, _short(inventory.problem, path))
+    elif inventory.record is not None:
+        yield Part(path, True, f"how the run ended: {inventory.record['finished']}")
+
+
+def _short(problem: object, path: Path) -> str:
+    return str(problem).removeprefix(f"{path}: ")

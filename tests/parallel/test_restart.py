@@ -1,0 +1,471 @@
+"""Checkpoints of all ranks together, and runs that stop and go on: the same bits as without a stop."""
+
+import contextlib
+import json
+import math
+import os
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import pgfmd.runner
+from pgfmd.assemble import assemble
+from pgfmd.errors import ResultError, RunError, SceneError
+from pgfmd.launch import RelayedError
+from pgfmd.restart import checkpoint_file
+from pgfmd.restart.checkpoint_layout import Damaged, examine, read_head
+from pgfmd.restart.checkpoints import Checkpoints
+from pgfmd.restart.keeper import Stopped, Timing
+from pgfmd.restart.packing import arrays_of
+from pgfmd.restart.sameness import differences
+from pgfmd.runner import Options, run_scene
+from pgfmd.scene import load_scene
+
+pytestmark = pytest.mark.mpi
+
+SNAPSHOTS = 'output.snapshots=["0.5 s", "0.5 t_pl", "1.1 t_pl"]'
+SCENES = {
+    "one element": ["tri-tack", "grid.n=24", "drive.preload=1 mN", SNAPSHOTS, "output.surface=true"],
+    "five elements, mixed": [
+        "hex-tack", "grid.n=27", "rheology.model=geometric", "rheology.relaxation_time=40 us", "rheology.elements=5",
+        "rheology.time_ratio=6", "rheology.exponent=0.8", "drive.speed=20 um/s", "drive.dwell=10 ms",
+        "drive.preload=1 mN", "solver.precision=mixed", "output.every=3",
+    ],
+    "elastic, single, free, no audit": [
+        "flat-punch", "grid.n=20", "rheology.model=elastic", "output.energy=false", "solver.precision=single",
+        "substrate.boundary=free",
+    ],
+    "gfmd": [
+        "tri-tack", "grid.n=20", "drive.preload=0.5 mN", "solver.scheme=gfmd", "drive.speed=200 um/s",
+        "rheology.model=geometric", "rheology.relaxation_time=40 us", "rheology.elements=2", "rheology.time_ratio=6",
+        "rheology.exponent=0.8", "output.every=20", "output.surface=true", 'output.snapshots=["1.1 t_pl"]',
+    ],
+}  # fmt: skip
+
+
+@pytest.fixture
+def comm():
+    return MPI.COMM_WORLD
+
+
+@pytest.fixture
+def folder(tmp_path_factory):
+    comm = MPI.COMM_WORLD
+    yield Path(comm.bcast(str(tmp_path_factory.mktemp("restart")) if comm.rank == 0 else None))
+    comm.Barrier()
+
+
+class Interrupter:
+    """In the place of StopSignals: asks to stop at the `after`-th look between steps."""
+
+    after, patience = math.inf, 0.0
+
+    def __init__(self, comm):
+        self.looks = 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exception):
+        pass
+
+    @property
+    def stop(self):
+        self.looks += 1
+        return 10 if self.looks > Interrupter.after else 0
+
+    def take_save(self):
+        return False
+
+    def heard(self):
+        pass
+
+    @staticmethod
+    def name_of(number):
+        return "a test"
+
+
+@pytest.fixture
+def stopping_after(monkeypatch):
+    """Has runs stop after so many steps, counted from where they go on (the first look is at the start)."""
+    monkeypatch.setattr(pgfmd.runner, "StopSignals", Interrupter)
+
+    def set_after(steps):
+        Interrupter.after = steps
+
+    yield set_after
+    Interrupter.after = math.inf
+
+
+def silent(line):
+    pass
+
+
+def run(name, comm, folder, *more, options=Options()):
+    source, *changes = SCENES[name]
+    return run_scene(load_scene(source, [*changes, *more]), comm, folder, silent, options)
+
+
+def run_in_links(name, comm, folder, most=1000):
+    """A run that stops and goes on until it is finished; the number of stops."""
+    for stops in range(most):
+        try:
+            run(name, comm, folder)
+            return stops
+        except Stopped:
+            continue
+    raise AssertionError(f"not finished after {most} links")
+
+
+@contextlib.contextmanager
+def file_size_limit(size):
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+# -- the file ----------------------------------------------------------------------------------------------------------
+
+
+def whole_arrays():
+    rng = np.random.default_rng(1)
+    return {
+        "vector": rng.random(70_001),
+        "branches": rng.random((3, 211)),
+        "modes": rng.random((2, 30, 17)) + 1j * rng.random((2, 30, 17)),
+        "single": rng.random(1000).astype(np.float32),
+        "nothing": np.zeros((4, 0)),
+        "no lines": np.zeros((0, 50)),
+    }
+
+
+def share_of(array, comm, uneven=False):
+    width = array.shape[-1]
+    edges = [width * k // comm.size for k in range(comm.size + 1)]
+    if uneven and comm.size > 1:
+        # The first rank has nothing, as a rank without rows under the punch.
+        edges[1] = 0
+    return np.ascontiguousarray(array[..., edges[comm.rank] : edges[comm.rank + 1]])
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_the_file_is_the_same_whoever_writes_it_and_anybody_can_read_it(comm, folder, uneven):
+    whole = whole_arrays()
+    head = {"state": {"least": -math.inf, "third": 1.0 / 3.0}}
+    shares = {name: share_of(array, comm, uneven) for name, array in whole.items()}
+    checkpoint_file.write(folder / "together.h5", comm, head, shares)
+    if comm.rank == 0:
+        checkpoint_file.write(folder / "alone.h5", MPI.COMM_SELF, head, whole)
+        assert (folder / "together.h5").read_bytes() == (folder / "alone.h5").read_bytes()
+        assert examine(folder / "together.h5")["state"] == head["state"]
+    comm.Barrier()
+    for reader_comm, wanted in ((comm, shares), (MPI.COMM_SELF, whole)):
+        found = checkpoint_file.read_head(folder / "together.h5", reader_comm)
+        read = checkpoint_file.Reader(folder / "together.h5", reader_comm, found)
+        for name, expected in wanted.items():
+            got = np.full_like(expected, np.nan)
+            read(name, got)
+            np.testing.assert_array_equal(got, expected)
+
+
+def test_every_flipped_bit_and_every_truncation_is_found_on_all_ranks(comm, folder):
+    """500 bits anywhere in the file, 100 lengths: whatever it is, the checkpoint before is taken, or none."""
+    checkpoints, shares = Checkpoints(folder, comm), {"a": share_of(np.arange(999.0), comm), "b": np.zeros(3)}
+    for number in (1, 2):
+        checkpoints.save({"state": {"number": number}}, shares)
+    newest = checkpoints.newest
+    content = newest.read_bytes()
+    rng = np.random.default_rng(2)
+    comm.Barrier()
+
+    def restored():
+        """(number in the head, warnings) of what is restored from."""
+        found, said, fresh = {}, [], Checkpoints(folder, comm)
+
+        def apply(head, read):
+            for name, share in shares.items():
+                read(name, np.empty_like(share))
+            found["number"] = head["state"]["number"]
+
+        fresh.restore(apply, said.append)
+        return found["number"], len(said)
+
+    assert restored() == (2, 0)
+    damages = [("bit", int(bit)) for bit in rng.integers(0, 8 * len(content), 500)]
+    damages += [("length", int(length)) for length in rng.integers(0, len(content), 100)]
+    for kind, place in damages:
+        if comm.rank == 0:
+            changed = bytearray(content if kind == "bit" else content[:place])
+            if kind == "bit":
+                changed[place // 8] ^= 1 << place % 8
+            # In place: the other name must not be changed with it.
+            newest.unlink()
+            newest.write_bytes(changed)
+        comm.Barrier()
+        assert restored() == (1, 1 if comm.rank == 0 else 0), (kind, place)
+        comm.Barrier()
+
+
+def test_without_a_valid_checkpoint_there_is_an_error_with_both_reasons(comm, folder):
+    checkpoints = Checkpoints(folder, comm)
+    checkpoints.save({"state": {}}, {"a": np.zeros(9)})
+    if comm.rank == 0:
+        os.truncate(checkpoints.newest, 100)
+    comm.Barrier()
+    with pytest.raises(ResultError) as caught:
+        checkpoints.restore(lambda head, read: None, silent)
+    assert "checkpoint.h5: its seal is changed" in str(caught.value) or "can't be read" in str(caught.value)
+    assert "checkpoint.previous.h5: missing" in str(caught.value) and "--fresh" in str(caught.value)
+
+
+def test_a_damaged_file_does_not_take_the_place_of_the_one_before(comm, folder):
+    first = Checkpoints(folder, comm)
+    for number in (1, 2):
+        first.save({"state": {"number": number}}, {"a": np.full(9, number)})
+    comm.Barrier()
+    if comm.rank == 0:
+        content = first.newest.read_bytes()
+        first.newest.unlink()
+        first.newest.write_bytes(content[:-5])
+    comm.Barrier()
+    second = Checkpoints(folder, comm)
+    second.restore(lambda head, read: read("a", np.empty(9, dtype=np.int64)), silent)
+    second.save({"state": {"number": 3}}, {"a": np.full(9, 3)})
+    assert read_head(second.newest)["state"]["number"] == 3
+    assert read_head(second.previous)["state"]["number"] == 1
+    comm.Barrier()
+
+
+def test_a_number_that_is_not_finite_is_named_and_never_becomes_the_newest(comm, folder):
+    checkpoints = Checkpoints(folder, comm)
+    good = np.zeros((2, 10))
+    checkpoints.save({"state": {}}, {"state/branches": good})
+    bad = good.copy()
+    if comm.rank == comm.size - 1:
+        bad[1, 4] = np.nan
+    with pytest.raises(RunError) as caught:
+        checkpoints.save({"state": {}}, {"state/branches": bad})
+    assert f"state/branches[1, {10 * (comm.size - 1) + 4}] = nan on rank {comm.size - 1}" in str(caught.value)
+    comm.Barrier()
+    assert examine(checkpoints.newest) and sorted(os.listdir(folder)) == ["checkpoint.h5"]
+
+
+@pytest.mark.parametrize("limit", [0, 3000, 5000, 20_000, 60_000])
+def test_a_full_disk_leaves_the_checkpoint_of_before(comm, folder, limit):
+    checkpoints = Checkpoints(folder, comm)
+    checkpoints.save({"state": {"number": 1}}, {"a": np.zeros(9)})
+    with file_size_limit(limit), pytest.raises(ResultError, match="checkpoint.h5.tmp: could not be written"):
+        checkpoints.save({"state": {"number": 2}}, {"a": share_of(np.zeros(10_000), comm)})
+    comm.Barrier()
+    assert sorted(os.listdir(folder)) == ["checkpoint.h5"]
+    assert examine(checkpoints.newest)["state"]["number"] == 1
+    comm.Barrier()
+
+
+# -- runs --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_chain_of_many_links_leaves_the_bits_of_one_run(name, comm, folder, stopping_after):
+    record = run(name, comm, folder / "whole")
+    stopping_after(max(0, record["steps"] // 21 - 1))
+    stops = run_in_links(name, comm, folder / "chain")
+    assert stops >= 20
+    if comm.rank == 0:
+        assert differences(folder / "whole", folder / "chain") == []
+        chained = json.loads((folder / "chain" / "run.json").read_text())
+        whole = json.loads((folder / "whole" / "run.json").read_text())
+        clocks = ("wall_s", "transform_s", "checkpoint_s", "links", "peak_rss_bytes")
+        assert {key: whole[key] for key in whole if key not in clocks} == {
+            key: chained[key] for key in chained if key not in clocks
+        }
+        assert len(chained["links"]) == stops + 1
+        assert sum(link["steps"] for link in chained["links"]) == chained["steps"] == record["steps"]
+    comm.Barrier()
+
+
+def test_going_on_at_every_step_leaves_the_bits_of_one_run(comm, folder, stopping_after):
+    changes = ["grid.n=16", "drive.preload=0.3 mN", "rheology.model=elastic"]
+    scene = load_scene("flat-punch", changes)
+    record = run_scene(scene, comm, folder / "whole", silent)
+    stopping_after(0)
+    stops = 0
+    while True:
+        try:
+            run_scene(scene, comm, folder / "chain", silent)
+            break
+        except Stopped:
+            stops += 1
+    assert stops == record["steps"]
+    assert comm.bcast(differences(folder / "whole", folder / "chain") if comm.rank == 0 else None) == []
+
+
+@pytest.mark.parametrize("name", ["one element", "gfmd"])
+def test_a_run_goes_on_with_another_number_of_ranks(name, comm, folder, stopping_after):
+    """Begun by one rank, gone on with by all, ended by one."""
+    if comm.rank == 0:
+        steps = run(name, MPI.COMM_SELF, folder / "whole")["steps"]
+        stopping_after(steps // 3)
+        with pytest.raises(Stopped):
+            run(name, MPI.COMM_SELF, folder / "shared")
+    steps = comm.bcast(steps if comm.rank == 0 else None)
+    stopping_after(steps // 3)
+    with pytest.raises(Stopped):
+        run(name, comm, folder / "shared")
+    comm.Barrier()
+    if comm.rank == 0:
+        stopping_after(math.inf)
+        record = run(name, MPI.COMM_SELF, folder / "shared")
+        assert [link["ranks"] for link in record["links"]] == [1, comm.size, 1]
+        assert differences(folder / "whole", folder / "shared") == []
+    comm.Barrier()
+
+
+def test_what_was_written_after_the_checkpoint_is_taken_back(comm, folder, stopping_after):
+    """As after a crash: the files are ahead of the checkpoint, with half a row and snapshots too many."""
+    name = "one element"
+    run(name, comm, folder / "whole")
+    stopping_after(12)
+    with pytest.raises(Stopped):
+        run(name, comm, folder / "crashed")
+    kept = (folder / "crashed" / "checkpoint.h5").read_bytes()
+    comm.Barrier()
+    stopping_after(45)
+    with pytest.raises(Stopped):
+        run(name, comm, folder / "crashed")
+    comm.Barrier()
+    if comm.rank == 0:
+        (folder / "crashed" / "checkpoint.h5").unlink()
+        (folder / "crashed" / "checkpoint.h5").write_bytes(kept)
+        with open(folder / "crashed" / "curve.csv", "a") as file:
+            file.write("0.123,-1e-6,0.1")
+    comm.Barrier()
+    stopping_after(math.inf)
+    run(name, comm, folder / "crashed")
+    assert comm.bcast(differences(folder / "whole", folder / "crashed") if comm.rank == 0 else None) == []
+
+
+def test_rows_that_the_checkpoint_knows_must_be_there(comm, folder, stopping_after):
+    stopping_after(20)
+    with pytest.raises(Stopped):
+        run("one element", comm, folder / "out")
+    comm.Barrier()
+    if comm.rank == 0:
+        curve = folder / "out" / "curve.csv"
+        lines = curve.read_text().splitlines(keepends=True)
+        curve.write_text("".join(lines[:5] + lines[6:]))
+    comm.Barrier()
+    with pytest.raises(ResultError, match="its first .* rows are not those that the checkpoint knows"):
+        run("one element", comm, folder / "out")
+
+
+def test_a_finished_run_is_not_run_again_unless_anew(comm, folder):
+    record = run("one element", comm, folder / "out")
+    before = (folder / "out" / "curve.csv").stat().st_mtime_ns
+    again = run("one element", comm, folder / "out")
+    assert again["steps"] == record["steps"] and (folder / "out" / "curve.csv").stat().st_mtime_ns == before
+    comm.Barrier()
+    run("one element", comm, folder / "out", options=Options(fresh=True))
+    if comm.rank == 0:
+        assert differences(folder / "out", folder / "out" / "previous-1") == []
+        # Its checkpoints may be deleted to save space.
+        for name in ("checkpoint.h5", "checkpoint.previous.h5"):
+            (folder / "out" / name).unlink(missing_ok=True)
+    comm.Barrier()
+    assert run("one element", comm, folder / "out")["steps"] == record["steps"]
+
+
+def test_results_without_a_checkpoint_are_not_overwritten(comm, folder):
+    run("one element", comm, folder / "out", options=Options(timing=Timing(every=math.inf)))
+    comm.Barrier()
+    if comm.rank == 0:
+        for name in ("checkpoint.h5", "run.json"):
+            (folder / "out" / name).unlink()
+    comm.Barrier()
+    with pytest.raises((ResultError, RelayedError), match="but no checkpoint.h5 to go on from"):
+        run("one element", comm, folder / "out")
+
+
+# -- a changed scene ---------------------------------------------------------------------------------------------------
+
+
+REFUSED = {
+    "grid.n=26": "grid.n",
+    "solver.precision=single": "solver.precision",
+    "rheology.relaxation_time=300 us": "rheology.relaxation_time",
+    "drive.speed=2 um/s": "drive.speed",
+    "drive.clearance=1 um": "drive.clearance",
+    "output.energy=false": "output.energy",
+    "drive.preload=2 mN": "drive.preload",
+}
+IN_APPROACH, IN_RETRACTION = 20, 50
+"""Steps of the scene with one element."""
+
+
+@pytest.mark.parametrize("change", REFUSED)
+def test_a_changed_scene_is_refused_even_if_allowed(change, comm, folder, stopping_after):
+    stopping_after(IN_RETRACTION)
+    with pytest.raises(Stopped):
+        run("one element", comm, folder / "out")
+    allowed = Options(allow=("drive", "output", "solver", "grid", "rheology"))
+    for options in (Options(), allowed):
+        with pytest.raises((SceneError, RelayedError), match=f"{REFUSED[change]} = "):
+            run("one element", comm, folder / "out", change, options=options)
+    stopping_after(math.inf)
+    assert run("one element", comm, folder / "out")["finished"] == "detached"
+
+
+CHANGES = {
+    "drive.retract_speed=3 um/s": "drive.retract_speed",
+    "drive.preload=1.5 mN": "drive.preload",
+    "drive.dwell=0.1 s": "drive",
+    "solver.accuracy=3e-3": "solver.accuracy",
+    "output.every=7": "output.every",
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_is_to_come_may_change_if_allowed(change, comm, folder, stopping_after):
+    stopping_after(IN_APPROACH)
+    with pytest.raises(Stopped):
+        run("one element", comm, folder / "out")
+    stopping_after(math.inf)
+    with pytest.raises((SceneError, RelayedError), match="--allow"):
+        run("one element", comm, folder / "out", change)
+    record = run("one element", comm, folder / "out", change, options=Options(allow=(CHANGES[change],)))
+    assert record["finished"] == "detached"
+    assert record["links"][-1]["changed"][0].startswith(CHANGES[change])
+    if comm.rank == 0:
+        head = read_head(folder / "out" / "checkpoint.h5")
+        state = assemble(load_scene(*_split(change)), MPI.COMM_SELF).phases
+        assert head["state"]["phase"] == len(state) - 1
+    comm.Barrier()
+
+
+def _split(change):
+    source, *changes = SCENES["one element"]
+    return source, [*changes, change]
+
+
+def test_a_run_that_took_too_many_steps_goes_on_with_more(comm, folder):
+    whole = run("one element", comm, folder / "whole")
+    few = "solver.max_steps=30"
+    assert run("one element", comm, folder / "out", few)["finished"] == "max_steps reached"
+    record = run("one element", comm, folder / "out", options=Options(allow=("solver.max_steps",)))
+    assert record["finished"] == "detached" and record["steps"] == whole["steps"]
+
+
+def test_arrays_of_a_state_are_all_its_arrays(comm):
+    """What packing finds by itself: every array with a part on this rank, in both schemes."""
+    source, *changes = SCENES["one element"]
+    state = assemble(load_scene(source, changes), MPI.COMM_SELF).run(attend=lambda run: run.state.counters.steps > 9)
+    held = {name for name, value in vars(state).items() if isinstance(value, np.ndarray)} - {"drift"}
+    assert held | {"past_u/0", "past_w/0"} <= set(arrays_of(state)) and "modes" not in arrays_of(state)
+    with pytest.raises(Damaged):
+        checkpoint_file.read_head(Path("nowhere.h5"), comm)
