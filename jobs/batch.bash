@@ -11,6 +11,7 @@ note() { printf 'job: %s\n' "$*"; }
 # Bash ends on a signal that it has no trap for, and Slurm then kills what the job still runs.
 ranks=
 trap '[ -z "$ranks" ] || kill -USR1 "$ranks"' USR1
+trap '[ -z "$ranks" ] || kill -USR2 "$ranks"' USR2
 trap : TERM
 
 # shellcheck source=../scripts/environment
@@ -28,8 +29,8 @@ if [ "$(env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc)" != "${SLURM_CPUS_ON_N
     export OMPI_MCA_hwloc_base_binding_policy="${OMPI_MCA_hwloc_base_binding_policy:-none}"
 fi
 
-# run_pgfmd ARGUMENTS...: `pgfmd run` on all ranks, and its exit code. USR1 goes from this shell to mpirun or srun, and from
-# there to every rank.
+# run_pgfmd ARGUMENTS...: `pgfmd run` on all ranks, and its exit code. USR1 (stop) and USR2 (checkpoint) go from this shell
+# to mpirun or srun, and from there to every rank.
 run_pgfmd() {
     local code
     # shellcheck disable=SC2086

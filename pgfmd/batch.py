@@ -18,8 +18,8 @@ _VARIABLES = {
 }
 """Where systems tell a job's id, its cluster, and how often it was requeued."""
 _OVER = {
-    *("BOOT_FAIL", "CANCELLED", "COMPLETED", "DEADLINE", "FAILED", "NODE_FAIL", "OUT_OF_MEMORY", "PENDING", "PREEMPTED"),
-    *("REVOKED", "TIMEOUT"),
+    *("BOOT_FAIL", "CANCELLED", "COMPLETED", "DEADLINE", "FAILED", "NODE_FAIL", "OUT_OF_MEMORY", "PENDING"),
+    *("PREEMPTED", "REVOKED", "TIMEOUT"),
 }
 """States of a Slurm job in which none of its processes runs; a requeued one is pending."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -17,8 +18,8 @@ RISE = 0.75
 class CurveTail:
     """Up to the last newline of a file, or up to `end` [bytes].
 
-    rows: the last ones, oldest first; empty if there is none yet. written [s since 1970]: when the file was. OSError if
-    it can't be read, ValueError if a row is none of a curve.
+    rows: the last ones, oldest first; empty if there is none yet. strange: how many lines among them are no rows of a
+    curve, and are left out. written [s since 1970]: when the file was. OSError if it can't be read.
     """
 
     def __init__(self, path: Path, end: int | None = None):
@@ -32,7 +33,9 @@ class CurveTail:
             text = file.read(end - start)
         # The header, or a row of which the beginning is missing; after the last newline, a row that is being written.
         lines = text[: text.rfind(b"\n") + 1].split(b"\n")[1:-1]
-        self.rows = [_row(path, line.decode(errors="replace")) for line in lines]
+        found = [_row(line.decode(errors="replace")) for line in lines]
+        self.rows = [row for row in found if row]
+        self.strange = len(found) - len(self.rows)
 
     @property
     def stiffness(self) -> float | None:
@@ -59,8 +62,8 @@ def count_ends(path: Path, start: int = 0, ending: str = "") -> int:
     return count
 
 
-def _row(path: Path, line: str) -> CurveRow:
+def _row(line: str) -> CurveRow | None:
     values = line.split(",")
-    if len(values) != len(CURVE_COLUMNS):
-        raise ValueError(f"{path}: {line[:80]!r} is no row of a curve")
-    return CurveRow(*map(float, values[:-1]), values[-1])
+    with contextlib.suppress(ValueError):
+        return CurveRow(*map(float, values[:-1]), values[-1]) if len(values) == len(CURVE_COLUMNS) else None
+    return None

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_ROWS_OF_MODES = 256
+_ROWS_OF_MODES, _ROWS_OF_POINTS = 256, 32
 
 
 def far_weights(compliance, points) -> np.ndarray:
@@ -28,15 +28,20 @@ def far_weights(compliance, points) -> np.ndarray:
     # Modes with k and -k are one term; the mode k = n/2 vanishes half-way between grid points.
     fold = np.where(modes == 0, 1.0, 2.0)
     fold[2 * modes == n] = 0.0
-    to_row = _cosines(modes, points.block_start + points.row_start + np.arange(points.rows), n) * fold[:, None]
     to_column = _cosines(modes, points.block_start + np.arange(points.nb), n) * fold[:, None]
     corner_and_edge = 6.0 - 5.0 * (-1.0) ** modes
-    rows = np.zeros((points.rows, points.nb))
+    # Products of matrices have other last bits for other shapes: the groups of rows are those of the block, not the rank's.
+    start, end = points.row_start, points.row_start + points.rows
+    groups = range(start - start % _ROWS_OF_POINTS, end, _ROWS_OF_POINTS) if points.rows else ()
+    to_row = [_cosines(modes, points.block_start + group + np.arange(_ROWS_OF_POINTS), n) * fold[:, None] for group in groups]
+    rows = np.zeros((len(groups), _ROWS_OF_POINTS, points.nb))
     for first in range(0, modes.size, _ROWS_OF_MODES):
         some = slice(first, first + _ROWS_OF_MODES)
         spectrum = compliance(unit * modes[some, None], unit * modes[None, :]) * corner_and_edge
-        rows += (spectrum @ to_row).T @ to_column[some]
-    return rows[points.inside()] / n**2
+        for group, waves in zip(rows, to_row, strict=True):
+            group += (spectrum @ waves).T @ to_column[some]
+    skipped = start % _ROWS_OF_POINTS
+    return rows.reshape(-1, points.nb)[skipped : skipped + points.rows][points.inside()] / n**2
 
 
 def _cosines(modes: np.ndarray, indices: np.ndarray, n: int) -> np.ndarray:

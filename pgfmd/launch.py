@@ -214,7 +214,7 @@ def _stopper(comm) -> Callable[[int, Any], None]:
             raise KeyboardInterrupt
         if comm.rank:
             # Rank 0 speaks, and its abort ends this rank too.
-            time.sleep(2.0)
+            time.sleep(PATIENCE)
         complain(_INTERRUPTION)
         comm.Abort(INTERRUPTED)
 

@@ -74,6 +74,9 @@ def status_of(folder: Path) -> Status:
         return Status(str(folder), EMPTY, "no run yet")
     state, why = _state_of(found)
     status = Status(str(folder), state, why, [found.problem] if found.problem else [])
+    if found.tail and found.tail.strange:
+        strange = f"{found.tail.strange} of its last lines are no rows"
+        status.warnings.append(f"{found.tail.path}: {strange}: `pgfmd verify` it")
     _describe(status, found)
     if state in (RUNNING, RESUMABLE):
         _look_ahead(status, found)
@@ -83,12 +86,13 @@ def status_of(folder: Path) -> Status:
 def _state_of(found: Inventory) -> tuple[str, str]:
     """State, and why."""
     valid, finished = found.valid, found.finished
+    over = valid.state["finished"] if valid else ""
+    if over and finished and not (found.holder and found.holder.alive):
+        # Even if its lock is still there: the record comes last.
+        return FINISHED, over
     if found.in_use:
         return RUNNING, "" if found.holder.alive else _doubt(found)
     if valid is not None:
-        over = valid.state["finished"]
-        if over and finished:
-            return FINISHED, over
         ending = f"{over}, only its record is missing" if over else _ending(found)
         return RESUMABLE, f"failed: {found.failure}" if found.failure else ending
     if found.checkpoints:
@@ -161,6 +165,9 @@ def _look_ahead(status: Status, found: Inventory) -> None:
     """Where the run is, how fast, and what is left."""
     try:
         scene = parse_scene(_scene_text(found))
+    except FileNotFoundError:
+        status.left_remark = "it has only just begun"
+        return
     except (OSError, ValueError, SceneError) as error:
         status.left_remark = f"its scene can't be read here: {error}"
         return

@@ -19,7 +19,7 @@ import numpy as np
 from pgfmd import storage
 from pgfmd.curve_file import begins_as_marked
 from pgfmd.errors import ResultError
-from pgfmd.fields_layout import BLOCK_FIELDS, SURFACE_FIELD, checksum_of, open_serial, undo_path
+from pgfmd.fields_layout import SNAPSHOT_NUMBERS, Layout, checksum_of, open_serial, undo_path
 from pgfmd.inventory import CHECKPOINTS, Inventory, require_known, take_inventory
 from pgfmd.restart.checkpoint_layout import Damaged, examine
 from pgfmd.restart.checksum import whole_sum
@@ -31,6 +31,8 @@ PIECE = 2**20
 """Elements of a snapshot that are read at a time."""
 TABLES = {"curve": storage.CURVE_FILE, "energy": storage.ENERGY_FILE, "events": storage.EVENTS_FILE}
 """Names of the tables in a checkpoint's head, and their files."""
+UNREADABLE = (OSError, RuntimeError, LookupError, ValueError, TypeError, MemoryError)
+"""What reading a damaged file may end in."""
 ANEW = "start anew with --fresh, which keeps the old results"
 
 
@@ -73,8 +75,12 @@ def _guarded(path: Path, examine_part: Callable[[Path], Part | None]) -> Part | 
     """What an examination finds, also if the file can't be read."""
     try:
         return examine_part(path)
-    except (OSError, RuntimeError, KeyError, ValueError) as problem:
-        return Part(path, False, f"can't be read: {storage.reason(problem)}", f"it is damaged, or the disk: {ANEW}")
+    except UNREADABLE as problem:
+        return _unreadable(path, problem)
+
+
+def _unreadable(path: Path, problem: Exception) -> Part:
+    return Part(path, False, f"can't be read: {storage.reason(problem)}", f"put the file back, or {ANEW}")
 
 
 @dataclass(frozen=True)
@@ -87,8 +93,8 @@ class _Examined:
 
     def __str__(self) -> str:
         state = self.head["state"]
-        step, time = state["counters"]["steps"], state["time"]
-        return f"step {step}, t = {time:.6g} s, {len(self.head['entries'])} arrays, {self.path.stat().st_size} bytes"
+        count = sum(entry.bytes for entry in self.head["entries"])
+        return f"step {state['counters']['steps']}, t = {state['time']:.6g} s, {count} bytes of arrays"
 
 
 def _examined(path: Path) -> _Examined:
@@ -97,13 +103,14 @@ def _examined(path: Path) -> _Examined:
     for _ in range(2):
         try:
             before = _identity(path)
-            return _Examined(path, require_known(examine(path)))
+            try:
+                return _Examined(path, require_known(examine(path)))
+            except Damaged as damage:
+                problem = str(damage)
+            if _identity(path) == before:
+                break
         except FileNotFoundError:
             return _Examined(path)
-        except Damaged as damage:
-            problem = str(damage)
-        if path.exists() and _identity(path) == before:
-            break
     return _Examined(path, problem=problem)
 
 
@@ -166,7 +173,12 @@ def _fields(path: Path, head: dict | None, inventory: Inventory) -> Iterator[Par
         return
     for pause in (PAUSE, 0.0):
         # What is being added can't be trusted; what was added before the checkpoint can.
-        part = _guarded(path, lambda path: _snapshots(path, marked, inventory.in_use or undo.exists()))
+        try:
+            part = _snapshots(path, marked, inventory.in_use or undo.exists())
+        except UNREADABLE as problem:
+            part = _unreadable(path, problem)
+            if undo.exists():
+                part = Part(path, True, "not examined, as adding a snapshot has not ended")
         if part.fine or not inventory.in_use:
             break
         time.sleep(pause)
@@ -182,24 +194,36 @@ def _is_whole(undo: Path) -> bool:
 
 
 def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
-    """Compares the arrays of all snapshots with their checksums, or only of those that a checkpoint knows."""
+    """Compares the arrays of all snapshots with their checksums, or only of those that a checkpoint knows.
+
+    Raises ValueError, or others of UNREADABLE, if the file is no file of snapshots.
+    """
     with open_serial(path, "r") as file:
-        frames = len(file["snapshot"])
+        layout = Layout(**{name: file.attrs[name] for name in ("n", "length", "block_start", "nb", "surface")})
+        frames, names = len(file["snapshot"]), list(layout.arrays)
         if frames < (marked or 0):
             found = f"has {frames} snapshots, the checkpoint knows {marked}"
             return Part(path, False, found, f"put the file back, or {ANEW}")
-        names = [name for name in (*BLOCK_FIELDS, SURFACE_FIELD) if name in file]
         if any(checksum_of(name) not in file for name in names):
             return Part(path, True, f"{frames} snapshots without checksums, of an earlier version: not examined")
+        strange = _strange(file, layout, frames)
+        if strange:
+            raise ValueError(f"its structure is changed: {', '.join(strange)}")
         count = min(frames, marked or 0) if only_marked else frames
-        for frame in range(count):
-            wrong = [name for name in names if _sum_of(file[name], frame) != file[checksum_of(name)][frame]]
-            if wrong:
-                label = file["label"].asstr()[frame]
-                found = f"snapshot {frame} ({label}) is changed: wrong checksum of {', '.join(wrong)}"
-                return Part(path, False, found, "don't use it; put the file back if you have a copy")
+        wrong = [f"{name} of snapshot {frame}" for frame in range(count) for name in names
+                 if _sum_of(file[name], frame) != file[checksum_of(name)][frame]]  # fmt: skip
+    if wrong:
+        return Part(path, False, f"changed: {', '.join(wrong)}", "don't use that; put the file back if there is a copy")
     left_out = f", and {frames - count} not examined" if frames > count else ""
     return Part(path, True, f"{count} snapshots of {len(names)} arrays{left_out}")
+
+
+def _strange(file: h5py.File, layout: Layout, frames: int) -> list[str]:
+    """Variables that are not what the file's own attributes and number of snapshots make them."""
+    shapes = {name: (frames, side, side) for name, (_, _, side, _) in layout.arrays.items()}
+    shapes |= {name: (frames,) for name in (*SNAPSHOT_NUMBERS, "label", *map(checksum_of, layout.arrays))}
+    found = [name for name, shape in shapes.items() if file[name].shape != shape]
+    return found + [name for name, axis in layout.axes.items() if not np.array_equal(file[name], axis)]
 
 
 def _sum_of(array: h5py.Dataset, frame: int) -> np.uint64:

@@ -67,7 +67,6 @@ class Keeper:
             self.signals.patience = max(LEAST_PATIENCE, STEPS_OF_PATIENCE * self._longest_step)
         stop, due = self._agree(now)
         if stop:
-            self.signals.heard()
             self.why = "the limit of time" if stop == OUT_OF_TIME else StopSignals.name_of(stop)
             self._save(simulation)
         elif due or (self._phase != state.phase and math.isfinite(self.timing.every)):
@@ -109,6 +108,8 @@ class Keeper:
         return time.time() >= self.timing.limit - kept
 
     def _save(self, simulation) -> Saved:
+        # A signal that comes now must not end a process while it writes.
+        self.signals.heard()
         state, snapshots = simulation.state, self.outputs.snapshots
         began = time.perf_counter()
         outputs = self.outputs.marks() | {"snapshots": numbers_of(snapshots.agenda)}

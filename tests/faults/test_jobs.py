@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from pgfmd import launch
+from pgfmd.restart.checkpoint_layout import examine
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
 
@@ -29,8 +30,8 @@ CANNOT_START = (69, 71)
 ACTIVE = ("PENDING", "CONFIGURING", "RUNNING", "COMPLETING", "REQUEUED", "SUSPENDED", "STOPPED")
 # What a login shell has: nothing of MPI's and Slurm's settings, which the scripts have to make themselves.
 CLEAN = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMI", "SLURM_", "SBATCH_"))}
-SCENE = ["tri-tack", "grid.n=64", "solver.accuracy=2e-5", 'output.snapshots=["5 s", "1.1 t_pl"]']
-"""About 2000 steps: 3 s on a free core."""
+SCENE = ["tri-tack", "grid.n=64", "solver.accuracy=5e-5", 'output.snapshots=["5 s", "1.1 t_pl"]']
+"""About 1400 steps: 2 s on a free core."""
 LONG = ["tri-tack", "grid.n=128", "solver.accuracy=1e-8"]
 """Some minutes."""
 
@@ -50,6 +51,8 @@ class Cluster:
             "NUMBA_CACHE_DIR": "",
             # Ranks that wait leave their core to others: cores are few where tests run.
             "OMPI_MCA_mpi_yield_when_idle": "1",
+            # mpirun spends twice this time on every exit code but 0.
+            "OMPI_MCA_odls_base_sigkill_timeout": "1",
         }
 
     def call(self, *command, limit=30.0, **more) -> subprocess.CompletedProcess:
@@ -85,18 +88,26 @@ class Cluster:
     def end(self, number: str, limit=100.0) -> dict[str, str]:
         return self.wait(number, lambda job: job["JobState"] not in ACTIVE, limit)
 
-    def stop_when_under_way(self, number: str, folder: str, steps: int) -> None:
-        """Sends what --signal=B:USR1@... sends, after some more steps; returns when the job is queued again."""
-        curve, before = self.work / folder / "curve.csv", self.job(number)
+    def rows(self, folder: str) -> int:
+        curve = self.work / folder / "curve.csv"
+        return curve.read_bytes().count(b"\n") if curve.exists() else 0
 
-        def rows():
-            return curve.read_bytes().count(b"\n") if curve.exists() else 0
+    def under_way(self, number: str, folder: str, steps: int) -> None:
+        """Returns after so many more steps."""
+        wanted = self.rows(folder) + steps
+        self.wait(number, lambda job: self.rows(folder) >= wanted or job["JobState"] not in ACTIVE)
 
-        wanted = rows() + steps
-        self.wait(number, lambda job: rows() >= wanted or job["JobState"] not in ACTIVE)
-        assert self.call("scancel", "--batch", "--signal=USR1", number).returncode == 0
-        job = self.wait(number, lambda job: job["Restarts"] != before["Restarts"] or job["JobState"] not in ACTIVE)
-        assert int(job["Restarts"]) == int(before["Restarts"]) + 1, self.output(number)
+    def signal(self, number: str, name: str) -> None:
+        """What --signal=B:USR1@... does at its time."""
+        done = self.call("scancel", "--batch", f"--signal={name}", number)
+        assert done.returncode == 0, f"{done.stderr}\n{self.output(number)}"
+
+    def stop(self, number: str) -> None:
+        """Has a link of a chain stop; returns when the job is queued again."""
+        before = int(self.job(number)["Restarts"])
+        self.signal(number, "USR1")
+        job = self.wait(number, lambda job: int(job["Restarts"]) > before or job["JobState"] not in ACTIVE)
+        assert int(job["Restarts"]) == before + 1, self.output(number)
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +155,8 @@ def test_a_chain_that_is_signalled_twice_leaves_the_same_bits(cluster, undisturb
     two = ("--ntasks=2", "--nodes=2", "--ntasks-per-node=1")
     number = cluster.submit("slurm-chain.sh", *SCENE, options=two, RESULTS="chain")
     for _ in range(2):
-        cluster.stop_when_under_way(number, "chain", 200)
+        cluster.under_way(number, "chain", 150)
+        cluster.stop(number)
     job = cluster.end(number)
     text = cluster.output(number)
     assert (job["JobState"], job["Restarts"], job["ExitCode"]) == ("COMPLETED", "2", "0:0"), text
@@ -176,14 +188,19 @@ def test_runs_stop_before_slurm_ends_their_job(cluster):
 
 def test_an_array_has_a_folder_a_case_and_queues_only_the_stopped_case_again(cluster):
     (cluster.work / "cases.txt").write_text(
-        '# folder, then what pgfmd run is given\n\nslow tri-tack grid.n=96 solver.accuracy=1e-4 "drive.speed=2 um/s"\n'
+        '# folder, then what pgfmd run is given\n\nslow tri-tack grid.n=96 solver.accuracy=2e-5 "drive.speed=2 um/s"\n'
         "  fast tri-tack grid.n=48 'drive.speed=20 um/s'\n"
     )
     number = cluster.submit("slurm-array.sh", options=("--ntasks=1", "--array=1-3"), RESULTS="study")
-    cluster.stop_when_under_way(f"{number}_1", "study/slow", 50)
+    cluster.under_way(f"{number}_1", "study/slow", 50)
+    cluster.signal(f"{number}_1", "USR2")
+    # What it says of checkpoints that were asked for, and of those every 10 minutes.
+    cluster.wait(f"{number}_1", lambda job: "checkpoint  t" in cluster.output(number) or job["JobState"] not in ACTIVE)
+    cluster.stop(f"{number}_1")
     slow, fast, third = (cluster.end(f"{number}_{case}") for case in (1, 2, 3))
     text = cluster.output(number)
     assert (slow["Restarts"], slow["ExitCode"], fast["Restarts"], fast["ExitCode"]) == ("1", "0:0", "0", "0:0"), text
+    assert text.count("checkpoint  t") == text.count("job: stopped early with a checkpoint") == 1
     assert third["ExitCode"] == "2:0" and "job: cases.txt has no case 3" in text
     for name, speed in (("slow", 2e-6), ("fast", 20e-6)):
         curve = load(cluster.work / "study" / name).curve
@@ -199,6 +216,29 @@ def test_a_chain_ends_at_once_with_the_exit_code_of_a_bad_scene(cluster):
     assert text.count("pgfmd: tri-tack: 1 problem in this scene") == 1
     assert "job: failed with exit code 2; the reason is above" in text and "the chain ends with link 1" in text
     assert not (cluster.work / "bad").exists()
+
+
+@pytest.mark.skipif("PGFMD_FULL_LIMITS" not in os.environ, reason="takes 2 minutes: scripts/test_jobs --full")
+def test_slurms_own_signal_and_slurms_own_end(cluster):
+    signalled = cluster.submit(
+        "slurm-chain.sh", *LONG, options=("--ntasks=1", "--time=1", "--signal=B:USR1@40"), RESULTS="signalled", LINKS="2"
+    )
+    # Without the number of its job pgfmd knows no end; and nothing else tells it.
+    unwarned = ("--ntasks=1", "--time=1", "--signal=B:CONT@1")
+    lost = {"RESULTS": "ended", "LAUNCH": "mpirun -n 1 env -u SLURM_JOB_ID"}
+    ended = cluster.submit("slurm-single.sh", *LONG, "--checkpoint-every", "5s", options=unwarned, **lost)
+    job, text = cluster.end(signalled, limit=200.0), cluster.output(signalled)
+    assert (job["Restarts"], job["ExitCode"]) == ("1", "75:0"), text
+    assert text.count("pgfmd: stopped by USR1") == 2 and "TIME LIMIT" not in text
+    job, text = cluster.end(ended, limit=200.0), cluster.output(ended)
+    assert job["JobState"] == "TIMEOUT" and "DUE TO TIME LIMIT" in text, text
+    examine(cluster.work / "ended" / "checkpoint.h5")
+    rows = len(load(cluster.work / "ended").curve)
+    again = cluster.submit("slurm-chain.sh", *LONG, options=("--ntasks=1",), RESULTS="ended")
+    cluster.under_way(again, "ended", 200)
+    cluster.stop(again)
+    assert len(load(cluster.work / "ended").curve) > rows, cluster.output(again)
+    assert cluster.call("scancel", again).returncode == 0
 
 
 @pytest.mark.parametrize("script", sorted(JOBS.glob("*.*sh")), ids=lambda path: path.name)

@@ -1,4 +1,4 @@
-"""Ranks that die, launchers that die, signals, two runs in one folder: small programs, from outside, under hard limits."""
+"""Ranks and launchers that die, signals, two runs in one folder: small programs, from outside, under hard limits."""
 
 import os
 import signal
@@ -223,8 +223,8 @@ with StopSignals(comm) as signals:
             signals.heard()
             comm.rank or print("saves", flush=True)
     signals.heard()
-    line = f"rank {comm.rank}: {signals.name_of(number)} {signals.name_of(signals.stop) if signals.stop else 'elsewhere'}"
-    sys.stdout.write(line + "\\n")
+    here = signals.name_of(signals.stop) if signals.stop else "elsewhere"
+    sys.stdout.write(f"rank {comm.rank}: {signals.name_of(number)} {here}\\n")
     sys.stdout.flush()
 assert before == [launch.signal.getsignal(number) for number in (2, 10, 12, 15)]
 assert launch.signal.set_wakeup_fd(-1) == -1
@@ -265,7 +265,8 @@ def test_requests_to_save_let_the_run_go_on():
 
 
 def test_one_rank_that_is_asked_stops_all(tmp_path):
-    with running(LOOP.replace('print("ready"', 'print(launch.os.getpid(), end=" "); print("ready"'), ready=False) as job:
+    program = LOOP.replace('print("ready"', 'print(launch.os.getpid(), end=" "); print("ready"')
+    with running(program, ready=False) as job:
         os.kill(int(job.stdout.readline().split()[0]), signal.SIGTERM)
         told, _ = job.communicate(timeout=15.0)
     assert sorted(told.splitlines()) == ["rank 0: TERM TERM", "rank 1: TERM elsewhere"] and job.returncode == 75

@@ -36,6 +36,7 @@ SCENES = {
     ),
     "without audit": ("tri-tack", ["grid.n=24", "output.energy=false", "drive.preload=2 mN"]),
     "whole plane": (PLANE, []),
+    "another grid": ("tri-tack", ["grid.n=72", "drive.preload=1 mN"]),
 }  # fmt: skip
 
 

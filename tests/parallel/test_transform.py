@@ -18,7 +18,7 @@ MODULUS, LENGTH = 2.65e6, 1.5e-3
 # Grid points, and the radius as a share of the cell: even, odd, prime, blocks of one, two and three rows, whole cells.
 CELLS = [
     (16, 0.25), (27, 0.25), (64, 0.25), (97, 0.3), (100, 0.23), (100, 0.5), (4, 0.25), (5, 0.1), (5, 0.25), (16, None),
-    (27, None),
+    (27, None), (20, 0.25), (48, 0.25), (72, 0.25),
 ]  # fmt: skip
 
 

@@ -1,0 +1,179 @@
+"""Runs that are signalled, limited in time, killed or short of disk: seen from outside, under hard time limits."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pgfmd import launch
+from pgfmd.restart.checkpoint_layout import read_head
+from pgfmd.restart.sameness import differences
+
+pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
+
+LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
+ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)} | {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "OMPI_MCA_odls_base_sigkill_timeout": "2",
+    "OMP_NUM_THREADS": "1",
+}
+SCENE = ["tri-tack", "grid.n=48", "solver.accuracy=1e-3", "drive.preload=10 mN", 'output.snapshots=["2 s"]']
+RESUMABLE = 75
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+
+
+def command(folder: Path, ranks: int, *options: str) -> list[str]:
+    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+    return [*launcher, sys.executable, "-m", "pgfmd.cli", "run", *SCENE, "--out", str(folder), *options]
+
+
+def finish(folder: Path, ranks: int = 1, *options: str, limit: float = 90.0) -> subprocess.CompletedProcess:
+    """The run in a folder, to its end."""
+    return subprocess.run(
+        command(folder, ranks, *options), env=ENVIRONMENT, capture_output=True, text=True, timeout=limit
+    )
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """A run that nobody stops: of one rank, as the bits are the same for any number of them."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    done = finish(folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def interrupted(folder: Path, ranks: int, number: int, rows: int = 150) -> subprocess.CompletedProcess:
+    """A run that is sent a signal when it has written some rows; it must end by itself."""
+    process = subprocess.Popen(
+        command(folder, ranks), env=ENVIRONMENT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    try:
+        wait_for_rows(folder, rows, process)
+        process.send_signal(number)
+        said, complaints = process.communicate(timeout=20.0)
+    finally:
+        process.kill()
+    return subprocess.CompletedProcess(process.args, process.returncode, said, complaints)
+
+
+def wait_for_rows(folder: Path, rows: int, process: subprocess.Popen) -> None:
+    curve, latest = folder / "curve.csv", time.monotonic() + 60.0
+    while not curve.is_file() or curve.read_bytes().count(b"\n") < rows:
+        assert time.monotonic() < latest and process.poll() is None
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("number", "ranks"),
+    [(signal.SIGUSR1, 1), (signal.SIGTERM, 1), (signal.SIGINT, 1), (signal.SIGUSR1, 2), (signal.SIGTERM, 2), (signal.SIGINT, 2)],
+    ids=lambda value: value.name if isinstance(value, signal.Signals) else f"{value} ranks",
+)
+def test_a_signal_stops_a_run_which_then_goes_on_to_the_same_bits(number, ranks, tmp_path, undisturbed):
+    stopped = interrupted(tmp_path, ranks, number)
+    name = {signal.SIGUSR1: "USR1", signal.SIGTERM: "TERM", signal.SIGINT: "Ctrl-C"}[number]
+    if ranks > 1 and number == signal.SIGINT:
+        # What mpirun gives its ranks for Ctrl-C is TERM.
+        name = "TERM"
+    assert stopped.stderr.count(f"pgfmd: stopped by {name} after step ") == stopped.stderr.count("pgfmd:") == 1
+    assert "the same command goes on from there" in stopped.stderr and "Traceback" not in stopped.stderr
+    if ranks == 1 or number == signal.SIGUSR1:
+        assert stopped.returncode == RESUMABLE
+    else:
+        # mpirun has a code of its own after TERM and Ctrl-C.
+        assert stopped.returncode != 0
+    assert not (tmp_path / "run.json").exists() and not (tmp_path / "run.lock").exists()
+    steps = read_head(tmp_path / "checkpoint.h5")["state"]["counters"]["steps"]
+    assert (tmp_path / "curve.csv").read_bytes().count(b"\n") == steps + 2
+    done = finish(tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"going on from checkpoint.h5: step {steps}," in done.stdout
+    assert differences(undisturbed, tmp_path) == []
+    assert [link["ranks"] for link in json.loads((tmp_path / "run.json").read_text())["links"]] == [ranks, 1]
+
+
+def test_usr2_saves_and_the_run_goes_on(tmp_path, undisturbed):
+    process = subprocess.Popen(
+        command(tmp_path, 1, "--checkpoint-every", "off"), env=ENVIRONMENT, text=True, stdout=subprocess.PIPE
+    )
+    try:
+        wait_for_rows(tmp_path, 150, process)
+        assert not (tmp_path / "checkpoint.h5").exists()
+        process.send_signal(signal.SIGUSR2)
+        latest = time.monotonic() + 10.0
+        while not (tmp_path / "checkpoint.h5").exists():
+            assert time.monotonic() < latest
+            time.sleep(0.005)
+        said, _ = process.communicate(timeout=60.0)
+    finally:
+        process.kill()
+    assert process.returncode == 0 and said.count("checkpoint  t ") == 1
+    assert differences(undisturbed, tmp_path) == []
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_limit_of_time_is_kept(ranks, tmp_path, undisturbed):
+    began, links, limit = time.monotonic(), 0, "5.5s" if ranks > 1 else "4s"
+    while (done := finish(tmp_path, ranks, "--walltime", limit, limit=30.0)).returncode == RESUMABLE:
+        assert "pgfmd: stopped by the limit of time after step " in done.stderr
+        links += 1
+        assert links < 60
+    assert done.returncode == 0, done.stderr
+    assert links > 0 or time.monotonic() - began < 5.5
+    assert differences(undisturbed, tmp_path) == []
+
+
+def test_a_second_run_is_refused_and_the_first_unharmed(tmp_path, undisturbed):
+    first = subprocess.Popen(command(tmp_path, 1), env=ENVIRONMENT, text=True, stdout=subprocess.PIPE)
+    try:
+        wait_for_rows(tmp_path, 20, first)
+        second = finish(tmp_path)
+        assert second.returncode == 4 and second.stderr.count("pgfmd:") == 1
+        assert f"{tmp_path}: in use by process {first.pid}" in second.stderr
+        first.communicate(timeout=60.0)
+    finally:
+        first.kill()
+    assert first.returncode == 0 and differences(undisturbed, tmp_path) == []
+
+
+def limited(size: int):
+    """Lets files of the child grow to so many bytes only."""
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+
+@pytest.mark.parametrize(
+    ("size", "what"),
+    [(30_000, "checkpoint.h5.tmp"), (90_000, "curve.csv"), (60_000, "fields.h5")],
+)
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_full_disk_ends_the_run_and_more_room_lets_it_go_on(size, what, ranks, tmp_path, undisturbed):
+    began = time.monotonic()
+    done = subprocess.run(
+        command(tmp_path, ranks), env=ENVIRONMENT, capture_output=True, text=True, timeout=60.0, preexec_fn=limited(size)
+    )
+    assert done.returncode == 4, done.stderr
+    assert done.stderr.count("pgfmd:") == done.stderr.count("could not be written: File too large") == 1
+    assert f"{tmp_path}/{what}: could not be written" in done.stderr, began
+    assert not list(tmp_path.glob("*.tmp")) and not (tmp_path / "run.lock").exists()
+    if (tmp_path / "checkpoint.h5").exists():
+        read_head(tmp_path / "checkpoint.h5")
+    assert finish(tmp_path).returncode == 0
+    assert differences(undisturbed, tmp_path) == []
+
+
+def test_kills_at_random_times():
+    """Ten of the two hundred that scripts/torture.py does."""
+    done = subprocess.run(
+        [sys.executable, SCRIPTS / "torture.py", "--kills", "10", "--seed", "3"],
+        env=ENVIRONMENT, capture_output=True, text=True, timeout=240.0,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1].startswith("10 kills (") and done.stdout.endswith(": 0 faults\n")
