@@ -19,18 +19,20 @@ trap : TERM
 
 if [ -z "${NUMBA_CACHE_DIR+set}" ]; then
     NUMBA_CACHE_DIR=${TMPDIR:-/tmp}/pgfmd-numba-$(id -u)
-    # A cache holds programs: use none that somebody else has put there.
-    if ! (umask 077 && mkdir -p "$NUMBA_CACHE_DIR") || [ ! -O "$NUMBA_CACHE_DIR" ]; then NUMBA_CACHE_DIR=$(mktemp -d); fi
     export NUMBA_CACHE_DIR
+    # A cache holds programs: use none that somebody else has put there.
+    if ! (umask 077 && mkdir -p "$NUMBA_CACHE_DIR") || [ ! -O "$NUMBA_CACHE_DIR" ]; then
+        NUMBA_CACHE_DIR=$(mktemp -d)
+    fi
 fi
-# Ranks are bound to cores where the job sees no other cores than its own. Elsewhere two jobs on a node would be bound to
-# the same ones. (nproc counts what this process may use; but with OMP_NUM_THREADS set it says that.)
+# Ranks are bound to cores where the job sees no other cores than its own. Elsewhere two jobs on a node would be bound
+# to the same ones. (nproc counts what this process may use; but with OMP_NUM_THREADS set it says that.)
 if [ "$(env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc)" != "${SLURM_CPUS_ON_NODE:-${NCPUS:-0}}" ]; then
     export OMPI_MCA_hwloc_base_binding_policy="${OMPI_MCA_hwloc_base_binding_policy:-none}"
 fi
 
-# run_pgfmd ARGUMENTS...: `pgfmd run` on all ranks, and its exit code. USR1 (stop) and USR2 (checkpoint) go from this shell
-# to mpirun or srun, and from there to every rank.
+# run_pgfmd ARGUMENTS...: `pgfmd run` on all ranks, and its exit code. USR1 (stop) and USR2 (checkpoint) go from this
+# shell to mpirun or srun, and from there to every rank.
 run_pgfmd() {
     local code
     # shellcheck disable=SC2086

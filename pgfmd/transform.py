@@ -26,8 +26,8 @@ EFFORTS = {"estimate": fftw.FFTW_ESTIMATE, "measure": fftw.FFTW_MEASURE}
 _CACHE_BYTES = 1 << 18
 """Working set of one batch of columns or rows: a quarter of a usual second-level cache."""
 _LARGEST_BATCH = 16
-"""Transforms done at a time. More are no faster; with 8, those below n = 1024 take 4 to 20 % longer; and a rank with
-few columns, as 16 ranks have them at n = 512, does no more than the batch that it needs, filled or not."""
+"""Most transforms done at a time. With 8, those below n = 1024 take 4 to 25 % longer; with more, ranks that have few
+columns do more transforms than they need."""
 
 
 def _batch(length: int, itemsize: int, count: int) -> int:

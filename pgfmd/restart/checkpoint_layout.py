@@ -26,7 +26,7 @@ FORMAT = 1
 HEAD = "head"
 SEAL_BYTES = 4096
 """Size of the user block: room for the places of the bytes that belong to no array."""
-BOOKKEEPING = 2**14
+BOOKKEEPING = 2**12
 """Most bytes that HDF5 needs for itself, a dataset."""
 PIECE = 2**20
 """Elements that are read at a time where one process examines a whole array."""

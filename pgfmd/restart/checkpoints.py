@@ -54,6 +54,10 @@ class Checkpoints:
         self._newest_is_whole = True
         return Saved(size, time.perf_counter() - began)
 
+    def drop_previous(self) -> None:
+        """Deletes the checkpoint before the newest: a run that is finished needs it no more. Collective."""
+        on_root(self.comm, f"{self.previous}: could not be deleted", lambda: self.previous.unlink(missing_ok=True))
+
     def restore(self, apply: Callable[[dict, checkpoint_file.Reader], Any], warn: Callable[[str], None]) -> Path:
         """Has `apply` take the state from the newest valid checkpoint, by its head and a reader of its arrays; returns
         its path.

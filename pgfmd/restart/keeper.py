@@ -84,8 +84,9 @@ class Keeper:
         self._phase = simulation.state.phase
 
     def finish(self, simulation) -> None:
-        """Keeps the last state. Collective."""
+        """Keeps the last state, and that alone. Collective."""
         self._save(simulation)
+        self.checkpoints.drop_previous()
 
     def _agree(self, now: float) -> tuple[int, bool]:
         """(signal or OUT_OF_TIME or 0, whether a checkpoint is due), the same on all ranks."""
@@ -114,7 +115,7 @@ class Keeper:
         began = time.perf_counter()
         outputs = self.outputs.marks() | {"snapshots": numbers_of(snapshots.agenda)}
         links = self.history.update(state.counters.steps, simulation.scheme.transform_seconds)
-        head = {**self.about, "state": numbers_of(state), "outputs": outputs, "links": links}
+        head = {**self.about, "why": self.why, "state": numbers_of(state), "outputs": outputs, "links": links}
         arrays = {f"state/{name}": array for name, array in arrays_of(state).items()}
         arrays |= {f"snapshots/{name}": array for name, array in arrays_of(snapshots.agenda).items()}
         saved = self.checkpoints.save(head, arrays)

@@ -29,7 +29,8 @@ JOBS, SLURM = ROOT / "jobs", ROOT / "scripts" / "slurm"
 CANNOT_START = (69, 71)
 ACTIVE = ("PENDING", "CONFIGURING", "RUNNING", "COMPLETING", "REQUEUED", "SUSPENDED", "STOPPED")
 # What a login shell has: nothing of MPI's and Slurm's settings, which the scripts have to make themselves.
-CLEAN = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMI", "SLURM_", "SBATCH_"))}
+FOREIGN = ("OMPI_", "PMI", "SLURM_", "SBATCH_")
+CLEAN = {name: value for name, value in os.environ.items() if not name.startswith(FOREIGN)}
 SCENE = ["tri-tack", "grid.n=64", "solver.accuracy=5e-5", 'output.snapshots=["5 s", "1.1 t_pl"]']
 """About 1400 steps: 2 s on a free core."""
 LONG = ["tri-tack", "grid.n=128", "solver.accuracy=1e-8"]
@@ -165,20 +166,25 @@ def test_a_chain_that_is_signalled_twice_leaves_the_same_bits(cluster, undisturb
 
 
 def test_runs_stop_before_slurm_ends_their_job(cluster):
-    # Slurm's limits are minutes, but the end of a job that runs may be set to the second. Two tasks of an array, because
-    # one of them has the number of the whole array.
+    # Slurm's limits are minutes, but the end of a job that runs may be set to the second. Two tasks of an array,
+    # because one of them has the number of the whole array.
     script = cluster.work / "short.sh"
     script.write_text(
         "#!/bin/bash\n"
         "job=${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID\n"
-        "scontrol update JobId=$job EndTime=now+10\n"
+        "scontrol update JobId=$job EndTime=now+12\n"
         "SLURM_TIME_FORMAT=%s squeue --noheader --jobs=$job --format='ends %e'\n"
         f'RESULTS=short/$SLURM_ARRAY_TASK_ID exec bash {JOBS}/slurm-chain.sh "$@"\n'
     )
     number = cluster.submit(str(script), *LONG, options=("--ntasks=1", "--array=1-2"), LINKS="1")
+    for task in ("1", "2"):
+        # Once pgfmd has asked for it, the end is put off: who stops the run in time is pgfmd.
+        cluster.under_way(f"{number}_{task}", f"short/{task}", 2)
+        assert cluster.call("scontrol", "update", f"JobId={number}_{task}", "EndTime=now+300").returncode == 0
     jobs = [cluster.end(f"{number}_{task}") for task in (1, 2)]
     text = cluster.output(number)
     assert [(job["JobState"], job["ExitCode"]) for job in jobs] == [("FAILED", "75:0")] * 2, text
+    assert text.count("pgfmd: stopped by the limit of time") == 2
     assert text.count("the chain ends with link 1, the last that LINKS=1 allows") == 2
     ends = [float(end) for end in re.findall(r"^ends (\d+)$", text, re.MULTILINE)]
     assert len(ends) == 2
@@ -221,8 +227,9 @@ def test_a_chain_ends_at_once_with_the_exit_code_of_a_bad_scene(cluster):
 @pytest.mark.skipif("PGFMD_FULL_LIMITS" not in os.environ, reason="takes 2 minutes: scripts/test_jobs --full")
 def test_slurms_own_signal_and_slurms_own_end(cluster):
     signalled = cluster.submit(
-        "slurm-chain.sh", *LONG, options=("--ntasks=1", "--time=1", "--signal=B:USR1@40"), RESULTS="signalled", LINKS="2"
-    )
+        "slurm-chain.sh", *LONG, options=("--ntasks=1", "--time=1", "--signal=B:USR1@40"), RESULTS="signalled",
+        LINKS="2",
+    )  # fmt: skip
     # Without the number of its job pgfmd knows no end; and nothing else tells it.
     unwarned = ("--ntasks=1", "--time=1", "--signal=B:CONT@1")
     lost = {"RESULTS": "ended", "LAUNCH": "mpirun -n 1 env -u SLURM_JOB_ID"}
