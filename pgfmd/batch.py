@@ -42,8 +42,15 @@ def this_job() -> Job | None:
     for system, (name, cluster, restarts) in _VARIABLES.items():
         if os.environ.get(name):
             count = os.environ.get(restarts, "")
-            return Job(system, os.environ[name], os.environ.get(cluster, ""), int(count) if count.isdecimal() else 0)
+            return Job(system, _id(name), os.environ.get(cluster, ""), int(count) if count.isdecimal() else 0)
     return None
+
+
+def _id(name: str) -> str:
+    """The number of this job; of a task of Slurm's arrays both of its numbers."""
+    # One task of an array has the number of the array, which stands for all its tasks where Slurm is asked.
+    array, task = os.environ.get("SLURM_ARRAY_JOB_ID"), os.environ.get("SLURM_ARRAY_TASK_ID")
+    return f"{array}_{task}" if name == "SLURM_JOB_ID" and array and task else os.environ[name]
 
 
 def is_over(job: Job) -> bool | None:
@@ -69,13 +76,13 @@ def _cluster() -> str:
     return match[1] if match else ""
 
 
-def asked(*command: str) -> subprocess.CompletedProcess | None:
+def asked(*command: str, **more: str) -> subprocess.CompletedProcess | None:
     """A batch system's answer to a command; None if there is none in time."""
     # With these, users tell squeue to show other things than it is asked for.
     plain = {name: value for name, value in os.environ.items() if not name.startswith("SQUEUE_")}
     try:
         return subprocess.run(
-            command, env=plain, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER_WITHIN
+            command, env=plain | more, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER_WITHIN
         )
     except (OSError, ValueError, subprocess.SubprocessError):
         return None

@@ -24,6 +24,8 @@ Overrides = Annotated[
 ]
 UNBALANCED = 0.05
 """Residual of the energy audit, as a share of the work of the loop, that is told at the end of a run."""
+LAUNCHER_NEEDS = 10.0
+"""Time [s] before the end of a job at which a run has to be over: after a code other than 0, mpirun takes 5 s to end."""
 OFF = "off"
 _BEGAN = time.time()
 """About when the process began: limits of time count from then."""
@@ -58,7 +60,7 @@ def run(
         from pgfmd.runner import Options, run_scene
 
         job_ends = end_of_job() if comm.rank == 0 else None
-        limit = limit if job_ends is None else min(limit, job_ends)
+        limit = limit if job_ends is None else min(limit, job_ends - LAUNCHER_NEEDS)
         options = Options(fresh, tuple(allow or ()), Timing(every, limit))
         record = run_scene(loaded, comm, directory, _say, options)
         if comm.rank == 0:

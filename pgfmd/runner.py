@@ -24,6 +24,10 @@ from pgfmd.scene import load_scene
 from pgfmd.simulation import STOPPED_STEPS
 from pgfmd.stop_signals import StopSignals
 
+LEAST_STEPS = 2
+"""Steps that a process must have made before its limit of time to call that progress."""
+
+
 @dataclass(frozen=True)
 class Options:
     """How a run deals with what is in its folder, and with limits of time.
@@ -118,6 +122,12 @@ def _to_the_end(simulation, keeper: Keeper, scene, folder: Path, history: Histor
         record = record_of(simulation, scene, comm, history) | {"error": str(error)}
         storage.write_run_json(folder / storage.RUN_FILE, comm, record)
         raise
+    if keeper.out_of_time and state.counters.steps - history.now.first_step < LEAST_STEPS:
+        # A chain of such links would go on for ever.
+        raise RunError(
+            f"the limit of time came after {state.counters.steps - history.now.first_step} steps of this process: allow "
+            f"more of it. There is a checkpoint in {folder}, from which the same command goes on"
+        )
     if keeper.why:
         raise Stopped(
             f"stopped by {keeper.why} after step {state.counters.steps} ({simulation.phase.name}, t = {state.time:.6g} s)"
@@ -175,14 +185,18 @@ def _require_space(simulation, scene, comm, folder: Path) -> None:
 
 
 def compile_kernels(comm, scene) -> None:
-    """Has rank 0 compile the kernels that the scene needs, by tiny tack tests, while the others wait.
+    """Has one rank a node compile the kernels that the scene needs, by tiny tack tests, while the others wait.
 
-    All ranks would otherwise compile the same at once, and race for numba's cache. One rank compiles when it gets
-    there.
+    All ranks would otherwise compile the same at once, and race for numba's cache, which may be on the node's own disk.
+    One rank compiles when it gets there.
     """
     if comm.size > 1:
-        if comm.rank == 0:
+        from mpi4py import MPI
+
+        node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+        if node.rank == 0:
             warm_up(scene.solver.scheme, scene.solver.precision)
+        node.Free()
         comm.Barrier()
 
 

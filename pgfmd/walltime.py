@@ -60,22 +60,16 @@ def end_of_job() -> float | None:
         return None
     if job.system == batch.SLURM:
         known = os.environ.get("SLURM_JOB_END_TIME", "")
-        return float(known) if known.isdecimal() and int(known) else _now_and(_left_by_squeue(job.id))
+        return float(known) if known.isdecimal() and int(known) else _end_by_squeue(job.id)
     return _end_by_qstat(job.id) if job.system == batch.PBS else None
 
 
-def _now_and(left: float | None) -> float | None:
-    return None if left is None else time.time() + left
-
-
-def _left_by_squeue(job: str) -> float | None:
-    """Time [s] that Slurm's job has left. Asked for instead of its end, as clocks and time zones may differ."""
-    done = batch.asked("squeue", "--noheader", f"--jobs={job}", "--format=%L")
-    if done and not done.returncode:
-        # It may be UNLIMITED, NOT_SET or INVALID.
-        with contextlib.suppress(UnitError):
-            return clock_seconds(done.stdout.strip())
-    return None
+def _end_by_squeue(job: str) -> float | None:
+    """When Slurm ends the job. The time left (%L) is that of the limit in minutes: wrong where the end was changed."""
+    done = batch.asked("squeue", "--noheader", f"--jobs={job}", "--format=%e", SLURM_TIME_FORMAT="%s")
+    # It may be NONE or N/A.
+    found = done.stdout.strip() if done and not done.returncode else ""
+    return float(found) if found.isdecimal() else None
 
 
 def _end_by_qstat(job: str) -> float | None:

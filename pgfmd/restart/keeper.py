@@ -43,7 +43,12 @@ class Timing:
 
 
 class Keeper:
-    """Looks after a run: `attend` between steps, `finish` at its end."""
+    """Looks after a run: `attend` between steps, `finish` at its end.
+
+    Attributes:
+        why: what the run has stopped for, such as "USR1"; empty as long as it goes on. out_of_time: whether that is the
+            limit of time.
+    """
 
     def __init__(self, comm, checkpoints: Checkpoints, outputs, signals: StopSignals, timing: Timing, about: dict,
                  history: History, say):  # fmt: skip
@@ -51,7 +56,7 @@ class Keeper:
         self.comm, self.checkpoints, self.outputs, self.signals = comm, checkpoints, outputs, signals
         self.timing, self.about, self.history = timing, about, history
         self.say = say if comm.rank == 0 else (lambda line: None)
-        self.why = ""
+        self.why, self.out_of_time = "", False
         self._began = time.time()
         self._last_save = self._last_step = time.perf_counter()
         self._longest_step = self._longest_save = 0.0
@@ -67,7 +72,8 @@ class Keeper:
             self.signals.patience = max(LEAST_PATIENCE, STEPS_OF_PATIENCE * self._longest_step)
         stop, due = self._agree(now)
         if stop:
-            self.why = "the limit of time" if stop == OUT_OF_TIME else StopSignals.name_of(stop)
+            self.out_of_time = stop == OUT_OF_TIME
+            self.why = "the limit of time" if self.out_of_time else StopSignals.name_of(stop)
             self._save(simulation)
         elif due or (self._phase != state.phase and math.isfinite(self.timing.every)):
             saved = self._save(simulation)

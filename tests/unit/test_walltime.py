@@ -90,15 +90,20 @@ def test_slurm_may_say_when_it_ends(systems, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("answer", "left"),
-    [("1-01:00:30\n", 90030.0), ("12:00\n", 720.0), ("0:05", 5.0), ("UNLIMITED\n", None), ("INVALID", None)],
+    ("answer", "end"), [("2000000000\n", 2e9), ("1763793000", 1763793000.0), ("NONE\n", None), ("N/A", None), ("", None)]
 )
-def test_slurm_is_asked(answer, left, systems, monkeypatch):
+def test_slurm_is_asked(answer, end, systems, monkeypatch):
     asked = systems("squeue", answer)
     monkeypatch.setenv("SLURM_JOB_ID", "77")
-    before, end = time.time(), end_of_job()
-    assert end is None if left is None else before + left <= end <= time.time() + left
+    assert end_of_job() == end
     assert "--jobs=77" in asked.read_text()
+
+
+def test_a_task_of_an_array_asks_for_itself_alone(systems, monkeypatch):
+    asked = systems("squeue", "2000000000")
+    for name, value in (("SLURM_JOB_ID", "79"), ("SLURM_ARRAY_JOB_ID", "77"), ("SLURM_ARRAY_TASK_ID", "2")):
+        monkeypatch.setenv(name, value)
+    assert end_of_job() == 2e9 and "--jobs=77_2" in asked.read_text()
 
 
 def test_a_batch_system_that_fails_or_hangs_says_nothing(systems, monkeypatch, tmp_path):
