@@ -14,6 +14,7 @@ import contextlib
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,7 @@ import h5py
 import numpy as np
 
 from .errors import ResultError
+from .restart.checksum import whole_sum
 from .storage import UNDO_SUFFIX, secure_space, write_atomically
 
 BLOCK_FIELDS = {
@@ -35,6 +37,8 @@ SNAPSHOT_NUMBERS = {
     "force": ("N", "normal force on the punch, positive in compression"),
 }
 LABEL_BYTES = 80
+NUMBERS = "numbers"
+"""What the checksum of a snapshot's numbers and label is called after."""
 CHUNK_BYTES = 2**26
 SCALAR_CHUNK = 64
 
@@ -105,9 +109,9 @@ def create(path: Path, layout: Layout) -> None:
         # Fixed length: text of free length can't be written through MPI-IO, should a later version want to.
         text = h5py.string_dtype("utf-8", LABEL_BYTES)
         _growing(file, "label", text, long_name="what the programme calls this moment", _Encoding="utf-8")
-        for name in layout.arrays:
+        for name in (*layout.arrays, NUMBERS):
             _growing(file, checksum_of(name), "u8", long_name=f"checksum of {name}, for `pgfmd verify`")
-        for name in (*SNAPSHOT_NUMBERS, "label", *map(checksum_of, layout.arrays)):
+        for name in (*SNAPSHOT_NUMBERS, "label", *map(checksum_of, (*layout.arrays, NUMBERS))):
             file[name].dims[0].attach_scale(file["snapshot"])
         for name in layout.arrays:
             _create_array(file, name, layout)
@@ -154,7 +158,7 @@ def count_frames(path: Path, layout: Layout) -> int:
 def resize(path: Path, layout: Layout, frames: int) -> None:
     """Set the number of snapshots: new ones hold NaN, those beyond are dropped."""
     with open_serial(path, "r+") as file:
-        for name in ("snapshot", *SNAPSHOT_NUMBERS, "label", *layout.arrays, *map(checksum_of, layout.arrays)):
+        for name in ("snapshot", *SNAPSHOT_NUMBERS, "label", *layout.arrays, *map(checksum_of, (*layout.arrays, NUMBERS))):
             file[name].resize(frames, axis=0)
         file["snapshot"][:] = np.arange(frames)
 
@@ -164,10 +168,17 @@ def checksum_of(name: str) -> str:
     return f"{name}_checksum"
 
 
+def sum_of_numbers(label: bytes, numbers: Sequence[float]) -> np.uint64:
+    """Checksum of a snapshot's `SNAPSHOT_NUMBERS` and label."""
+    text = np.frombuffer(label.ljust(LABEL_BYTES, b"\0"), dtype=np.uint64)
+    return whole_sum(np.concatenate([np.array(numbers, dtype=np.float64).view(np.uint64), text]), 0)
+
+
 def describe(path: Path, frame: int, label: str, sums: dict[str, int], **numbers: float) -> None:
     """Write label, checksums of the arrays and `SNAPSHOT_NUMBERS` of one snapshot. A label longer than 80 bytes is cut
     between characters."""
     cut = label.encode()[:LABEL_BYTES].decode(errors="ignore").encode()
+    sums = sums | {NUMBERS: sum_of_numbers(cut, [numbers[name] for name in SNAPSHOT_NUMBERS])}
     with open_serial(path, "r+") as file:
         file["label"][frame] = cut
         for name in SNAPSHOT_NUMBERS:

@@ -1,7 +1,6 @@
 """Whether every byte of a results folder that has a checksum is what was written. No MPI; memory for a piece at a time.
 
-A folder in use is examined as far as it is safe: checkpoints are replaced and tables grow meanwhile. Not covered: what
-no checksum is kept of, the numbers and labels beside the arrays of fields.h5.
+A folder in use is examined as far as it is safe: checkpoints are replaced and tables grow meanwhile.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy as np
 from pgfmd import storage
 from pgfmd.curve_file import begins_as_marked
 from pgfmd.errors import ResultError
-from pgfmd.fields_layout import SNAPSHOT_NUMBERS, Layout, checksum_of, open_serial, undo_path
+from pgfmd.fields_layout import NUMBERS, SNAPSHOT_NUMBERS, Layout, checksum_of, open_serial, sum_of_numbers, undo_path
 from pgfmd.inventory import CHECKPOINTS, Inventory, require_known, take_inventory
 from pgfmd.restart.checkpoint_layout import Damaged, examine
 from pgfmd.restart.checksum import whole_sum
@@ -204,7 +203,7 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
         if frames < (marked or 0):
             found = f"has {frames} snapshots, the checkpoint knows {marked}"
             return Part(path, False, found, f"put the file back, or {ANEW}")
-        if any(checksum_of(name) not in file for name in names):
+        if any(checksum_of(name) not in file for name in (*names, NUMBERS)):
             return Part(path, True, f"{frames} snapshots without checksums, of an earlier version: not examined")
         strange = _strange(file, layout, frames)
         if strange:
@@ -212,6 +211,7 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
         count = min(frames, marked or 0) if only_marked else frames
         wrong = [f"{name} of snapshot {frame}" for frame in range(count) for name in names
                  if _sum_of(file[name], frame) != file[checksum_of(name)][frame]]  # fmt: skip
+        wrong += [f"numbers or label of snapshot {frame}" for frame in range(count) if not _numbers_are_right(file, frame)]
     if wrong:
         return Part(path, False, f"changed: {', '.join(wrong)}", "don't use that; put the file back if there is a copy")
     left_out = f", and {frames - count} not examined" if frames > count else ""
@@ -221,9 +221,14 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
 def _strange(file: h5py.File, layout: Layout, frames: int) -> list[str]:
     """Variables that are not what the file's own attributes and number of snapshots make them."""
     shapes = {name: (frames, side, side) for name, (_, _, side, _) in layout.arrays.items()}
-    shapes |= {name: (frames,) for name in (*SNAPSHOT_NUMBERS, "label", *map(checksum_of, layout.arrays))}
+    shapes |= {name: (frames,) for name in (*SNAPSHOT_NUMBERS, "label", *map(checksum_of, (*layout.arrays, NUMBERS)))}
     found = [name for name, shape in shapes.items() if file[name].shape != shape]
     return found + [name for name, axis in layout.axes.items() if not np.array_equal(file[name], axis)]
+
+
+def _numbers_are_right(file: h5py.File, frame: int) -> bool:
+    numbers = [file[name][frame] for name in SNAPSHOT_NUMBERS]
+    return sum_of_numbers(bytes(file["label"][frame]), numbers) == file[checksum_of(NUMBERS)][frame]
 
 
 def _sum_of(array: h5py.Dataset, frame: int) -> np.uint64:

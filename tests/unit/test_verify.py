@@ -345,3 +345,10 @@ def test_the_command_ends_in_4_if_anything_is_wrong(stopped, finished, tmp_path,
     # A folder that is none does not end it before the others.
     code, said = called(tmp_path / "nowhere", stopped)
     assert code == 4 and said.err == f"pgfmd: {tmp_path}/nowhere: no such folder\n" and "checkpoint.h5" in said.out
+
+
+@pytest.mark.parametrize("name", ["time", "punch_position", "force", "label"])
+def test_a_changed_number_or_label_of_a_snapshot_is_found(name, finished):
+    with fields_layout.open_serial(finished / "fields.h5", "r+") as file:
+        file[name][1] = b"elsewhere" if name == "label" else np.nextafter(file[name][1], 1.0)
+    assert "changed: numbers or label of snapshot 1;" in wrong(finished)["fields.h5"]
