@@ -140,7 +140,7 @@ def _restore(checkpoints: Checkpoints, simulation, outputs: Outputs, history: Hi
     comm, state, found = checkpoints.comm, simulation.state, {}
 
     def apply(head: dict, read) -> None:
-        found["changed"] = launch.on_first(comm, lambda: review(head, scene, allow, str(checkpoints.newest.parent)))
+        found["changed"] = launch.on_first(comm, lambda: review(head, scene, allow, checkpoints.newest.parent))
         found["head"] = head
         unpack(state, head["state"], lambda name, share: read(f"state/{name}", share))
         agenda = head["outputs"]["snapshots"]

@@ -13,7 +13,7 @@ from pathlib import Path
 from pgfmd import storage
 from pgfmd.errors import ResultError
 from pgfmd.restart.checkpoint_layout import Damaged, read_head
-from pgfmd.restart.scene_changes import contents_of, review
+from pgfmd.restart.scene_changes import contents_of, require_known, review
 from pgfmd.simulation import STOPPED_STEPS
 
 FAILED = "failed"
@@ -33,9 +33,10 @@ class Plan:
 def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
     """The plan for a folder whose lock is held. Moves away what is there if `fresh`.
 
-    Raises SceneError where the scene is not the one that the run began with, ResultError where there are results, but
+    Raises SceneError where the scene is not the one that the run began with, or `allow` names no key; ResultError where there are results, but
     nothing to go on from.
     """
+    require_known(allow)
     if fresh:
         aside = storage.set_aside(folder)
         return Plan(told=[f"{folder} held results: moved to {aside}"] if aside else [])
@@ -46,7 +47,7 @@ def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
     if record and record["finished"] != FAILED:
         # Its checkpoint was deleted, which is fine.
         text = (folder / storage.SCENE_FILE).read_text(encoding="utf-8")
-        review({"scene": text, "files": contents_of(scene)}, scene, (), str(folder))
+        review({"scene": text, "files": contents_of(scene)}, scene, (), folder)
         return Plan(record=record)
     curve = folder / storage.CURVE_FILE
     if curve.exists() and curve.read_bytes().count(b"\n") > 2:
@@ -81,7 +82,7 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene, allow: Sequence[str
     if head is None:
         # What is wrong with each is said by whoever tries to read them.
         return Plan(go_on=True)
-    changed = review(head, scene, allow, str(folder))
+    changed = review(head, scene, allow, folder)
     finished, record = head["state"]["finished"], finished_record(folder)
     if finished and record and not (finished == STOPPED_STEPS and "solver.max_steps" in changed):
         return Plan(record=record)

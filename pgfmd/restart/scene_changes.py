@@ -15,6 +15,7 @@ from pgfmd.drive import PRELOAD
 from pgfmd.errors import Problem, SceneError
 from pgfmd.parts import drive_of
 from pgfmd.scene import parse_scene
+from pgfmd.scene_model import SECTIONS
 
 UNIMPORTANT = ("title", "output.directory")
 CHANGEABLE = ("output.every", "output.snapshots", "solver.accuracy", "solver.max_steps")
@@ -30,11 +31,18 @@ def contents_of(scene) -> dict[str, str]:
     return {key: hashlib.sha256(Path(path).read_bytes()).hexdigest() for key, path in named.items() if path}
 
 
-def review(head: dict, scene, allow: Sequence[str], source: str) -> list[str]:
+def require_known(allow: Sequence[str]) -> None:
+    """Raises SceneError for what can't be allowed to change, or is no key at all."""
+    known = [*CHANGEABLE, *(f"drive.{name}" for name in SECTIONS["drive"].model_fields), "drive", "output", "solver"]
+    problems = [Problem("--allow", key, ", ".join(known)) for key in allow if key not in known]
+    if problems:
+        raise SceneError("command line", problems)
+
+
+def review(head: dict, scene, allow: Sequence[str], folder: Path) -> list[str]:
     """The keys that have changed since a checkpoint with this head was written, all of them allowed.
 
-    allow: keys, or whole sections, that may change. source names the scene in errors. Raises SceneError with every key
-    that must not have changed.
+    allow: keys, or whole sections, that may change. Raises SceneError with every key that must not have changed.
     """
     old, new = _flat(head["scene"]), _flat(scene.to_toml())
     files = contents_of(scene)
@@ -48,28 +56,25 @@ def review(head: dict, scene, allow: Sequence[str], source: str) -> list[str]:
         elif before == now or key in UNIMPORTANT:
             continue
         refusal = _refusal(key, head, scene, allow)
-        if refusal:
-            problems.append(Problem(key, now, f"{before!r}, with which the run in this folder began", refusal))
+        if refusal is not None:
+            problems.append(Problem(key, now, repr(before), refusal))
         else:
             changed.append(key)
     if problems:
-        raise SceneError(source, problems)
+        raise SceneError(f"{folder} holds a run of another scene: choose another --out, or start anew with --fresh", problems)
     return changed
 
 
-def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str:
-    """Why a key must not have changed, and what to do; nothing if it may."""
-    anew = "choose another --out, or start anew with --fresh, which keeps the old results"
+def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:
+    """Why a key must not have changed, or how it may; None if it may."""
     section = key.partition(".")[0]
     if section == "drive":
         why = _drive_refusal(head, scene)
         if why:
-            return f"{why}: {anew}"
+            return why
     elif key not in CHANGEABLE:
-        return anew
-    if key in allow or section in allow:
         return ""
-    return f"to go on with the new one, add --allow {key}; else {anew}"
+    return None if key in allow or section in allow else f"to go on with the new one, add --allow {key}"
 
 
 def _drive_refusal(head: dict, scene) -> str:

@@ -413,12 +413,17 @@ def test_a_changed_scene_is_refused_even_if_allowed(change, comm, folder, stoppi
     stopping_after(IN_RETRACTION)
     with pytest.raises(Stopped):
         run("one element", comm, folder / "out")
-    allowed = Options(allow=("drive", "output", "solver", "grid", "rheology"))
+    allowed = Options(allow=("drive", "output", "solver"))
     for options in (Options(), allowed):
         with pytest.raises((SceneError, RelayedError), match=f"{REFUSED[change]} = "):
             run("one element", comm, folder / "out", change, options=options)
     stopping_after(math.inf)
     assert run("one element", comm, folder / "out")["finished"] == "detached"
+
+
+def test_only_known_keys_can_be_allowed(comm, folder):
+    with pytest.raises((SceneError, RelayedError), match="--allow = 'drive.dwel': expected output.every"):
+        run("one element", comm, folder / "out", options=Options(allow=("drive", "drive.dwel")))
 
 
 CHANGES = {
