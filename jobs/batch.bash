@@ -34,9 +34,13 @@ fi
 # run_pgfmd ARGUMENTS...: `pgfmd run` on all ranks, and its exit code. USR1 (stop) and USR2 (checkpoint) go from this
 # shell to mpirun or srun, and from there to every rank.
 run_pgfmd() {
-    local code
+    local code argument kept=()
+    for argument in "$@"; do
+        # Later links go on with what the first one has begun, and so does a job that Slurm has queued again by itself.
+        if [ "$argument" != --fresh ] || [ "$((${SLURM_RESTART_COUNT:-0} + ${LINK:-1}))" = 1 ]; then kept+=("$argument"); fi
+    done
     # shellcheck disable=SC2086
-    ${LAUNCH:-mpirun -n ${SLURM_NTASKS:-1}} pgfmd run "$@" &
+    ${LAUNCH:-mpirun -n ${SLURM_NTASKS:-1}} pgfmd run "${kept[@]}" &
     ranks=$!
     # A signal ends `wait`, not the ranks.
     while kill -0 "$ranks" 2>/dev/null; do wait "$ranks"; done

@@ -32,6 +32,9 @@ def main(arguments: list[str] | None = None) -> None:
     if rank and not set(arguments[:1]) & set(COLLECTIVE):
         # `mpirun pgfmd plot`: once is enough.
         raise SystemExit(0)
+    if arguments[:1] == ["run"]:
+        # Before it loads what it needs: a batch system may have enough of a job early.
+        launch.listen()
     try:
         code = app(arguments, prog_name="pgfmd", standalone_mode=False)
     except PgfmdError as error:

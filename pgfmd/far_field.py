@@ -30,10 +30,11 @@ def far_weights(compliance, points) -> np.ndarray:
     fold[2 * modes == n] = 0.0
     to_column = _cosines(modes, points.block_start + np.arange(points.nb), n) * fold[:, None]
     corner_and_edge = 6.0 - 5.0 * (-1.0) ** modes
-    # Products of matrices have other last bits for other shapes: the groups of rows are those of the block, not the rank's.
+    # Products of matrices of other shapes have other last bits: rows are grouped as in the block, not as on the rank.
     start, end = points.row_start, points.row_start + points.rows
     groups = range(start - start % _ROWS_OF_POINTS, end, _ROWS_OF_POINTS) if points.rows else ()
-    to_row = [_cosines(modes, points.block_start + group + np.arange(_ROWS_OF_POINTS), n) * fold[:, None] for group in groups]
+    within = points.block_start + np.arange(_ROWS_OF_POINTS)
+    to_row = [_cosines(modes, group + within, n) * fold[:, None] for group in groups]
     rows = np.zeros((len(groups), _ROWS_OF_POINTS, points.nb))
     for first in range(0, modes.size, _ROWS_OF_MODES):
         some = slice(first, first + _ROWS_OF_MODES)

@@ -14,9 +14,10 @@ import numpy as np
 
 from . import fields_layout
 from .errors import ResultError
+from .hdf5 import open_serial
 from .fields_layout import BLOCK_FIELDS, SURFACE_FIELD, Layout
 from .restart.checksum import whole_sum
-from .storage import agree, attempt, on_root
+from .storage import agree, attempt, bring_to_disk, on_root
 
 # HDF5's own book-keeping for one more snapshot: B-tree nodes and chunks of the per-snapshot numbers.
 BOOKKEEPING_BYTES = 2**17
@@ -112,11 +113,15 @@ class FieldsFile:
             size = fields_layout.reserve(self.path, self._layout.frame_bytes + BOOKKEEPING_BYTES)
             fields_layout.remember(self.path, self._layout, size)
             fields_layout.resize(self.path, self._layout, frame + 1)
-            fields_layout.describe(self.path, frame, label, sums, time=time, punch_position=displacement, force=force)
+            fields_layout.describe(
+                self.path, frame, label, sums, time=time, punch_position=displacement, force=force
+            )
 
         on_root(self._comm, what, make_room)
         write = self._write_together if self.parallel else self._write_gathered
         agree(self._comm, attempt(what, lambda: write(frame, arrays))[1])
+        # Each rank: on a cluster the data may still be in its own node's memory.
+        agree(self._comm, attempt(what, lambda: bring_to_disk(self.path))[1])
         on_root(self._comm, what, lambda: fields_layout.forget(self.path))
         self.frames += 1
 
@@ -127,7 +132,10 @@ class FieldsFile:
             ResultError: on every rank, if the file holds fewer.
         """
         if not 0 <= frames <= self.frames:
-            raise ResultError(f"{self.path}: holds {self.frames} snapshots, can't be cut back to {frames}")
+            raise ResultError(
+                f"{self.path}: holds {self.frames} snapshots, can't be cut back to {frames}. Put the file back, or start "
+                "anew with --fresh, which keeps the old results"
+            )
 
         def cut() -> None:
             fields_layout.remember(self.path, self._layout, self.path.stat().st_size)
@@ -198,7 +206,7 @@ class FieldsFile:
             raise problem
 
     def _write_whole(self, name: str, frame: int, whole: np.ndarray) -> None:
-        with fields_layout.open_serial(self.path, "r+") as file:
+        with open_serial(self.path, "r+") as file:
             file[name][frame] = whole
 
     def _gather(self, values: np.ndarray, first: int) -> np.ndarray | None:

@@ -22,8 +22,9 @@ import h5py
 import numpy as np
 
 from .errors import ResultError
+from .hdf5 import open_serial
 from .restart.checksum import whole_sum
-from .storage import UNDO_SUFFIX, secure_space, write_atomically
+from .storage import UNDO_SUFFIX, bring_to_disk, secure_space, write_atomically
 
 BLOCK_FIELDS = {
     "gap": ("m", "gap between punch and elastomer"),
@@ -87,11 +88,6 @@ def _chunk_rows(side: int) -> int:
     return max(1, min(side, CHUNK_BYTES // (8 * side)))
 
 
-def open_serial(path: Path, mode: str) -> h5py.File:
-    """Open without HDF5's file locks: somebody who looks at a snapshot must not stop the run."""
-    return h5py.File(path, mode, locking=False)
-
-
 def create(path: Path, layout: Layout) -> None:
     """A file without snapshots. OSError if it can't be written."""
     with open_serial(path, "w") as file:
@@ -146,7 +142,10 @@ def count_frames(path: Path, layout: Layout) -> int:
             found = {name: file.attrs.get(name) for name in layout.attributes}
             frames = len(file["snapshot"]) if "snapshot" in file else 0
     except OSError as problem:
-        cure = "close it if this process reads it (Results.close), else move it away: it is damaged"
+        cure = (
+            "close it if this process reads it (Results.close), else it is damaged: put it back, or start anew with --fresh, "
+            "which keeps the old results"
+        )
         raise ResultError(f"{path}: can't be continued: {problem}; {cure}") from problem
     for name, value in layout.attributes.items():
         if found[name] != value:
@@ -158,7 +157,8 @@ def count_frames(path: Path, layout: Layout) -> int:
 def resize(path: Path, layout: Layout, frames: int) -> None:
     """Set the number of snapshots: new ones hold NaN, those beyond are dropped."""
     with open_serial(path, "r+") as file:
-        for name in ("snapshot", *SNAPSHOT_NUMBERS, "label", *layout.arrays, *map(checksum_of, (*layout.arrays, NUMBERS))):
+        sums = map(checksum_of, (*layout.arrays, NUMBERS))
+        for name in ("snapshot", *SNAPSHOT_NUMBERS, "label", *layout.arrays, *sums):
             file[name].resize(frames, axis=0)
         file["snapshot"][:] = np.arange(frames)
 
@@ -232,9 +232,8 @@ def remember(path: Path, layout: Layout, size: int) -> None:
 
 
 def forget(path: Path) -> None:
-    """The snapshot is complete: bring the file to the disk and drop the undo file."""
-    with open(path, "rb") as file:
-        os.fsync(file.fileno())
+    """The change is complete: bring the file to the disk and drop the undo file."""
+    bring_to_disk(path)
     undo_path(path).unlink(missing_ok=True)
 
 

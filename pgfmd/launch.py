@@ -98,6 +98,24 @@ def on_first(comm, action: Callable[[], Any]) -> Any:
     return told[0]
 
 
+def listen() -> None:
+    """From here on USR1 and USR2 end no process. What comes before a run can answer it (stop_signals.py) is remembered;
+    what comes after it, when there is nothing left to stop or save, is not heeded."""
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGUSR1, signal.SIGUSR2):
+            signal.signal(number, lambda number, frame: _early.append(number))
+
+
+def take_early() -> list[int]:
+    """The signals that have come since `listen`, or since this was last asked."""
+    found = _early[:]
+    _early.clear()
+    return found
+
+
+_early: list[int] = []
+
+
 def complain(message: object) -> None:
     """A message for the user, on stderr."""
     sys.stdout.flush()
@@ -172,6 +190,7 @@ def guarded(comm) -> Iterator[None]:
     and any other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a
     message and exit code 130 (mpirun may turn it into its own).
     """
+    listen()
     alone = comm.size == 1
     meeting = None if alone else comm.Dup()
     previous = {number: signal.signal(number, _stopper(comm)) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -199,6 +218,10 @@ def guarded(comm) -> Iterator[None]:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
+        # Not put back: the same signal may come twice, and must not end a run that has just been stopped by it. And not
+        # left to a handler: on its way out, Python puts the default in the place of those.
+        for number in (signal.SIGUSR1, signal.SIGUSR2):
+            signal.signal(number, signal.SIG_IGN)
     if meeting is not None:
         meeting.Free()
 

@@ -39,7 +39,9 @@ class Curve(_Observer):
         if event.kind in ("start", "step", "jump"):
             last = bool(simulation.state.finished)
             for file, row in self.files:
-                file.append(row(simulation), force_write=last or event.kind != "step")
+                # The first step's row is there in any case: it tells a run from one that never began.
+                first = simulation.state.counters.steps == 1
+                file.append(row(simulation), force_write=first or last or event.kind != "step")
 
 
 def curve_row(simulation) -> CurveRow:
@@ -92,7 +94,7 @@ class Frame:
 
     def take(self, state, surface: Surface | None) -> Frame:
         """Holds the present fields of the state, in the arrays of before where there are some."""
-        if self.displacement.size != state.displacement.size:
+        if (self.displacement.size, self.displacement.dtype) != (state.displacement.size, state.displacement.dtype):
             self.displacement, self.traction = np.empty_like(state.displacement), np.empty_like(state.traction)
         self.displacement[:], self.traction[:] = state.displacement, state.traction
         if surface:
@@ -142,7 +144,7 @@ class Snapshots(_Observer):
 
     def replan(self, state, wanted: list[tuple[float, str]], fractions: list[float]) -> None:
         """Other snapshots from now on; what is over already is left out."""
-        coming = [entry for entry in wanted if entry[0] > state.time or not state.started]
+        coming = [entry for entry in wanted if _is_to_come(entry, state) or not state.started]
         self.agenda.wanted, self.agenda.fractions = sorted(coming), fractions
         if state.preload_time is not None:
             self._schedule(state)
@@ -175,14 +177,14 @@ class Snapshots(_Observer):
         """Writes what is wanted by now; twice the same time, or one that has passed, would ask for a step of no
         length."""
         state, wanted = simulation.state, self.agenda.wanted
-        while wanted and wanted[0][0] <= state.time + 1e-9 * state.last_step:
+        while wanted and not _is_to_come(wanted[0], state):
             _, label = wanted.pop(0)
             self._write_present(simulation, label)
 
     def _schedule(self, state) -> None:
         """Turns fractions of the time to the preload into times."""
         times = [(time_of(state, value), f"{value:g} t_pl") for value in self.agenda.fractions]
-        self.agenda.wanted = sorted(self.agenda.wanted + [entry for entry in times if entry[0] >= state.time])
+        self.agenda.wanted = sorted(self.agenda.wanted + [entry for entry in times if _is_to_come(entry, state)])
         self.agenda.fractions = []
 
     def _write_present(self, simulation, label: str) -> None:
@@ -199,6 +201,11 @@ class Snapshots(_Observer):
         )  # fmt: skip
 
 
+def _is_to_come(entry: tuple[float, str], state) -> bool:
+    """Whether a wanted time is more than rounding away."""
+    return entry[0] > state.time + 1e-9 * state.last_step
+
+
 def time_of(state, fraction: float) -> float:
     """Time [s] at a fraction of t_pl, the time from first contact to the preload; for a state past its preload."""
     first = state.first_contact_time if state.first_contact_time is not None else 0.0
@@ -211,17 +218,21 @@ class Progress(_Observer):
     def __init__(self, comm, say, every: float = 5.0):
         self.silent, self.say, self.every = comm.rank != 0, say, every
         self.last = self.began = time.perf_counter()
+        self.first_step: int | None = None
 
     def observe(self, simulation, event) -> None:
         if self.silent:
             return
         now = time.perf_counter()
+        if self.first_step is None:
+            # Of this process: the run may have been gone on with.
+            self.first_step = max(0, simulation.state.counters.steps - 1)
         if now - self.last < self.every and event.kind not in ("preload", "end"):
             return
         self.last = now
         state = simulation.state
         area = state.contact_points * simulation.points.grid.cell_area
-        rate = state.counters.steps / max(now - self.began, 1e-9)
+        rate = (state.counters.steps - self.first_step) / max(now - self.began, 1e-9)
         what = {"end": state.finished, "preload": "preload"}.get(event.kind, simulation.phase.name)
         self.say(
             f"{what:>9}  t {state.time:.4g} s  indentation {-state.position * 1e6:.4f} um"

@@ -55,7 +55,8 @@ def run(
     limit = math.inf if walltime is None else _BEGAN + _time("--walltime", walltime)
     comm = launch.world()
     with launch.guarded(comm):
-        loaded, directory = launch.on_first(comm, lambda: _prepared(scene, all_changes(changes, overrides), out, comm.size))
+        changed = all_changes(changes, overrides)
+        loaded, directory = launch.on_first(comm, lambda: _prepared(scene, changed, out, comm.size))
         from pgfmd.restart.keeper import Timing
         from pgfmd.runner import Options, run_scene
 

@@ -87,16 +87,17 @@ def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: f
     """From the first step, or from a checkpoint, to the end."""
     compile_kernels(comm, scene)
     simulation = assemble(scene, comm)
-    _require_space(simulation, scene, comm, folder)
+    expected = _require_space(simulation, scene, comm, folder)
     text = scene.to_toml().encode()
     storage.on_root(comm, "the scene", lambda: storage.write_atomically(folder / storage.SCENE_FILE, text))
     history = History(comm.size, versions(), began)
     outputs = Outputs(simulation, scene, comm, folder, say)
     try:
         with StopSignals(comm) as signals:
-            about = {"pgfmd": history.now.versions["pgfmd"], "scene": text.decode(), "files": contents_of(scene)}
+            files = storage.on_root(comm, "the scene's files", lambda: contents_of(scene))
+            about = {"pgfmd": history.now.versions["pgfmd"], "scene": text.decode(), "files": files}
             checkpoints = Checkpoints(folder, comm)
-            keeper = Keeper(comm, checkpoints, outputs, signals, options.timing, about, history, say)
+            keeper = Keeper(comm, checkpoints, outputs, signals, options.timing, about, history, expected, say)
             if go_on:
                 _restore(checkpoints, simulation, outputs, history, scene, options.allow, say)
                 keeper.go_on(simulation)
@@ -107,6 +108,8 @@ def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: f
         outputs.close()
     record = record_of(simulation, scene, comm, history)
     storage.write_run_json(folder / storage.RUN_FILE, comm, record)
+    # What a finished run needs is its last state alone.
+    checkpoints.drop_previous()
     return record
 
 
@@ -115,8 +118,6 @@ def _to_the_end(simulation, keeper: Keeper, scene, folder: Path, history: Histor
     state, comm = simulation.state, keeper.comm
     try:
         simulation.run(attend=keeper.attend)
-        if not keeper.why:
-            keeper.finish(simulation)
     except RunError as error:
         state.finished = resume.FAILED
         record = record_of(simulation, scene, comm, history) | {"error": str(error)}
@@ -153,7 +154,7 @@ def _restore(checkpoints: Checkpoints, simulation, outputs: Outputs, history: Hi
     history.go_on(head["links"], state.counters.steps, changed)
     if "solver.max_steps" in changed and state.finished == STOPPED_STEPS:
         state.finished = ""
-    if "output.snapshots" in changed:
+    if {"output.snapshots", "drive.preload"} & set(changed):
         outputs.plan_snapshots(state)
     if comm.rank == 0:
         for line in _told(simulation, path, changed, history):
@@ -172,8 +173,9 @@ def _told(simulation, path: Path, changed: list[str], history: History) -> list[
     return lines
 
 
-def _require_space(simulation, scene, comm, folder: Path) -> None:
-    """ResultError on every rank if the disk has no room for the checkpoints and snapshots."""
+def _require_space(simulation, scene, comm, folder: Path) -> int:
+    """About how large a checkpoint is going to be [bytes]. ResultError on every rank if the disk has no room for
+    checkpoints and snapshots."""
     state, points = simulation.state, simulation.points
     arrays = sum(array.nbytes for array in arrays_of(state).values())
     # Two surfaces and loads of the past, and a surface kept for a snapshot.
@@ -182,6 +184,7 @@ def _require_space(simulation, scene, comm, folder: Path) -> None:
     grid, count = points.grid, 2 + len(scene.output.snapshots)
     frame = Layout(grid.n, grid.length, points.block_start, points.nb, scene.output.surface).frame_bytes
     storage.on_root(comm, f"{folder}", lambda: require_space(folder, checkpoint, count * frame))
+    return checkpoint
 
 
 def compile_kernels(comm, scene) -> None:

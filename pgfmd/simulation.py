@@ -48,17 +48,15 @@ class Simulation:
     def run(self, only_to_preload: bool = False, attend: Callable[[Simulation], bool] | None = None) -> State:
         """Runs the programme to its end, or to the preload; returns the state, whose `finished` says how it ended.
 
-        Goes on from wherever the state is. attend: called at the start and between steps; the run stops, unfinished,
-        where it returns True.
+        Goes on from wherever the state is. attend: called at the start, after each step, and so also at the end before
+        the observers hear of it; the run stops, unfinished, where it returns True.
         """
         state = self.state
-        if state.finished:
-            return state
         earlier = state.counters.transform_pairs - self.scheme.pairs
 
         def is_to_stop() -> bool:
             state.counters.transform_pairs = earlier + self.scheme.pairs
-            return attend is not None and not state.finished and attend(self)
+            return attend is not None and attend(self)
 
         stopped = False
         if not state.started:

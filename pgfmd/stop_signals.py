@@ -24,7 +24,7 @@ import threading
 import time
 from typing import Any
 
-from pgfmd.launch import INTERRUPTED
+from pgfmd.launch import INTERRUPTED, take_early
 
 PATIENCE = 6.0
 """Time [s] from TERM or Ctrl-C until the ranks must have agreed to stop."""
@@ -70,6 +70,8 @@ class StopSignals:
         self._warden.start()
         self._former_mouth = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
         self._previous = {number: signal.signal(number, self._note) for number in (*STOPPING, SAVING)}
+        for number in take_early():
+            self._note(number, None)
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -28,9 +28,10 @@ SCENE_FILE = "scene.resolved.toml"
 CHECKPOINT_FILE = "checkpoint.h5"
 PREVIOUS_CHECKPOINT_FILE = "checkpoint.previous.h5"
 UNDO_SUFFIX = ".undo"
-RESULTS = (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, RUN_FILE, CURVE_FILE, ENERGY_FILE, EVENTS_FILE, FIELDS_FILE,
-           FIELDS_FILE + UNDO_SUFFIX, SCENE_FILE)  # fmt: skip
-"""The files of a run, in the order in which they are moved away."""
+RESULTS = (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, RUN_FILE, ENERGY_FILE, EVENTS_FILE, FIELDS_FILE + UNDO_SUFFIX,
+           FIELDS_FILE, SCENE_FILE, CURVE_FILE)  # fmt: skip
+"""The files of a run, in the order in which they are moved away: what is left by somebody who is interrupted must neither
+look like a run to go on with, nor, as long as there is a curve, like none."""
 
 Value = TypeVar("Value")
 
@@ -99,7 +100,6 @@ def set_aside(directory: Path) -> Path | None:
         return None
     target = next(folder for k in range(1, 10**6) if not (folder := directory / f"previous-{k}").exists())
     target.mkdir()
-    # The checkpoints first: what is left by somebody who is interrupted here must not look like a run to go on with.
     for file in (*old, *sorted(directory.glob("*.png"))):
         file.rename(target / file.name)
     return target
@@ -137,6 +137,15 @@ def secure_space(path: Path, start: int, size: int) -> None:
         except OSError as problem:
             if problem.errno not in (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS):
                 raise
+
+
+def bring_to_disk(path: Path) -> None:
+    """Waits until a file or folder is on the disk. OSError."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def write_run_json(path: str | Path, comm, record: dict) -> None:

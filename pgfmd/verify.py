@@ -18,7 +18,8 @@ import numpy as np
 from pgfmd import storage
 from pgfmd.curve_file import begins_as_marked
 from pgfmd.errors import ResultError
-from pgfmd.fields_layout import NUMBERS, SNAPSHOT_NUMBERS, Layout, checksum_of, open_serial, sum_of_numbers, undo_path
+from pgfmd.fields_layout import NUMBERS, SNAPSHOT_NUMBERS, Layout, checksum_of, sum_of_numbers, undo_path
+from pgfmd.hdf5 import open_serial
 from pgfmd.inventory import CHECKPOINTS, Inventory, require_known, take_inventory
 from pgfmd.restart.checkpoint_layout import Damaged, examine
 from pgfmd.restart.checksum import whole_sum
@@ -211,7 +212,8 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
         count = min(frames, marked or 0) if only_marked else frames
         wrong = [f"{name} of snapshot {frame}" for frame in range(count) for name in names
                  if _sum_of(file[name], frame) != file[checksum_of(name)][frame]]  # fmt: skip
-        wrong += [f"numbers or label of snapshot {frame}" for frame in range(count) if not _numbers_are_right(file, frame)]
+        strange = [frame for frame in range(count) if not _numbers_are_right(file, frame)]
+        wrong += [f"numbers or label of snapshot {frame}" for frame in strange]
     if wrong:
         return Part(path, False, f"changed: {', '.join(wrong)}", "don't use that; put the file back if there is a copy")
     left_out = f", and {frames - count} not examined" if frames > count else ""

@@ -6,7 +6,6 @@ rank after the other), rank 0 seals it, all bring it to the disk. The file is no
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,10 +14,11 @@ import numpy as np
 
 from pgfmd.errors import RunError
 from pgfmd.finite import lines_of, not_finite_on
+from pgfmd.hdf5 import open_serial
 from pgfmd.restart import checkpoint_layout
-from pgfmd.restart.checkpoint_layout import Damaged, Entry, compare_sums, open_serial
+from pgfmd.restart.checkpoint_layout import Damaged, Entry, compare_sums
 from pgfmd.restart.checksum import block_sums
-from pgfmd.storage import agree, attempt, on_root
+from pgfmd.storage import agree, attempt, bring_to_disk, on_root
 
 PIECE_BYTES = 2**20
 """Most that a rank hands to one collective write: MPI-IO keeps copies of what is under way."""
@@ -110,15 +110,6 @@ class Reader:
                 file[name].read_direct(lines, np.s_[:, first : first + lines.shape[1]])
 
 
-def bring_to_disk(path: Path) -> None:
-    """Waits until a file or folder is on the disk. OSError."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 def _over_ranks(comm, sums: np.ndarray) -> np.ndarray:
     """Sums modulo 2^64 over all ranks."""
     if comm.size == 1:
@@ -137,7 +128,7 @@ def _require_finite(comm, shares: dict[str, np.ndarray]) -> None:
     """RunError on every rank if a number of a share is not finite."""
     where = not_finite_on(comm, shares)
     if where:
-        raise RunError(f"the state is no longer finite: {where}. It was not written to a checkpoint: those from before are valid")
+        raise RunError(f"the state is no longer finite: {where}. The checkpoints from before are valid")
 
 
 def _write_shares(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:

@@ -19,6 +19,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from pgfmd.hdf5 import open_serial
 from pgfmd.restart.checksum import block_sums
 from pgfmd.storage import reason, secure_space
 
@@ -89,11 +90,6 @@ def _empty_file() -> bytes:
     with h5py.File(image, "w", userblock_size=SEAL_BYTES):
         pass
     return image.getvalue()
-
-
-def open_serial(path: Path, mode: str, **options: Any) -> h5py.File:
-    """Open without HDF5's file locks: somebody who looks at a checkpoint must not stop the run."""
-    return h5py.File(path, mode, locking=False, **options)
 
 
 def seal(path: Path) -> int:

@@ -19,7 +19,7 @@ import numpy as np
 from pgfmd.errors import ResultError
 from pgfmd.restart import checkpoint_file
 from pgfmd.restart.checkpoint_layout import Damaged
-from pgfmd.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, on_root
+from pgfmd.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, bring_to_disk, on_root
 
 UNFINISHED = ".tmp"
 
@@ -94,9 +94,11 @@ class Checkpoints:
             try:
                 os.link(self.newest, second)
                 second.replace(self.previous)
+                # A rename of one name of a file to another of its names does nothing.
+                second.unlink(missing_ok=True)
             except OSError:
                 # No hard links on this file system: for a moment there is only the previous one.
                 with contextlib.suppress(FileNotFoundError):
                     self.newest.replace(self.previous)
         unfinished.replace(self.newest)
-        checkpoint_file.bring_to_disk(self.newest.parent)
+        bring_to_disk(self.newest.parent)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import socket
 import time
 from dataclasses import asdict, dataclass, field
+
+from pgfmd import batch
 
 
 @dataclass
@@ -31,9 +32,9 @@ class History:
     """The links of a run, the present one last. Goes by rank 0's clock."""
 
     def __init__(self, ranks: int, versions: dict[str, str], began: float):
-        job = os.environ.get("SLURM_JOB_ID") or os.environ.get("PBS_JOBID") or ""
+        job = batch.this_job()
         started = time.strftime("%Y-%m-%dT%H:%M:%S%z")
-        self.now = Link(started, socket.gethostname(), job, ranks, 0, versions)
+        self.now = Link(started, socket.gethostname(), str(job or ""), ranks, 0, versions)
         self.earlier: list[dict] = []
         self._began = began
 

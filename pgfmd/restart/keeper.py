@@ -15,7 +15,7 @@ from pgfmd.errors import PgfmdError
 from pgfmd.restart.checkpoints import Checkpoints, Saved
 from pgfmd.restart.history import History
 from pgfmd.restart.packing import arrays_of, numbers_of
-from pgfmd.stop_signals import StopSignals
+from pgfmd.stop_signals import PATIENCE, StopSignals
 
 OUT_OF_TIME = -1
 """In the place of the number of a signal: the limit of time is near."""
@@ -24,8 +24,10 @@ RESERVE, RESERVE_SHARE, MOST_RESERVE = 1.0, 0.03, 60.0
 needed."""
 STEPS_KEPT, SAVES_KEPT = 3.0, 3.0
 """So many of the longest steps, and of the longest checkpoints, must fit into the time that is left."""
-LEAST_PATIENCE, STEPS_OF_PATIENCE = 6.0, 4.0
-"""How long [s], or how many of the longest steps, ranks may take to hear of a signal before one of them gives up."""
+STEPS_OF_PATIENCE = 4.0
+"""So many of the longest steps ranks may take to hear of a signal, before one of them gives up."""
+SLOW_DISK = 50e6
+"""Speed [bytes/s] at which a checkpoint is supposed to be written, before one has been."""
 
 
 class Stopped(PgfmdError):
@@ -43,7 +45,7 @@ class Timing:
 
 
 class Keeper:
-    """Looks after a run: `attend` between steps, `finish` at its end.
+    """Looks after a run: `attend` at the start, between steps, and when it is finished.
 
     Attributes:
         why: what the run has stopped for, such as "USR1"; empty as long as it goes on. out_of_time: whether that is the
@@ -51,25 +53,30 @@ class Keeper:
     """
 
     def __init__(self, comm, checkpoints: Checkpoints, outputs, signals: StopSignals, timing: Timing, about: dict,
-                 history: History, say):  # fmt: skip
-        """about: what the head of every checkpoint says of the run (scene, files, versions)."""
+                 history: History, bytes_expected: int, say):  # fmt: skip
+        """about: what the head of every checkpoint says of the run (scene, files, versions); bytes_expected: about how
+        large a checkpoint is going to be."""
         self.comm, self.checkpoints, self.outputs, self.signals = comm, checkpoints, outputs, signals
         self.timing, self.about, self.history = timing, about, history
         self.say = say if comm.rank == 0 else (lambda line: None)
         self.why, self.out_of_time = "", False
         self._began = time.time()
         self._last_save = self._last_step = time.perf_counter()
-        self._longest_step = self._longest_save = 0.0
+        self._longest_step, self._longest_save = 0.0, bytes_expected / SLOW_DISK
         self._phase: int | None = None
 
     def attend(self, simulation) -> bool:
         """Writes a checkpoint if it is time to; returns whether to stop, which `why` then explains. Collective."""
         state = simulation.state
+        if state.finished:
+            # Before the last rows are written: a run that ended for want of steps may go on from here.
+            self._save(simulation)
+            return False
         now = time.perf_counter()
         if state.counters.steps > 0:
             self._longest_step = max(self._longest_step, now - self._last_step)
         if self.comm.size > 1:
-            self.signals.patience = max(LEAST_PATIENCE, STEPS_OF_PATIENCE * self._longest_step)
+            self.signals.patience = max(PATIENCE, STEPS_OF_PATIENCE * self._longest_step)
         stop, due = self._agree(now)
         if stop:
             self.out_of_time = stop == OUT_OF_TIME
@@ -86,13 +93,11 @@ class Keeper:
         return bool(stop)
 
     def go_on(self, simulation) -> None:
-        """The simulation has come from a checkpoint: it needs no new one."""
+        """The simulation has come from a checkpoint: it needs no new one, and knows how long one takes."""
         self._phase = simulation.state.phase
-
-    def finish(self, simulation) -> None:
-        """Keeps the last state, and that alone. Collective."""
-        self._save(simulation)
-        self.checkpoints.drop_previous()
+        self._last_save = self._last_step = time.perf_counter()
+        known = [link["checkpoint_s"] / link["checkpoints"] for link in self.history.earlier if link["checkpoints"]]
+        self._longest_save = max(known, default=self._longest_save)
 
     def _agree(self, now: float) -> tuple[int, bool]:
         """(signal or OUT_OF_TIME or 0, whether a checkpoint is due), the same on all ranks."""
@@ -126,8 +131,10 @@ class Keeper:
         arrays |= {f"snapshots/{name}": array for name, array in arrays_of(snapshots.agenda).items()}
         saved = self.checkpoints.save(head, arrays)
         self._last_save = time.perf_counter()
-        self._longest_save = max(self._longest_save, self._last_save - began)
+        took = self._last_save - began
+        # The first one takes the place of the guess.
+        self._longest_save = max(self._longest_save, took) if self.history.now.checkpoints else took
         self._phase = state.phase
         self.history.now.checkpoints += 1
-        self.history.now.checkpoint_s += self._last_save - began
+        self.history.now.checkpoint_s += took
         return saved

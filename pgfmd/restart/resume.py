@@ -33,8 +33,8 @@ class Plan:
 def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
     """The plan for a folder whose lock is held. Moves away what is there if `fresh`.
 
-    Raises SceneError where the scene is not the one that the run began with, or `allow` names no key; ResultError where there are results, but
-    nothing to go on from.
+    Raises SceneError where the scene is not the one that the run began with, or `allow` names no key; ResultError where
+    there are results, but nothing to go on from.
     """
     require_known(allow)
     if fresh:
@@ -43,12 +43,10 @@ def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
     checkpoints = [folder / name for name in (storage.CHECKPOINT_FILE, storage.PREVIOUS_CHECKPOINT_FILE)]
     if any(path.exists() for path in checkpoints):
         return _plan_from(folder, checkpoints, scene, allow)
-    record = finished_record(folder)
-    if record and record["finished"] != FAILED:
+    done = _of_finished(folder, finished_record(folder), scene)
+    if done:
         # Its checkpoint was deleted, which is fine.
-        text = (folder / storage.SCENE_FILE).read_text(encoding="utf-8")
-        review({"scene": text, "files": contents_of(scene)}, scene, (), folder)
-        return Plan(record=record)
+        return done
     curve = folder / storage.CURVE_FILE
     if curve.exists() and curve.read_bytes().count(b"\n") > 2:
         raise ResultError(
@@ -70,6 +68,15 @@ def finished_record(folder: Path) -> dict | None:
         raise ResultError(f"{path}: damaged: {problem}; move it away") from problem
 
 
+def _of_finished(folder: Path, record: dict | None, scene) -> Plan | None:
+    """The plan for a finished run of the same scene without a checkpoint; None if there is no such."""
+    if not record or record["finished"] == FAILED:
+        return None
+    text = (folder / storage.SCENE_FILE).read_text(encoding="utf-8")
+    review({"scene": text, "files": contents_of(scene)}, scene, (), folder)
+    return Plan(record=record)
+
+
 def _plan_from(folder: Path, checkpoints: list[Path], scene, allow: Sequence[str]) -> Plan:
     """The plan where there are checkpoints; whether their arrays are whole turns out when they are read."""
     head = None
@@ -79,11 +86,16 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene, allow: Sequence[str
             break
         except (Damaged, FileNotFoundError):
             continue
+    record = finished_record(folder)
     if head is None:
-        # What is wrong with each is said by whoever tries to read them.
+        # A finished run needs none. Of another, what is wrong with each is said by whoever tries to read them.
+        return _of_finished(folder, record, scene) or Plan(go_on=True)
+    try:
+        changed = review(head, scene, allow, folder)
+        finished = head["state"]["finished"]
+    except (KeyError, TypeError):
+        # Of another version: likewise.
         return Plan(go_on=True)
-    changed = review(head, scene, allow, folder)
-    finished, record = head["state"]["finished"], finished_record(folder)
     if finished and record and not (finished == STOPPED_STEPS and "solver.max_steps" in changed):
         return Plan(record=record)
     return Plan(go_on=True)

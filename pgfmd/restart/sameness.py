@@ -7,7 +7,8 @@ from pathlib import Path
 import h5py
 
 from pgfmd import storage
-from pgfmd.restart.checkpoint_layout import HEAD, examine, open_serial
+from pgfmd.hdf5 import open_serial
+from pgfmd.restart.checkpoint_layout import HEAD, examine
 
 
 def differences(one: Path, other: Path) -> list[str]:

@@ -22,6 +22,8 @@ CHANGEABLE = ("output.every", "output.snapshots", "solver.accuracy", "solver.max
 """Keys that may change at any time; those of [drive] may where their phases are still to come."""
 FILES = ("punch.file", "substrate.compliance_file")
 """Keys that name files: their contents count, not where they are."""
+DERIVED = ("adhesion.q_ref", "adhesion.range", "drive.clearance", "drive.turn_time")
+"""Keys that are usually automatic."""
 NOT_THERE = "not there"
 
 
@@ -47,7 +49,8 @@ def review(head: dict, scene, allow: Sequence[str], folder: Path) -> list[str]:
     old, new = _flat(head["scene"]), _flat(scene.to_toml())
     files = contents_of(scene)
     changed, problems = [], []
-    for key in sorted(old.keys() | new.keys()):
+    # What follows from other keys comes last.
+    for key in sorted(old.keys() | new.keys(), key=lambda key: (key in DERIVED, key)):
         before, now = old.get(key, NOT_THERE), new.get(key, NOT_THERE)
         if key in FILES:
             if files.get(key) == head["files"].get(key):
@@ -61,7 +64,8 @@ def review(head: dict, scene, allow: Sequence[str], folder: Path) -> list[str]:
         else:
             changed.append(key)
     if problems:
-        raise SceneError(f"{folder} holds a run of another scene: choose another --out, or start anew with --fresh", problems)
+        anew = "choose another --out, or start anew with --fresh"
+        raise SceneError(f"{folder} holds a run of another scene: {anew}", problems)
     return changed
 
 

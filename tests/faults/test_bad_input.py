@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from launching import ENVIRONMENT
+
 from pgfmd import launch
 from pgfmd.estimate import PROGRAM_BYTES, memory_of
 from pgfmd.results import load
@@ -18,14 +20,6 @@ from pgfmd.scene import load_scene, shipped_text
 
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 
-LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
-ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)} | {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "OMPI_MCA_odls_base_sigkill_timeout": "1",
-    "OMP_NUM_THREADS": "1",
-}
 PGFMD = [sys.executable, "-m", "pgfmd.cli"]
 FREE = 'boundary = "free"'
 

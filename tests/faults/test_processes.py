@@ -9,20 +9,13 @@ from contextlib import contextmanager
 
 import pytest
 
+from launching import ENVIRONMENT
+
 from pgfmd import launch
 from pgfmd.run_lock import LOCK_FILE, holder
 
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 
-LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
-ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)} | {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "OMP_NUM_THREADS": "1",
-    # Shorter than in scripts/environment, for tests that end in another code than 0.
-    "OMPI_MCA_odls_base_sigkill_timeout": "1",
-}
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """Runs that are signalled, limited in time, killed or short of disk: seen from outside, under hard time limits."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -10,20 +9,14 @@ from pathlib import Path
 
 import pytest
 
+from launching import ENVIRONMENT
+
 from pgfmd import launch
 from pgfmd.restart.checkpoint_layout import read_head
 from pgfmd.restart.sameness import differences
 
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 
-LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
-ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)} | {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "OMPI_MCA_odls_base_sigkill_timeout": "1",
-    "OMP_NUM_THREADS": "1",
-}
 SCENE = ["tri-tack", "grid.n=48", "solver.accuracy=1e-4", "drive.preload=10 mN", 'output.snapshots=["2 s"]']
 RESUMABLE = 75
 SCRIPTS = Path(__file__).parents[2] / "scripts"
@@ -109,6 +102,38 @@ def test_mpirun_passes_on_its_own_end_in_time_for_a_checkpoint(number, tmp_path)
     stopped = interrupted(long, tmp_path, signal.SIGUSR1, rows=steps + 50)
     assert stopped.returncode == RESUMABLE and f"going on from checkpoint.h5: step {steps}," in stopped.stdout
     assert steps_kept(tmp_path) >= steps + 48
+
+
+def hears(process: subprocess.Popen, number: int) -> bool:
+    """Whether a process has a handler for a signal."""
+    try:
+        lines = Path(f"/proc/{process.pid}/status").read_text().splitlines()
+    except OSError:
+        return False
+    caught = next((int(line.split()[1], 16) for line in lines if line.startswith("SigCgt")), 0)
+    return bool(caught >> (number - 1) & 1)
+
+
+def test_signals_before_the_first_step_and_after_the_last_end_nothing(tmp_path, undisturbed):
+    """USR2 and USR1 while it loads: it goes on to its first look, and stops there; USR1 again and again: it is stopped
+    as it was."""
+    process = subprocess.Popen(command(tmp_path, 1), env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    try:
+        latest = time.monotonic() + 30.0
+        while not hears(process, signal.SIGUSR1):
+            assert time.monotonic() < latest and process.poll() is None
+            time.sleep(0.001)
+        process.send_signal(signal.SIGUSR2)
+        while process.poll() is None:
+            assert time.monotonic() < latest
+            process.send_signal(signal.SIGUSR1)
+            time.sleep(0.01)
+    finally:
+        process.kill()
+    assert process.returncode == RESUMABLE
+    assert steps_kept(tmp_path) == 0
+    assert finish(tmp_path).returncode == 0
+    assert differences(undisturbed, tmp_path) == []
 
 
 def test_usr2_saves_and_the_run_goes_on(tmp_path, undisturbed):

@@ -6,7 +6,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 import pgfmd.runner
-from pgfmd.restart.checkpoint_layout import open_serial
+from pgfmd.hdf5 import open_serial
 from pgfmd.restart.keeper import Stopped, Timing
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene

@@ -12,6 +12,7 @@ import pytest
 
 from pgfmd import cli, fields_layout, inventory, run_lock, verify
 from pgfmd.errors import ResultError
+from pgfmd.hdf5 import open_serial
 from pgfmd.restart.checkpoint_layout import SEAL_BYTES, read_head
 from pgfmd.restart.checksum import whole_sum
 from pgfmd.run_lock import Holder, RunLock
@@ -57,14 +58,14 @@ def locked(folder):
 
 def layout_of(folder):
     """The layout of a run's snapshots."""
-    with fields_layout.open_serial(folder / "fields.h5", "r") as file:
+    with open_serial(folder / "fields.h5", "r") as file:
         about = {name: file.attrs[name] for name in ("n", "length", "block_start", "nb", "surface")}
     return fields_layout.Layout(**{**about, "surface": bool(about["surface"])})
 
 
 def place_of(folder, name, frame):
     """(offset, bytes) of an array of a snapshot in its file."""
-    with fields_layout.open_serial(folder / "fields.h5", "r") as file:
+    with open_serial(folder / "fields.h5", "r") as file:
         array = file[name]
         chunk = array.id.get_chunk_info_by_coord((frame, 0, 0))
         return chunk.byte_offset, 8 * array.shape[1] * array.shape[2]
@@ -204,7 +205,7 @@ def noted(pieces, part, first):
 
 def test_arrays_are_read_in_pieces(finished, monkeypatch):
     """Whatever the size of the pieces, the sum is that of the whole array; no more than a piece is read at a time."""
-    with fields_layout.open_serial(finished / "fields.h5", "r") as file:
+    with open_serial(finished / "fields.h5", "r") as file:
         array = file["surface_displacement"]
         whole, side = whole_sum(array[1], 0), array.shape[2]
         for piece in (1, side + 1, 5 * side, side * side - 1, 10**6):
@@ -349,6 +350,6 @@ def test_the_command_ends_in_4_if_anything_is_wrong(stopped, finished, tmp_path,
 
 @pytest.mark.parametrize("name", ["time", "punch_position", "force", "label"])
 def test_a_changed_number_or_label_of_a_snapshot_is_found(name, finished):
-    with fields_layout.open_serial(finished / "fields.h5", "r+") as file:
+    with open_serial(finished / "fields.h5", "r+") as file:
         file[name][1] = b"elsewhere" if name == "label" else np.nextafter(file[name][1], 1.0)
     assert "changed: numbers or label of snapshot 1;" in wrong(finished)["fields.h5"]

@@ -1,0 +1,13 @@
+"""What tests of whole processes share: an environment in which mpirun works anywhere, whatever has started the tests."""
+
+import os
+
+LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
+ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)} | {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "OMP_NUM_THREADS": "1",
+    # Shorter than in scripts/environment, for tests that end in another code than 0.
+    "OMPI_MCA_odls_base_sigkill_timeout": "1",
+}
