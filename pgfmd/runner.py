@@ -104,9 +104,10 @@ def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: f
             else:
                 outputs.plan_snapshots(simulation.state)
             _to_the_end(simulation, keeper, scene, folder, history)
+            marks = outputs.marks()
     finally:
         outputs.close()
-    record = record_of(simulation, scene, comm, history)
+    record = record_of(simulation, scene, comm, history) | {"outputs": marks}
     storage.write_run_json(folder / storage.RUN_FILE, comm, record)
     # What a finished run needs is its last state alone.
     checkpoints.drop_previous()

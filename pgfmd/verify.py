@@ -140,26 +140,33 @@ def _about_previous(newest: _Examined, previous: _Examined, inventory: Inventory
     return Part(previous.path, False, previous.problem, "it is not needed: delete it" if spare else "see above")
 
 
+def _marks(head: dict | None, inventory: Inventory) -> tuple[dict, str]:
+    """What the tables and snapshots should hold, and who knows that: the record of a finished run, or a checkpoint."""
+    done = inventory.record.get("outputs") if inventory.finished and inventory.record and not inventory.in_use else None
+    return (done, "record") if done else (head["outputs"] if head else {}, "checkpoint")
+
+
 def _table(path: Path, name: str, head: dict | None, inventory: Inventory) -> Part | None:
-    """A table, compared with what a checkpoint has marked."""
-    mark = head["outputs"].get(name) if head else None
+    """A table, compared with what it should hold."""
+    marks, witness = _marks(head, inventory)
+    mark = marks.get(name)
     if mark is None:
         return Part(path, True, "there, but no checkpoint tells what it should be") if path.exists() else None
     if not path.exists():
         return Part(path, False, "missing", f"put it back, or {ANEW}")
     if not begins_as_marked(path, mark):
-        found = f"its first {mark['rows']} rows are not those that the checkpoint knows"
+        found = f"its first {mark['rows']} rows are not those that the {witness} knows"
         return Part(path, False, found, f"put the file back, or {ANEW}")
     more = path.stat().st_size - mark["bytes"]
-    if more and head["state"]["finished"] and inventory.finished and not inventory.in_use:
+    if more and witness == "record":
         return Part(path, False, f"{more} bytes after the end of the run", f"cut it back to {mark['bytes']} bytes")
     later = f", and {more} bytes written since, not examined" if more else ""
-    return Part(path, True, f"{mark['rows']} rows as the checkpoint knows them{later}")
+    return Part(path, True, f"{mark['rows']} rows as the {witness} knows them{later}")
 
 
 def _fields(path: Path, head: dict | None, inventory: Inventory) -> Iterator[Part]:
     """The snapshots, and an addition to them that did not end."""
-    undo, marked = undo_path(path), head["outputs"]["fields"]["frames"] if head else None
+    undo, marked = undo_path(path), _marks(head, inventory)[0].get("fields", {}).get("frames")
     if undo.exists():
         if inventory.in_use:
             yield Part(undo, True, "a snapshot is just being added")
