@@ -89,7 +89,6 @@ def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: f
     simulation = assemble(scene, comm)
     expected = _require_space(simulation, scene, comm, folder)
     text = scene.to_toml().encode()
-    storage.on_root(comm, "the scene", lambda: storage.write_atomically(folder / storage.SCENE_FILE, text))
     history = History(comm.size, versions(), began)
     outputs = Outputs(simulation, scene, comm, folder, say)
     try:
@@ -103,6 +102,7 @@ def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: f
                 keeper.go_on(simulation)
             else:
                 outputs.plan_snapshots(simulation.state)
+            storage.on_root(comm, "the scene", lambda: storage.write_atomically(folder / storage.SCENE_FILE, text))
             _to_the_end(simulation, keeper, scene, folder, history)
             marks = outputs.marks()
     finally:
@@ -181,8 +181,8 @@ def _require_space(simulation, scene, comm, folder: Path) -> int:
     arrays = sum(array.nbytes for array in arrays_of(state).values())
     # Two surfaces and loads of the past, and a surface kept for a snapshot.
     later = 2 * (state.displacement.nbytes + state.load.nbytes) + 3 * state.displacement.nbytes
-    checkpoint = comm.allreduce(arrays + later)
     grid, count = points.grid, 2 + len(scene.output.snapshots)
+    checkpoint = comm.allreduce(arrays + later) + (8 * grid.n**2 if scene.output.surface else 0)
     frame = Layout(grid.n, grid.length, points.block_start, points.nb, scene.output.surface).frame_bytes
     storage.on_root(comm, f"{folder}", lambda: require_space(folder, checkpoint, count * frame))
     return checkpoint

@@ -172,7 +172,7 @@ def test_runs_stop_before_slurm_ends_their_job(cluster):
     script.write_text(
         "#!/bin/bash\n"
         "job=${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID\n"
-        "scontrol update JobId=$job EndTime=now+12\n"
+        "scontrol update JobId=$job EndTime=now+22\n"
         "SLURM_TIME_FORMAT=%s squeue --noheader --jobs=$job --format='ends %e'\n"
         f'RESULTS=short/$SLURM_ARRAY_TASK_ID exec bash {JOBS}/slurm-chain.sh "$@"\n'
     )
