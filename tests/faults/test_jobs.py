@@ -171,6 +171,8 @@ def test_runs_stop_before_slurm_ends_their_job(cluster):
     script = cluster.work / "short.sh"
     script.write_text(
         "#!/bin/bash\n"
+        # Both tasks write to one file.
+        "#SBATCH --open-mode=append\n"
         "job=${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID\n"
         "scontrol update JobId=$job EndTime=now+22\n"
         "SLURM_TIME_FORMAT=%s squeue --noheader --jobs=$job --format='ends %e'\n"
