@@ -12,8 +12,6 @@ from pgfmd.errors import ResultError
 from pgfmd.restart import resume
 from pgfmd.restart.checkpoint_layout import Damaged, read_head
 
-CHECKPOINTS = (storage.CHECKPOINT_FILE, storage.PREVIOUS_CHECKPOINT_FILE)
-"""Newest first."""
 _HARMLESS = re.compile(r"previous-\d+|.*\.png")
 """What a folder may hold besides, and still have no run."""
 
@@ -106,7 +104,7 @@ def _take(folder: Path) -> Inventory | None:
     holder = run_lock.holder(folder)
     lock, curve = folder / run_lock.LOCK_FILE, folder / storage.CURVE_FILE
     began = lock.stat().st_mtime if holder and lock.exists() else 0.0
-    checkpoints = [checkpoint for name in CHECKPOINTS if (checkpoint := _checkpoint(folder / name))]
+    checkpoints = [checkpoint for name in storage.CHECKPOINT_FILES if (checkpoint := _checkpoint(folder / name))]
     record, problem = None, ""
     try:
         record = resume.finished_record(folder)

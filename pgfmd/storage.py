@@ -27,8 +27,10 @@ RUN_FILE = "run.json"
 SCENE_FILE = "scene.resolved.toml"
 CHECKPOINT_FILE = "checkpoint.h5"
 PREVIOUS_CHECKPOINT_FILE = "checkpoint.previous.h5"
+CHECKPOINT_FILES = (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE)
+"""Newest first."""
 UNDO_SUFFIX = ".undo"
-RESULTS = (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, RUN_FILE, ENERGY_FILE, EVENTS_FILE, FIELDS_FILE + UNDO_SUFFIX,
+RESULTS = (*CHECKPOINT_FILES, RUN_FILE, ENERGY_FILE, EVENTS_FILE, FIELDS_FILE + UNDO_SUFFIX,
            FIELDS_FILE, SCENE_FILE, CURVE_FILE)  # fmt: skip
 """The files of a run, in the order in which they are moved away: what is left by somebody who is interrupted must neither
 look like a run to go on with, nor, as long as there is a curve, like none."""

@@ -20,7 +20,7 @@ from pgfmd.curve_file import begins_as_marked
 from pgfmd.errors import ResultError
 from pgfmd.fields_layout import NUMBERS, SNAPSHOT_NUMBERS, Layout, checksum_of, sum_of_numbers, undo_path
 from pgfmd.hdf5 import open_serial
-from pgfmd.inventory import CHECKPOINTS, Inventory, require_known, take_inventory
+from pgfmd.inventory import Inventory, require_known, take_inventory
 from pgfmd.restart.checkpoint_layout import Damaged, examine
 from pgfmd.restart.checksum import whole_sum
 from pgfmd.results import Results
@@ -58,7 +58,7 @@ def verify(folder: Path) -> Iterator[Part]:
         return
     if inventory.in_use:
         yield Part(folder, True, f"in use by {inventory.holder}: examined as far as it is safe")
-    newest, previous = (_examined(folder / name) for name in CHECKPOINTS)
+    newest, previous = (_examined(folder / name) for name in storage.CHECKPOINT_FILES)
     yield _about_newest(newest, previous, inventory)
     if previous.head or previous.problem:
         yield _about_previous(newest, previous, inventory)

@@ -34,7 +34,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from pgfmd.restart.checkpoint_layout import Damaged, examine  # noqa: E402
 from pgfmd.restart.sameness import differences  # noqa: E402
-from pgfmd.storage import CHECKPOINT_FILE, CURVE_FILE, PREVIOUS_CHECKPOINT_FILE, RUN_FILE  # noqa: E402
+from pgfmd.storage import CHECKPOINT_FILE, CHECKPOINT_FILES, CURVE_FILE, RUN_FILE  # noqa: E402
 
 SCENE = ("tri-tack", "grid.n=48", "solver.accuracy=1e-3", "drive.preload=10 mN",
          'output.snapshots=["2 s", "4 s", "1.1 t_pl"]')  # fmt: skip
@@ -91,7 +91,7 @@ def alive(pid: int) -> bool:
 def valid_checkpoint(folder: Path) -> tuple[bool, str]:
     """Whether one of the two checkpoints is valid, and the step that it is of."""
     told = []
-    for name in (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE):
+    for name in CHECKPOINT_FILES:
         try:
             head = examine(folder / name)
             return True, f"{name.removesuffix('.h5')} of step {head['state']['counters']['steps']}"
@@ -131,7 +131,7 @@ def wait_for_moment(job: Job, folder: Path, chance: random.Random) -> str:
 
 def strike(job: Job, folder: Path, chance: random.Random, kind: str, tally: Tally) -> None:
     """Kills a rank or mpirun, and looks at what is left."""
-    had = any((folder / name).exists() for name in (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE))
+    had = any((folder / name).exists() for name in CHECKPOINT_FILES)
     ranks = job.pids()
     victims = {job.process.pid: "mpirun"} | {pid: f"rank {k}" for k, pid in enumerate(ranks)}
     victim = chance.choice(list(victims))

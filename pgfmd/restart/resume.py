@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pgfmd import storage
+from pgfmd.curve_tail import count_ends
 from pgfmd.errors import ResultError
 from pgfmd.restart.checkpoint_layout import Damaged, read_head
 from pgfmd.restart.scene_changes import contents_of, require_known, review
@@ -40,7 +41,7 @@ def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
     if fresh:
         aside = storage.set_aside(folder)
         return Plan(told=[f"{folder} held results: moved to {aside}"] if aside else [])
-    checkpoints = [folder / name for name in (storage.CHECKPOINT_FILE, storage.PREVIOUS_CHECKPOINT_FILE)]
+    checkpoints = [folder / name for name in storage.CHECKPOINT_FILES]
     if any(path.exists() for path in checkpoints):
         return _plan_from(folder, checkpoints, scene, allow)
     done = _of_finished(folder, finished_record(folder), scene)
@@ -48,7 +49,7 @@ def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
         # Its checkpoint was deleted, which is fine.
         return done
     curve = folder / storage.CURVE_FILE
-    if curve.exists() and curve.read_bytes().count(b"\n") > 2:
+    if curve.exists() and count_ends(curve) > 2:
         raise ResultError(
             f"{folder}: holds results of a run, but no {storage.CHECKPOINT_FILE} to go on from. Choose another --out, or "
             "start anew with --fresh, which keeps them"

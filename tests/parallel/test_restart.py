@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from stopper import StopAfter
 
 import pgfmd.runner
 from pgfmd.assemble import assemble
@@ -60,46 +61,16 @@ def folder(tmp_path_factory):
     comm.Barrier()
 
 
-class Interrupter:
-    """In the place of StopSignals: asks to stop at the `after`-th look between steps."""
-
-    after, patience = math.inf, 0.0
-
-    def __init__(self, comm):
-        self.looks = 0
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *exception):
-        pass
-
-    @property
-    def stop(self):
-        self.looks += 1
-        return 10 if self.looks > Interrupter.after else 0
-
-    def take_save(self):
-        return False
-
-    def heard(self):
-        pass
-
-    @staticmethod
-    def name_of(number):
-        return "a test"
-
-
 @pytest.fixture
 def stopping_after(monkeypatch):
     """Has runs stop after so many steps, counted from where they go on (the first look is at the start)."""
-    monkeypatch.setattr(pgfmd.runner, "StopSignals", Interrupter)
+    monkeypatch.setattr(pgfmd.runner, "StopSignals", StopAfter)
 
     def set_after(steps):
-        Interrupter.after = steps
+        StopAfter.steps = steps
 
     yield set_after
-    Interrupter.after = math.inf
+    StopAfter.steps = math.inf
 
 
 def silent(line):

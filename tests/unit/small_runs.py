@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 from mpi4py import MPI
+from stopper import StopAfter
 
 import pgfmd.runner
 from pgfmd.hdf5 import open_serial
@@ -13,37 +14,6 @@ from pgfmd.scene import load_scene
 
 SCENE = ("tri-tack", "grid.n=24", "drive.preload=1 mN", 'output.snapshots=["1 s"]')
 """About 70 steps, the preload at the 43rd; snapshots at 1 s, the preload, and the largest tension."""
-
-
-class StopAfter:
-    """In the place of StopSignals: asks to stop after so many steps of this process."""
-
-    steps, patience = math.inf, math.inf
-
-    def __init__(self, comm):
-        self.looks = 0
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *exception):
-        pass
-
-    @property
-    def stop(self):
-        # The first look is at the start.
-        self.looks += 1
-        return 10 if self.looks > StopAfter.steps else 0
-
-    def take_save(self):
-        return False
-
-    def heard(self):
-        pass
-
-    @staticmethod
-    def name_of(number):
-        return "a test"
 
 
 def run(folder: Path, *changes: str, stop_after: float = math.inf, every: float = 600.0) -> Path:

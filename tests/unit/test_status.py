@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import time
@@ -36,16 +35,6 @@ def runs(tmp_path_factory):
     run(folder / "finished")
     run(folder / "stopped", stop_after=STOPPED_AT)
     return folder
-
-
-@pytest.fixture
-def finished(runs, tmp_path):
-    return shutil.copytree(runs / "finished", tmp_path / "finished")
-
-
-@pytest.fixture
-def stopped(runs, tmp_path):
-    return shutil.copytree(runs / "stopped", tmp_path / "stopped")
 
 
 def left_by_the_dead(folder):

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import shutil
 import sys
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from pgfmd import cli, fields_layout, inventory, run_lock, verify
+from pgfmd import cli, fields_layout, run_lock, storage, verify
 from pgfmd.errors import ResultError
 from pgfmd.hdf5 import open_serial
 from pgfmd.restart.checkpoint_layout import SEAL_BYTES, read_head
@@ -30,16 +29,6 @@ def runs(tmp_path_factory):
     run(folder / "finished", "output.surface=true")
     run(folder / "stopped", stop_after=25)
     return folder
-
-
-@pytest.fixture
-def finished(runs, tmp_path):
-    return shutil.copytree(runs / "finished", tmp_path / "finished")
-
-
-@pytest.fixture
-def stopped(runs, tmp_path):
-    return shutil.copytree(runs / "stopped", tmp_path / "stopped")
 
 
 def wrong(folder):
@@ -327,7 +316,7 @@ def test_folders_without_a_run(tmp_path):
 def test_a_head_of_another_version_is_no_crash(stopped, monkeypatch):
     monkeypatch.setattr(verify, "examine", lambda path: {"pgfmd": "9.9", "state": {}})
     assert "of another version of pgfmd (9.9)" in wrong(stopped)["checkpoint.h5"]
-    assert inventory.CHECKPOINTS[0] == "checkpoint.h5"
+    assert storage.CHECKPOINT_FILES[0] == "checkpoint.h5"
 
 
 def test_the_command_ends_in_4_if_anything_is_wrong(stopped, finished, tmp_path, capsys):
