@@ -18,13 +18,11 @@ from pydantic.fields import FieldInfo
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene_fields import limits_text, written
 from pgfmd.scene_model import PATTERNS, RHEOLOGIES, SECTIONS, Keys
-from pgfmd.scene_solver import SCHEMES
 from pgfmd.units import DIMENSIONS
 
 PAGE = Path(__file__).parent / "reference" / "scene.md"
 CHOICES: dict[str, tuple[str, dict[str, Keys]]] = {"punch": ("pattern", PATTERNS), "rheology": ("model", RHEOLOGIES)}
 BOUNDS = {"ge": "at least", "le": "at most"}
-ONLY_AVAILABLE = {"scheme": SCHEMES}
 
 HEAD = """# Keys of a scene
 
@@ -60,8 +58,7 @@ def type_text(name: str, field: FieldInfo) -> str:
     options = [field.annotation, *get_args(field.annotation)]
     literals = next((get_args(option) for option in options if get_origin(option) is Literal), ())
     if literals:
-        available = ONLY_AVAILABLE.get(name, dict.fromkeys(literals, True))
-        return ", ".join(f"`{json.dumps(word)}`" for word in literals if available[word])
+        return ", ".join(f"`{json.dumps(word)}`" for word in literals)
     names = {int: "whole number", bool: "`true` or `false`", str: "text", tuple[str, ...]: "list of texts"}
     bounds = [(word, getattr(limit, name, None)) for limit in field.metadata for name, word in BOUNDS.items()]
     limits = [f"{word} {bound}" for word, bound in bounds if bound is not None]

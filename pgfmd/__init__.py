@@ -20,6 +20,7 @@ _HOMES = {
     "load_scene": "scene",
     "run_scene": "runner",
     "plot_results": "plots",
+    "analyse": "analysis.summary",
     "PgfmdError": "errors",
 }
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from pgfmd.cohesion import range_of_adhesion
 from pgfmd.estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of
-from pgfmd.parts import deepest_indentation, inertia_of_scene, series_of
+from pgfmd.parts import deepest_indentation, inertia_of_scene, relaxation_of, series_of
 
 PAPER_FACTOR = 0.156
 """Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means here."""
@@ -92,7 +92,7 @@ def _preload(scene) -> Iterator[str]:
 
 
 def _speed(scene) -> Iterator[str]:
-    series = series_of(scene.rheology)
+    series = relaxation_of(scene)
     passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
     if series.elements and passing < GLASSY * series.tau.min():
         yield (
@@ -138,7 +138,7 @@ def _memory(scene, ranks: int) -> Iterator[str]:
 
 
 def _jumps(scene) -> Iterator[str]:
-    series, least = series_of(scene.rheology), jump_threshold(scene)
+    series, least = relaxation_of(scene), jump_threshold(scene)
     # With inertia, the surface takes its time.
     if scene.solver.scheme != "gfmd" and scene.adhesion.law == "cosine" and series.kappa_inf < least:
         what = f"kappa_inf = {series.kappa_inf:.4g} is below {least:.3g}" if series.elements else "the scene is elastic"
@@ -157,7 +157,7 @@ def _far_displacement(scene) -> Iterator[str]:
 
 
 def _quasi_static(scene) -> Iterator[str]:
-    series = series_of(scene.rheology)
+    series = relaxation_of(scene)
     passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
     if series.elements and passing > QUASI_STATIC * series.to_creep().retardation_times.max():
         yield f"speed: rho/v = {passing:.2g} s is {QUASI_STATIC:.0f} longest retardation times: nearly quasi-static"

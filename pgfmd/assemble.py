@@ -40,30 +40,52 @@ def heights_of(scene, points: PunchPoints) -> np.ndarray:
 
 def assemble(scene, comm) -> Simulation:
     """A simulation of the scene on a communicator, without observers. Collective."""
-    make = _gfmd if scene.solver.scheme == "gfmd" else _inertialess
-    scheme, controller = make(scene, comm)
-    drive = parts.drive_of(scene.drive)
+    make = {"inertialess": _inertialess, "gfmd": _gfmd, "quasistatic": _quasistatic}
+    scheme, controller = make[scene.solver.scheme](scene, comm)
+    drive = parts.drive_of(scene)
     return Simulation(scheme, controller, drive, parts.deepest_indentation(scene), scene.solver.max_steps)
+
+
+def _solver(scene, comm, wrap=lambda convolve: convolve) -> NewtonSolver:
+    """The static contact problem of the scene; wrap: what is made of its convolutions."""
+    points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm)
+    dtype = np.dtype(np.float32 if scene.solver.precision == "single" else np.float64)
+    convolve = wrap(convolution_of(scene, points, dtype=dtype))
+    rough = wrap(convolution_of(scene, points, dtype=np.float32)) if scene.solver.precision == "mixed" else None
+    height = heights_of(scene, points).astype(dtype, copy=False)
+    return NewtonSolver(points, convolve, height, parts.law_of(scene.adhesion), scene.drive.preload, rough)
+
+
+def _far_weights(scene, solver: NewtonSolver) -> np.ndarray:
+    """Weights of the far displacement, none without a periodic cell."""
+    periodic = scene.substrate.boundary == "periodic"
+    weights = far_weights(parts.compliance_of(scene), solver.points) if periodic else np.zeros(0)
+    return weights.astype(solver.dtype, copy=False)
 
 
 def _inertialess(scene, comm):
     """Scheme and controller of the massless limit."""
-    points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm)
-    law = parts.law_of(scene.adhesion)
-    dtype = np.dtype(np.float32 if scene.solver.precision == "single" else np.float64)
-    convolve = convolution_of(scene, points, dtype=dtype)
-    rough = convolution_of(scene, points, dtype=np.float32) if scene.solver.precision == "mixed" else None
-    height = heights_of(scene, points).astype(dtype, copy=False)
-    solver = NewtonSolver(points, convolve, height, law, scene.drive.preload, rough)
-    series = parts.series_of(scene.rheology)
-    tolerance = STEP_SHARE * scene.solver.accuracy
-    periodic = scene.substrate.boundary == "periodic"
-    weights = far_weights(parts.compliance_of(scene), points) if periodic else np.zeros(0)
-    weights = weights.astype(dtype, copy=False)
+    solver = _solver(scene, comm)
+    law, series, tolerance = solver.law, parts.series_of(scene.rheology), STEP_SHARE * scene.solver.accuracy
+    weights = _far_weights(scene, solver)
     scheme = Inertialess(solver, series.to_creep(), tolerance, scene.output.energy, weights, scene.solver.order)
     shortest = float(series.tau.min()) if series.elements else math.inf
     limits = StepLimits(tolerance, law.range, shortest, law.attractive)
     return scheme, Controller(scheme, limits, scene.drive.preload)
+
+
+def _quasistatic(scene, comm):
+    """Scheme and controller of infinitely slow loading."""
+    # Nothing of it is of use to other schemes.
+    from pgfmd.load_steps import LoadSteps
+    from pgfmd.schemes.quasistatic import Quasistatic, sprung
+
+    compliance, spring = parts.quasistatic_compliance(scene), parts.machine_compliance(scene)
+    solver = _solver(scene, comm, lambda convolve: sprung(convolve, spring, compliance))
+    law, tolerance = solver.law, STEP_SHARE * scene.solver.accuracy
+    stiffness = parts.punch_stiffness(scene) / compliance
+    scheme = Quasistatic(solver, compliance, tolerance, _far_weights(scene, solver), spring, stiffness)
+    return scheme, LoadSteps(scheme, tolerance, law.range, scene.drive.preload, law.attractive)
 
 
 def _gfmd(scene, comm):

@@ -8,7 +8,16 @@ from typing import Annotated, Any
 
 import typer
 
-from pgfmd import __version__, bench_command, fit_command, launch, run_command, status_command
+from pgfmd import (
+    __version__,
+    analysis_command,
+    bench_command,
+    fit_command,
+    launch,
+    run_command,
+    status_command,
+    study_command,
+)
 from pgfmd.errors import PgfmdError, Problem, ResultError, SceneError
 from pgfmd.run_command import Changes, Overrides, SceneName, all_changes
 
@@ -172,6 +181,10 @@ app.command()(fit_command.fit_prony)
 app.command()(run_command.run)
 app.command()(status_command.status)
 app.command()(status_command.verify)
+app.command()(analysis_command.analyse)
+app.command()(analysis_command.compare)
+app.command()(study_command.study)
+app.command()(study_command.converge)
 
 
 @app.command()

@@ -81,7 +81,7 @@ class Controller:
         limits = self.limits
         end = phase.duration - state.elapsed
         wanted = state.step or limits.first(phase)
-        step, why = _fit(min(wanted, limits.largest(phase)), end, until)
+        step, why = fit(min(wanted, limits.largest(phase)), end, until)
         bracket, refused, repeats = None, [], 0
         # The force must be known better than the preload is to be met.
         close = phase.ends_with == PRELOAD and state.force > CLOSE_TO_PRELOAD * self.preload
@@ -108,7 +108,7 @@ class Controller:
                 excess = trial.force - self.preload
                 past = excess > self.slack
                 if past and bracket is None:
-                    bracket = _Bracket(0.0, state.force - self.preload)
+                    bracket = Bracket(0.0, state.force - self.preload)
                 if past or (bracket is not None and excess < -self.slack):
                     other = bracket.narrow(step, excess)
                     if other is not None:
@@ -173,7 +173,7 @@ def _jumped(trial, refused: list) -> bool:
     return trial.change.largest > longer[-1].change.largest * math.sqrt(trial.step / longer[-1].step)
 
 
-class _Bracket:
+class Bracket:
     """Regula falsi (Illinois) for the step at which the force meets the preload."""
 
     def __init__(self, low: float, low_value: float):
@@ -203,7 +203,7 @@ class _Bracket:
         return min(max(inside, self.low + 1e-3 * width), self.high - 1e-3 * width)
 
 
-def _fit(step: float, end: float, until: float) -> tuple[float, str]:
+def fit(step: float, end: float, until: float) -> tuple[float, str]:
     """The step, shortened or a little stretched to end at the phase's end or the wanted time; and which of them it
     meets."""
     target, why = (end, "duration") if end <= until else (until, "time")

@@ -1,17 +1,12 @@
-"""The live tables of a run, `curve.csv`, `energy.csv` and `events.csv`: units in the header, a line a row, readable at
-any time."""
+"""The live tables of a run: what their columns are called and what a row of each holds, units in the header."""
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import os
-import re
-from dataclasses import astuple, dataclass
+import math
+from dataclasses import dataclass
 from pathlib import Path
 
-from .errors import ResultError
-from .storage import on_root
+from .csv_file import CsvFile
 
 CURVE_COLUMNS = (
     "time [s]",
@@ -61,146 +56,101 @@ class EnergyRow:
     residual: float
 
 
-EVENT_COLUMNS = ("time [s]", "displacement [m]", "force [N]", "released [J]", "event")
+EVENT_COLUMNS = (
+    "time [s]",
+    "displacement [m]",
+    "force [N]",
+    "released [J]",
+    "event",
+    "joined",
+    "left",
+    "x [m]",
+    "y [m]",
+    "at",
+)
+PATCH_COLUMNS = (
+    "snapshot",
+    "time [s]",
+    "patch",
+    "area [m^2]",
+    "force [N]",
+    "x [m]",
+    "y [m]",
+    "summits",
+    "saddles",
+    "valleys",
+    "kind",
+    "nearest",
+)
+SITE_COLUMNS = (
+    "time [s]",
+    "displacement [m]",
+    "force [N]",
+    "phase",
+    "kind",
+    "site",
+    "x [m]",
+    "y [m]",
+    "event",
+    "in_contact",
+    "of",
+)
 
 
 @dataclass(frozen=True)
 class EventRow:
-    """Something that happened at an instant: the preload, the detachment, or a jump with the energy [J] it released."""
+    """Something that happened at an instant: the preload, the detachment, or a jump with the energy [J] it released.
+
+    Of a jump: `joined` and `left`, the sites whose contact changed, such as "1 summit; 3 saddle"; `x`, `y` [m], where
+    the traction changed most, NaN for other events; `at`, the site nearest to that, such as "saddle 40".
+    """
 
     time: float
     displacement: float
     force: float
     released: float
     event: str
+    joined: str = ""
+    left: str = ""
+    x: float = math.nan
+    y: float = math.nan
+    at: str = ""
 
 
-class CsvFile:
-    """A table that grows by whole lines, each handed to the system at once. Only rank 0 writes; all ranks call.
+@dataclass(frozen=True)
+class PatchRow:
+    """A connected patch of contact in a snapshot: SI units, force positive in compression, sites by their kinds."""
 
-    A file that is already there is continued: its header must match, and a line cut short by a crash is dropped.
-
-    Attributes:
-        rows: lines in the file, without the header; the same on every rank.
-        offered: rows handed in, also those that `every` left out.
-    """
-
-    def __init__(self, path: str | Path, comm, columns: tuple[str, ...], every: int = 1):
-        if every < 1:
-            raise ValueError(f"every = {every}: expected at least 1")
-        self.path, self.every = Path(path), every
-        self._comm = comm
-        self._header = (",".join(columns) + "\n").encode()
-        self._file = None
-        self._digest = hashlib.sha256()
-        self.rows = comm.bcast(on_root(comm, f"{self.path}: could not be opened", self._open))
-        self.offered = self.rows
-
-    def append(self, row: CurveRow | EnergyRow | EventRow, force_write: bool = False) -> None:
-        """Write this row if its turn has come (each `every`-th, the first included) or `force_write` says so.
-
-        Args:
-            row: the values of rank 0 are written, floats with all their digits.
-            force_write: the same on every rank.
-
-        Raises:
-            ResultError: on every rank, naming file and reason; the file then ends with the line before.
-        """
-        turn = self.offered % self.every == 0
-        self.offered += 1
-        if turn or force_write:
-            on_root(self._comm, f"{self.path}: could not be written", lambda: self._write(_line(row)))
-            self.rows += 1
-
-    def mark(self) -> dict | None:
-        """What a checkpoint has to hold of the table, which is brought to the disk for it; on rank 0, else None.
-
-        Raises:
-            ResultError: on every rank.
-        """
-        return on_root(self._comm, f"{self.path}: could not be brought to the disk", self._mark)
-
-    def cut_back(self, mark: dict) -> None:
-        """Cut back to what a checkpoint has marked.
-
-        Raises:
-            ResultError: on every rank, if the file does not begin with the rows that were marked.
-        """
-        on_root(self._comm, f"{self.path}: could not be cut back", lambda: self._cut_to(mark))
-        self.rows, self.offered = mark["rows"], mark["offered"]
-
-    def close(self) -> None:
-        """Close the file; nothing is lost without it."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
-
-    def _open(self) -> int:
-        # "a" would write at the end whatever `truncate` did before on some network file systems: seek instead.
-        self._file = os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644), "r+b", buffering=0)
-        ends = self._line_ends()
-        if not ends:
-            self._file.truncate(0)
-            self._file.seek(0)
-            self._write(self._header)
-            return 0
-        self._file.seek(0)
-        if self._file.read(ends[0]) != self._header:
-            raise ResultError(f"{self.path}: its columns are not {self._header.decode().strip()}; move it away")
-        self._keep(ends[-1])
-        return len(ends) - 1
-
-    def _line_ends(self) -> list[int]:
-        """Offsets just after every newline."""
-        self._file.seek(0)
-        return [newline.end() for newline in re.finditer(b"\n", self._file.readall())]
-
-    def _keep(self, size: int) -> None:
-        self._file.truncate(size)
-        self._file.seek(0)
-        self._digest = hashlib.sha256(self._file.read(size))
-
-    def _mark(self) -> dict:
-        os.fsync(self._file.fileno())
-        size, digest = self._file.tell(), self._digest.hexdigest()
-        return {"rows": self.rows, "offered": self.offered, "bytes": size, "sha256": digest}
-
-    def _cut_to(self, mark: dict) -> None:
-        if not begins_as_marked(self.path, mark):
-            raise ResultError(
-                f"{self.path}: can't be continued: its first {mark['rows']} rows are not those that the checkpoint knows. "
-                "Put the file back, or start anew with --fresh, which keeps the old results"
-            )
-        self._keep(mark["bytes"])
-
-    def _write(self, line: bytes) -> None:
-        if self._file is None:
-            raise ResultError(f"{self.path}: could not be written: the file is closed")
-        start, rest = self._file.tell(), memoryview(line)
-        try:
-            while rest:
-                rest = rest[self._file.write(rest) :]
-        except OSError:
-            # A disk that fills up takes part of a line; half a number must not pass for a whole one.
-            with contextlib.suppress(OSError):
-                self._keep(start)
-            raise
-        self._digest.update(line)
+    snapshot: int
+    time: float
+    patch: int
+    area: float
+    force: float
+    x: float
+    y: float
+    summits: int
+    saddles: int
+    valleys: int
+    kind: str
+    nearest: str
 
 
-def begins_as_marked(path: Path, mark: dict) -> bool:
-    """Whether a table begins with the rows that a checkpoint has marked. OSError if it can't be read."""
-    digest, left = hashlib.sha256(), mark["bytes"]
-    with open(path, "rb") as file:
-        while left and (piece := file.read(min(left, 2**20))):
-            digest.update(piece)
-            left -= len(piece)
-    return digest.hexdigest() == mark["sha256"]
+@dataclass(frozen=True)
+class SiteRow:
+    """A site that "joins" the contact or "leaves" it: then `in_contact` sites of its kind are in contact, `of` there
+    are."""
 
-
-def _line(row: CurveRow | EnergyRow | EventRow) -> bytes:
-    values = (value if isinstance(value, str) else repr(float(value)) for value in astuple(row))
-    return (",".join(values) + "\n").encode()
+    time: float
+    displacement: float
+    force: float
+    phase: str
+    kind: str
+    site: int
+    x: float
+    y: float
+    event: str
+    in_contact: int
+    of: int
 
 
 class CurveFile(CsvFile):
@@ -222,3 +172,17 @@ class EventFile(CsvFile):
 
     def __init__(self, path: str | Path, comm):
         super().__init__(path, comm, EVENT_COLUMNS)
+
+
+class PatchFile(CsvFile):
+    """`patches.csv`: the contact patches of every snapshot (`PatchRow`)."""
+
+    def __init__(self, path: str | Path, comm):
+        super().__init__(path, comm, PATCH_COLUMNS)
+
+
+class SiteFile(CsvFile):
+    """`sites.csv`: summits, saddles and valleys that join the contact or leave it (`SiteRow`)."""
+
+    def __init__(self, path: str | Path, comm):
+        super().__init__(path, comm, SITE_COLUMNS)

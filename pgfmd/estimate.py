@@ -14,7 +14,7 @@ import numpy as np
 import scipy.fft
 
 from pgfmd.grid import Grid, PunchPoints
-from pgfmd.parts import inertia_of_scene, series_of, transform_side
+from pgfmd.parts import inertia_of_scene, relaxation_of, series_of, transform_side
 from pgfmd.reference import flat_punch, hertz
 
 PROGRAM_BYTES = 245e6
@@ -75,10 +75,16 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     width = transform_side(scene, nb) // 2 + 1
     rows, columns = math.ceil(nb / ranks), math.ceil(width / ranks)
     periodic = scene.substrate.boundary == "periodic"
-    elements = series_of(scene.rheology).elements
     precision = scene.solver.precision
-    size = 4.0 if precision == "single" else 8.0
-    counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, 0.5 if precision == "mixed" else 1.0)
+    size, rough = 4.0 if precision == "single" else 8.0, 0.5 if precision == "mixed" else 1.0
+    if scene.solver.scheme == "quasistatic":
+        # The softest mode and its dual in the State; in the scheme u, w and zeros for the history.
+        counts = 7 + 2 * rough, 3 + 2 + 7 * rough + periodic
+    else:
+        elements = series_of(scene.rheology).elements
+        counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, rough)
+    # With patches, the traction before each step: jumps are placed by it.
+    counts = counts[0], counts[1] + scene.output.patches
     state, rest = (size * points.total / ranks * count for count in counts)
     transform = columns * width + 2.0 * rows * width + (2.0 * nb * columns if ranks > 1 else 0.0)
     transform *= size + (4.0 if precision == "mixed" else 0.0)
@@ -129,13 +135,13 @@ def effort_of(scene) -> Effort:
 
     With adhesion, steps go like the travel in ranges, times sqrt(gamma/(E* v lambda)), lambda the longest
     retardation time, times accuracy^(-0.4); pairs a step hardly depend on the grid; elastic scenes jump at every
-    instability and cost far more. Without adhesion a few dozen steps are enough; fitted to elastic scenes, it is five
+    instability and cost far more. Quasi-static runs: n = 64 to 256, accuracy 0.01 to 0.05. Without adhesion a few dozen steps are enough; fitted to elastic scenes, it is five
     times too much for a fast viscoelastic one.
     """
     if scene.solver.scheme == "gfmd":
         return _gfmd_effort(scene)
     adhesion, drive, modulus = scene.adhesion, scene.drive, scene.substrate.contact_modulus
-    creep = series_of(scene.rheology).to_creep()
+    creep, quasistatic = relaxation_of(scene).to_creep(), scene.solver.scheme == "quasistatic"
     way = depth_of(scene)
     back = way
     if scene.punch.pattern == "flat":
@@ -151,6 +157,8 @@ def effort_of(scene) -> Effort:
         if creep.elements:
             longest = float(creep.retardation_times.max())
             rate, each = min(max(20.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0), 7.5
+        elif quasistatic:
+            rate, each = 110.0 * refinement, 30.0 * (scene.grid.n / 128) ** 0.4 * refinement**0.4
         else:
             rate, each = 70.0, 25.0
         here = rate * length / adhesion.range * refinement

@@ -23,6 +23,8 @@ from pgfmd import kernels
 
 SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32", "float32"): 1e-6}
 """How far Phi may rise by rounding, relative to itself: by the precision of u and w, and of the corrections."""
+FIRST_SLIDE, MOST_SLIDE = 0.01, 400.0
+"""A saddle is left in steps of first this many ranges of adhesion, doubled up to this many times that."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,8 @@ class NewtonSolver:
     patience = 1
     """So many moves of CG in a row have to be that small. One is enough where the compliance is that of a short time;
     for a relaxed or elastic surface, CG is slower, and one small move may be followed by larger ones."""
+    timid_way = 0.5
+    """A timid solve gives up when the surface moves by more than this many ranges of adhesion."""
     force_share = 0.2
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
 
@@ -82,15 +86,17 @@ class NewtonSolver:
         self._rows = np.zeros((4, points.rows))
 
     def solve(
-        self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False
-    ) -> Outcome:
+        self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False,
+        timid: bool = False,
+    ) -> Outcome:  # fmt: skip
         """Moves u [m] and w [Pa] (in place, consistent: u = G0 w) to a minimum of Phi downhill of where they are.
 
         position d [m]; history w_hist [Pa] (size,); compliance J (dimensionless, relative to the relaxed one);
         tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the
         force that is out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0
-        rho is no small stress.) jump: the way down may be long. Where it does not converge, u and w stay at the lowest
-        Phi found.
+        rho is no small stress.) jump: the way down may be long. timid: give up where the potential bends down along a
+        direction, or the surface has moved far: there is a better start, nearer by. Where it does not converge, u and w
+        stay at the lowest Phi found.
         """
         trust, way, cg_count, negative, renewed = 1.0, 0.0, 0, False, False
         self._s[:] = 0.0
@@ -105,6 +111,8 @@ class NewtonSolver:
             used, size, bent = self._correct(compliance, tolerance, unbalanced, trust, imbalance)
             cg_count += used
             negative |= bent
+            if timid and (bent or way + size > self.timid_way):
+                break
             longest = trust / size if size > trust or (bent and size > 0.0) else 1.0
             shortest = 1e-3 * tolerance / max(size, 1.0)
             scale, (pull, imbalance, trial, growth) = self._go_down(
@@ -143,6 +151,28 @@ class NewtonSolver:
                 return scale, values
             scale *= 0.5
         return 0.0, self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+
+    def slide(self, position: float, history, compliance: float, u, w, mode, dual) -> float:
+        """Moves u [m] and w [Pa] along a mode of negative curvature, to about the lowest Phi either way; by how much it
+        fell [J].
+
+        mode [m] and its dual A^-1 mode [Pa]. A saddle is left that far that no descent leads back. Collective.
+        """
+        self._s[:], self._t[:] = mode, dual
+        largest = self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
+        unit = FIRST_SLIDE * self.law.range / largest
+        values = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+        start, best, best_step = values[2], -self._slack * abs(values[2]), 0.0
+        for sign in (1.0, -1.0):
+            step = sign * unit
+            while abs(step) <= MOST_SLIDE * unit:
+                values = self._evaluate(position, u, w, step, step * compliance, history, compliance)
+                if values[2] + values[3] - start >= best:
+                    break
+                best, best_step = values[2] + values[3] - start, step
+                step *= 2.0
+        kernels.move(u, w, self._s, self._t, best_step, best_step * compliance)
+        return -best * self.points.grid.cell_area if best_step else 0.0
 
     def _outcome(self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved) -> Outcome:
         area = self.points.grid.cell_area

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ INDENTATION_OFFSET = 0.0
 """k [m] of indentation = -d - k: zero, indentation counts from the first touch of the undeformed surface."""
 
 
-class _Observer:
+class Observer:
     """Does nothing; the base of those below."""
 
     def next_time(self, simulation) -> float:
@@ -29,7 +29,7 @@ class _Observer:
         """Called at the start, after each step or jump, at the preload, at wanted times, and at the end."""
 
 
-class Curve(_Observer):
+class Curve(Observer):
     """Writes a row of `curve.csv`, and of `energy.csv` where energies are followed, for each accepted step."""
 
     def __init__(self, curve: CurveFile, energy: EnergyFile | None):
@@ -49,8 +49,8 @@ def curve_row(simulation) -> CurveRow:
     state = simulation.state
     area = state.contact_points * simulation.points.grid.cell_area
     return CurveRow(
-        state.time, state.position, -state.position - INDENTATION_OFFSET, state.force, area, state.far_displacement,
-        state.last_step, simulation.phase.name,
+        state.time, simulation.punch_position, -simulation.punch_position - INDENTATION_OFFSET, state.force, area,
+        state.far_displacement, state.last_step, simulation.phase.name,
     )  # fmt: skip
 
 
@@ -63,17 +63,23 @@ def energy_row(simulation) -> EnergyRow:
     )  # fmt: skip
 
 
-class Events(_Observer):
-    """Writes `events.csv`: jumps with the energy they release, the preload, the end."""
+class Events(Observer):
+    """Writes `events.csv`: jumps with the energy they release, the preload, the end.
 
-    def __init__(self, file: EventFile):
-        self.file = file
+    watch: who knows which contact a jump has changed (patch_observer.ContactWatch), and hears of it before; or None.
+    """
+
+    def __init__(self, file: EventFile, watch=None):
+        self.file, self.watch = file, watch
 
     def observe(self, simulation, event) -> None:
         if event.kind in ("jump", "preload", "end"):
             state = simulation.state
             name = state.finished if event.kind == "end" else event.kind
-            self.file.append(EventRow(state.time, state.position, state.force, event.released, name))
+            row = EventRow(state.time, simulation.punch_position, state.force, event.released, name)
+            if self.watch and event.kind == "jump":
+                row = replace(row, **vars(self.watch.change))
+            self.file.append(row)
 
 
 def _nothing() -> np.ndarray:
@@ -128,18 +134,19 @@ class Agenda:
     tension: Frame = field(default_factory=Frame)
 
 
-class Snapshots(_Observer):
+class Snapshots(Observer):
     """Writes `fields.h5`: at wanted times, at the preload, and at the largest tension of the retraction.
 
     wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface: how
-    to have the whole cell's surface, or None. The largest tension is known only when it is over: the surface is kept
-    back until then.
+    to have the whole cell's surface, or None. follow: called with number, frame and gap [m] of each snapshot written.
+    The largest tension is known only when it is over: the surface is kept back until then.
     """
 
     def __init__(
-        self, file: FieldsFile, wanted: list[tuple[float, str]], fractions: list[float], surface: Surface | None = None
-    ):
-        self.file, self.surface = file, surface
+        self, file: FieldsFile, wanted: list[tuple[float, str]], fractions: list[float], surface: Surface | None = None,
+        follow: Callable[[int, Frame, np.ndarray], None] | None = None,
+    ):  # fmt: skip
+        self.file, self.surface, self.follow = file, surface, follow
         self.agenda = Agenda(sorted(wanted), fractions)
 
     def replan(self, state, wanted: list[tuple[float, str]], fractions: list[float]) -> None:
@@ -194,11 +201,15 @@ class Snapshots(_Observer):
         points = simulation.points
         # In double precision, whatever that of the fields.
         gap = np.float64(frame.position) + simulation.scheme.height - frame.displacement
+        # The punch hangs on its spring, and so, seen from the machine, does the surface.
+        length = simulation.scheme.machine_compliance * frame.force
         surface = self.surface.make(frame.kept) if self.surface else None
         self.file.append(
-            label, frame.time, frame.position, frame.force, points.to_rows(gap), points.to_rows(frame.traction),
-            points.to_rows(frame.displacement), surface=surface,
+            label, frame.time, frame.position + length, frame.force, points.to_rows(gap),
+            points.to_rows(frame.traction), points.to_rows(frame.displacement + length), surface=surface,
         )  # fmt: skip
+        if self.follow:
+            self.follow(self.file.frames - 1, frame, gap)
 
 
 def _is_to_come(entry: tuple[float, str], state) -> bool:
@@ -212,7 +223,7 @@ def time_of(state, fraction: float) -> float:
     return first + fraction * (state.preload_time - first)
 
 
-class Progress(_Observer):
+class Progress(Observer):
     """Prints a line every few seconds: rank 0 alone, on its own clock, so that nothing waits for it."""
 
     def __init__(self, comm, say, every: float = 5.0):
@@ -235,7 +246,7 @@ class Progress(_Observer):
         rate = (state.counters.steps - self.first_step) / max(now - self.began, 1e-9)
         what = {"end": state.finished, "preload": "preload"}.get(event.kind, simulation.phase.name)
         self.say(
-            f"{what:>9}  t {state.time:.4g} s  indentation {-state.position * 1e6:.4f} um"
+            f"{what:>9}  t {state.time:.4g} s  indentation {-simulation.punch_position * 1e6:.4f} um"
             f"  force {state.force * 1e3 + 0.0:.4f} mN  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s"
             f"  {state.counters.steps} steps, {rate:.1f}/s"
         )

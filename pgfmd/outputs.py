@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pgfmd import observers, storage
+from pgfmd import launch, observers, storage
 from pgfmd.assemble import assemble, convolution_of
-from pgfmd.curve_file import CurveFile, EnergyFile, EventFile
+from pgfmd.contact_sites import ContactSites, contact_sites
+from pgfmd.curve_file import CurveFile, EnergyFile, EventFile, PatchFile, SiteFile
 from pgfmd.fields_file import FieldsFile
+from pgfmd.parts import topography_of
+from pgfmd.patch_observer import ContactWatch, PatchTable
+from pgfmd.patches import SitePoints
 
 SCOUT_ACCURACY = 0.1
 
@@ -30,13 +34,27 @@ class Outputs:
             points.row_start, points.rows, points.inside(), surface=output.surface,
         )  # fmt: skip
         surface = _surface(simulation, scene) if output.surface else None
-        self.snapshots = observers.Snapshots(self.fields, [], [], surface)
+        watch, table = self._contact_observers(points, folder) if output.patches else (None, None)
+        self.snapshots = observers.Snapshots(self.fields, [], [], surface, table)
         simulation.observers += [
             observers.Curve(self.tables["curve"], self.tables.get("energy")),
-            observers.Events(self.tables["events"]),
+            *([watch] if watch else []),
+            observers.Events(self.tables["events"], watch),
             self.snapshots,
             observers.Progress(comm, say),
         ]
+
+    def _contact_observers(self, points, folder: Path) -> tuple[ContactWatch, PatchTable]:
+        """Who watches the sites and the patches, with their tables."""
+        scene, comm = self.scene, self.comm
+        self.tables["patches"] = PatchFile(folder / storage.PATCHES_FILE, comm)
+        self.tables["sites"] = SiteFile(folder / storage.SITES_FILE, comm)
+        periodic = scene.punch.radius is None
+        places = SitePoints(points, launch.on_first(comm, lambda: _sites_of(scene)))
+        # Explicit steps follow every motion of the surface: they know no jumps.
+        jumps = scene.solver.scheme != "gfmd"
+        watch = ContactWatch(self.tables["sites"], points, places, jumps)
+        return watch, PatchTable(self.tables["patches"], points, places, periodic)
 
     def plan_snapshots(self, state) -> None:
         """Has the snapshots taken that the scene asks for, as far as they are still to come."""
@@ -74,13 +92,18 @@ def _scouted(scene, comm, fractions: list[float], say) -> list[tuple[float, str]
     if comm.rank == 0:
         say("a coarse approach is run ahead to place the snapshots before the preload")
     accuracy = SCOUT_ACCURACY if scene.solver.scheme == "gfmd" else max(SCOUT_ACCURACY, scene.solver.accuracy)
-    # Whatever the scheme: explicit steps can't be coarse.
-    coarse = scene.solver.model_copy(update={"scheme": "inertialess", "accuracy": accuracy})
+    # Explicit steps can't be coarse.
+    scheme = "inertialess" if scene.solver.scheme == "gfmd" else scene.solver.scheme
+    coarse = scene.solver.model_copy(update={"scheme": scheme, "accuracy": accuracy})
     quiet = scene.output.model_copy(update={"energy": False})
     state = assemble(scene.model_copy(update={"solver": coarse, "output": quiet}), comm).run(only_to_preload=True)
     if state.preload_time is None:
         return []
     return [(observers.time_of(state, value), f"{value:g} t_pl") for value in fractions]
+
+
+def _sites_of(scene) -> ContactSites:
+    return contact_sites(topography_of(scene.punch), scene.grid.length)
 
 
 def _surface(simulation, scene) -> observers.Surface:

@@ -21,6 +21,9 @@ from pgfmd.inertia import Inertia, contact_stiffness, inertia_of, instability
 from pgfmd.rheology import PronySeries
 from pgfmd.topography import Topography
 
+SOFT_MACHINE = 1e-4
+"""Load control: stiffness of the machine's spring, relative to that of the contact of the whole punch."""
+
 
 def compliance_of(scene):
     """The static compliance G0 of the scene's substrate (halfspace.py, film.py, free_kernel.py)."""
@@ -48,6 +51,11 @@ def series_of(rheology) -> PronySeries:
     return PronySeries(np.array(rheology.kappa), np.array(rheology.tau))
 
 
+def relaxation_of(scene) -> PronySeries:
+    """The relaxation that a run follows: that of the scene's [rheology], none where it is quasi-static."""
+    return PronySeries.elastic() if scene.solver.scheme == "quasistatic" else series_of(scene.rheology)
+
+
 def topography_of(punch) -> Topography:
     """The lower face of a scene's [punch]."""
     names = (
@@ -58,9 +66,18 @@ def topography_of(punch) -> Topography:
     return Topography(**{name: value for name, value in given.items() if value is not None})
 
 
-def drive_of(drive) -> Drive:
-    """The loading programme of a scene's [drive]."""
-    return Drive(drive.speed, drive.preload, drive.retract_speed, drive.turn_time, drive.dwell, drive.clearance)
+def drive_of(scene) -> Drive:
+    """The loading programme of a scene. Where time does not count, nothing is held.
+
+    Under load control the speeds are about those of the punch in contact; the end of its soft spring goes that much
+    faster.
+    """
+    drive, factor = scene.drive, 1.0
+    dwell = 0.0 if scene.solver.scheme == "quasistatic" else drive.dwell
+    if drive.control == "load":
+        factor += machine_compliance(scene) * punch_stiffness(scene) / quasistatic_compliance(scene)
+    approach, retract = factor * drive.speed, factor * drive.retract_speed
+    return Drive(approach, drive.preload, retract, drive.turn_time, dwell, drive.clearance)
 
 
 def law_of(adhesion) -> CohesiveLaw:
@@ -70,7 +87,25 @@ def law_of(adhesion) -> CohesiveLaw:
 
 def inertia_of_scene(scene) -> Inertia:
     """The auxiliary inertia of a scene with the scheme gfmd."""
-    return inertia_of(scene.solver_gfmd, series_of(scene.rheology), law_of(scene.adhesion), drive_of(scene.drive))
+    return inertia_of(scene.solver_gfmd, series_of(scene.rheology), law_of(scene.adhesion), drive_of(scene))
+
+
+def quasistatic_compliance(scene) -> float:
+    """J of a quasi-static scene: 1 of the relaxed body, E(0)/E(infinity) of the instantaneous one."""
+    return 1.0 if scene.solver.modulus == "relaxed" else 1.0 / series_of(scene.rheology).kappa_inf
+
+
+def punch_stiffness(scene) -> float:
+    """Static stiffness [N/m] of the contact of the whole punch, 2 a E*; half the cell for a where the punch fills it."""
+    return 2.0 * (scene.punch.radius or 0.5 * scene.grid.length) * scene.substrate.contact_modulus
+
+
+def machine_compliance(scene) -> float:
+    """1/k_M [m/N] of the spring between the machine and the punch, 0 for a rigid machine."""
+    drive = scene.drive
+    if drive.control == "load":
+        return quasistatic_compliance(scene) / (SOFT_MACHINE * punch_stiffness(scene))
+    return 1.0 / drive.machine_stiffness
 
 
 def deepest_indentation(scene) -> float:

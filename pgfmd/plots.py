@@ -12,6 +12,7 @@ import numpy as np
 
 from .errors import ResultError
 from .map_plots import contact_figure, new_figure, signed, stress_figure
+from .patch_plots import site_figure
 from .results import Results, load
 
 STYLE = {
@@ -31,7 +32,8 @@ TURQUOISE, RED, GREY = "#00798c", "#b3352b", "#8a8a8a"
 def plot_results(directory: str | Path) -> list[Path]:
     """Make every picture that the folder has data for; returns the PNG files written, in it.
 
-    `force-displacement.png` always; `contact-maps.png`, `stress-maps.png` with snapshots; `energy.png` with an audit.
+    `force-displacement.png` always; `contact-maps.png`, `stress-maps.png` with snapshots; `energy.png` with an audit;
+    `sites.png` where summits, saddles or valleys have met the elastomer.
 
     Raises:
         ResultError: if it is not a results folder, its table is still empty, or a picture can't be written.
@@ -47,6 +49,8 @@ def plot_results(directory: str | Path) -> list[Path]:
             figures["stress-maps.png"] = stress_figure(results)
         if results.energy is not None and len(results.energy):
             figures["energy.png"] = energy_figure(results)
+        if results.sites is not None and len(results.sites):
+            figures["sites.png"] = site_figure(results)
         paths = []
         for name, figure in figures.items():
             path = results.directory / name

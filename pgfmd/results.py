@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import tomllib
@@ -12,11 +13,33 @@ from typing import Any
 
 import numpy as np
 
-from .curve_file import CURVE_COLUMNS, ENERGY_COLUMNS
+from .curve_file import (
+    CURVE_COLUMNS,
+    ENERGY_COLUMNS,
+    EVENT_COLUMNS,
+    PATCH_COLUMNS,
+    SITE_COLUMNS,
+    CurveRow,
+    EnergyRow,
+    EventRow,
+    PatchRow,
+    SiteRow,
+)
 from .errors import ResultError
-from .storage import CURVE_FILE, ENERGY_FILE, FIELDS_FILE, RUN_FILE, SCENE_FILE, UNDO_SUFFIX
+from .storage import (
+    CURVE_FILE,
+    ENERGY_FILE,
+    EVENTS_FILE,
+    FIELDS_FILE,
+    PATCHES_FILE,
+    RUN_FILE,
+    SCENE_FILE,
+    SITES_FILE,
+    UNDO_SUFFIX,
+)
 
-PHASE_TYPE = "U16"
+NUMPY_TYPES = {"float": "f8", "int": "i8", "str": "U64"}
+"""Of a column, by how the field of its row is declared."""
 
 
 def load(directory: str | Path) -> Results:
@@ -58,13 +81,32 @@ class Results:
     @cached_property
     def curve(self) -> Any:
         """`curve.csv`: a pandas DataFrame, or without pandas a structured array; columns as in the file's header."""
-        return _table(self.directory / CURVE_FILE, CURVE_COLUMNS)
+        return _table(self.directory / CURVE_FILE, CURVE_COLUMNS, CurveRow)
 
     @cached_property
     def energy(self) -> Any | None:
         """`energy.csv`, like `curve`; None if the run kept no energy audit."""
-        path = self.directory / ENERGY_FILE
-        return _table(path, ENERGY_COLUMNS) if path.exists() else None
+        return self._table_if_there(ENERGY_FILE, ENERGY_COLUMNS, EnergyRow)
+
+    @cached_property
+    def events(self) -> Any | None:
+        """`events.csv`: preload, jumps, the end, like `curve`; None if there is none yet."""
+        return self._table_if_there(EVENTS_FILE, EVENT_COLUMNS, EventRow)
+
+    @cached_property
+    def patches(self) -> Any | None:
+        """`patches.csv`: the contact patches of every snapshot, like `curve`; None if the run kept none."""
+        return self._table_if_there(PATCHES_FILE, PATCH_COLUMNS, PatchRow)
+
+    @cached_property
+    def sites(self) -> Any | None:
+        """`sites.csv`: summits, saddles and valleys that join the contact or leave it, like `curve`; None if the run
+        kept none."""
+        return self._table_if_there(SITES_FILE, SITE_COLUMNS, SiteRow)
+
+    def _table_if_there(self, name: str, columns: tuple[str, ...], row: type) -> Any | None:
+        path = self.directory / name
+        return _table(path, columns, row) if path.exists() else None
 
     @cached_property
     def run(self) -> dict:
@@ -165,7 +207,7 @@ def _open_fields(path: Path) -> Any:
     return xarray.open_dataset(path, engine="h5netcdf")
 
 
-def _table(path: Path, columns: tuple[str, ...]) -> Any:
+def _table(path: Path, columns: tuple[str, ...], row: type) -> Any:
     """A table of the run. A last line without its end, which a live run has just begun, is left out."""
     try:
         text = path.read_text(encoding="utf-8")
@@ -175,7 +217,7 @@ def _table(path: Path, columns: tuple[str, ...]) -> Any:
     header, _, body = whole.partition("\n")
     if header != ",".join(columns):
         raise ResultError(f"{path}: its first line is {header!r}, expected {','.join(columns)!r}")
-    dtype = [(name, PHASE_TYPE if name == "phase" else "f8") for name in columns]
+    dtype = [(name, NUMPY_TYPES[entry.type]) for name, entry in zip(columns, dataclasses.fields(row), strict=True)]
     try:
         rows = np.loadtxt(io.StringIO(body), dtype, delimiter=",", ndmin=1) if body else np.empty(0, dtype)
     except ValueError as problem:

@@ -212,5 +212,7 @@ def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
     tests = ([], ["output.energy=false"], ["rheology.model=elastic"])
     if scheme == "gfmd":
         tests = (["solver.max_steps=3"],)
+    if scheme == "quasistatic":
+        tests = (["drive.machine_stiffness=1 kN/m"],)
     for changes in tests:
         assemble(load_scene("tri-tack", [*common, *changes]), MPI.COMM_SELF).run()

@@ -210,6 +210,23 @@ def gfmd_is_double(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("solver.precision", "'double' with the scheme gfmd", "delete it")
 
 
+def quasistatic_alone_has_a_machine(draft: Draft) -> Iterator[Problem]:
+    control, stiffness = draft["drive.control"], draft["drive.machine_stiffness"]
+    if draft["solver.scheme"] == "quasistatic":
+        if control == "load" and math.isfinite(stiffness):
+            yield draft.problem("drive.machine_stiffness", "no such key under load control", "delete it")
+        return
+    cure = 'delete it, or set solver.scheme = "quasistatic"'
+    if control == "load":
+        yield draft.problem("drive.control", "'displacement', as only the scheme quasistatic controls a load", cure)
+    if math.isfinite(stiffness):
+        expected = "no such key, as only the scheme quasistatic has a machine with a spring"
+        yield draft.problem("drive.machine_stiffness", expected, cure)
+    if draft["solver.modulus"] == "instantaneous":
+        expected = "'relaxed', as only the scheme quasistatic has a modulus of its own"
+        yield draft.problem("solver.modulus", expected, cure)
+
+
 def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
     if draft["solver.precision"] != "single":
         return
@@ -243,6 +260,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     geometric_times_are_finite,
     gfmd_can_run,
     gfmd_is_double,
+    quasistatic_alone_has_a_machine,
     single_precision_is_enough,
     files_exist,
 )

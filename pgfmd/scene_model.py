@@ -150,6 +150,13 @@ class Drive(Section):
         "speed", "speed of the retraction; that of the approach unless said otherwise", None
     )
     dwell: float = quantity("time", "time for which the displacement is held after the turn", 0.0, at_least=0.0)
+    control: Literal["displacement", "load"] = key(
+        "what the machine controls: `displacement`, or `load`, by a very soft spring; `quasistatic` only", "displacement"
+    )
+    machine_stiffness: float = quantity(
+        "stiffness", "stiffness of the machine's spring between drive and punch; `quasistatic` only", math.inf,
+        infinite=True,
+    )  # fmt: skip
     turn_time: float | Literal["auto"] = quantity(
         "time", "time in which the velocity turns; `auto` is 0.08 range/speed", "auto", words=("auto",)
     )
@@ -179,6 +186,9 @@ class Output(Section):
     every: int = key("a row of the curve is written every so many steps", 1, ge=1)
     surface: bool = key("whether snapshots hold the surface of the whole cell", False)
     energy: bool = key("whether the energy audit is kept", True)
+    patches: bool = key(
+        "whether contact patches are listed, and the times at which summits, saddles and valleys join and leave", True
+    )
 
     @field_validator("snapshots", mode="before")
     @classmethod

@@ -45,6 +45,11 @@ class Simulation:
         """The phase that the next step belongs to."""
         return self.phases[self.state.phase]
 
+    @property
+    def punch_position(self) -> float:
+        """Position d of the punch [m]: the machine's, and the length of the spring between them where there is one."""
+        return self.state.position + self.scheme.machine_compliance * self.state.force
+
     def run(self, only_to_preload: bool = False, attend: Callable[[Simulation], bool] | None = None) -> State:
         """Runs the programme to its end, or to the preload; returns the state, whose `finished` says how it ended.
 
@@ -103,7 +108,7 @@ class Simulation:
             state.forget_history()
         elif phase.ends_with == DETACHED and state.smallest_gap >= self.scheme.law.reach:
             state.finished = FINISHED
-        elif phase.name == "approach" and -state.position > self.deepest:
+        elif phase.name == "approach" and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
         if not state.finished and state.counters.steps >= self.max_steps:
             state.finished = STOPPED_STEPS

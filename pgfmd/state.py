@@ -59,6 +59,9 @@ class State:
     u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try. least_force [N]: the lowest
     force within the last step. started: whether the surface has met the punch at its first position.
 
+    The scheme quasistatic keeps the softest mode of the last equilibrium, soft_mode [m] and its dual soft_load [Pa].
+    Its position is the machine's; the punch's is that and the length of the spring between them.
+
     The scheme gfmd keeps no load, images or past, but `modes` u [m] and `mode_velocities` du/dt [m/s] (of the middle of
     the last step), spectral, complex, (n, columns of this rank), and `branches` u_m [m], (N, n, columns); `power`
     [W] is what the elements dissipate at the end of the last step.
@@ -93,6 +96,8 @@ class State:
     past_w: list[np.ndarray] = field(default_factory=list, metadata={"like": "load"})
     past_steps: list[float] = field(default_factory=list)
     past_forces: list[float] = field(default_factory=list)
+    soft_mode: np.ndarray | None = None
+    soft_load: np.ndarray | None = None
     modes: np.ndarray | None = None
     mode_velocities: np.ndarray | None = None
     drift: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)), metadata={"replicated": True})

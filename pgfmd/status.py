@@ -172,7 +172,7 @@ def _look_ahead(status: Status, found: Inventory) -> None:
         status.left_remark = f"its scene can't be read here: {error}"
         return
     status.preload_N = scene.drive.preload
-    valid, tail, names = found.valid, found.tail, [phase.name for phase in drive_of(scene.drive).phases]
+    valid, tail, names = found.valid, found.tail, [phase.name for phase in drive_of(scene).phases]
     if tail is not None and status.state == RESUMABLE:
         tail = CurveTail(tail.path, valid.curve_bytes)
     row = _row_of(valid, tail, names)

@@ -22,6 +22,8 @@ from .errors import ResultError
 CURVE_FILE = "curve.csv"
 ENERGY_FILE = "energy.csv"
 EVENTS_FILE = "events.csv"
+PATCHES_FILE = "patches.csv"
+SITES_FILE = "sites.csv"
 FIELDS_FILE = "fields.h5"
 RUN_FILE = "run.json"
 SCENE_FILE = "scene.resolved.toml"
@@ -30,8 +32,8 @@ PREVIOUS_CHECKPOINT_FILE = "checkpoint.previous.h5"
 CHECKPOINT_FILES = (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE)
 """Newest first."""
 UNDO_SUFFIX = ".undo"
-RESULTS = (*CHECKPOINT_FILES, RUN_FILE, ENERGY_FILE, EVENTS_FILE, FIELDS_FILE + UNDO_SUFFIX,
-           FIELDS_FILE, SCENE_FILE, CURVE_FILE)  # fmt: skip
+RESULTS = (*CHECKPOINT_FILES, RUN_FILE, "analysis.json", ENERGY_FILE, EVENTS_FILE, PATCHES_FILE, SITES_FILE,
+           FIELDS_FILE + UNDO_SUFFIX, FIELDS_FILE, SCENE_FILE, CURVE_FILE)  # fmt: skip
 """The files of a run, in the order in which they are moved away: what is left by somebody who is interrupted must neither
 look like a run to go on with, nor, as long as there is a curve, like none."""
 

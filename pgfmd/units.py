@@ -32,6 +32,7 @@ DIMENSIONS = {
     "energy per area": Dimension("an energy per area", "J/m^2", "50 mJ/m^2"),
     "angular frequency": Dimension("an angular frequency", "rad/s", "15700 rad/s"),
     "wavenumber": Dimension("a wavenumber", "1/m", "5e6 1/m"),
+    "stiffness": Dimension("a stiffness", "N/m", "38.1 kN/m"),
 }
 
 _NUMBER = r"[+-]?(?:(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|inf(?:inity)?|nan)"
@@ -41,7 +42,7 @@ _UNIT = rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/·]\s*{_NAME}|\s+{_NAME})*"
 _QUANTITY = re.compile(rf"\s*(?P<number>{_NUMBER})(?:\s*(?P<unit>{_UNIT}))?\s*", re.IGNORECASE)
 _USUAL_UNITS = (
     *("m", "mm", "um", "nm", "s", "ms", "us", "m/s", "mm/s", "um/s", "nm/s", "N", "mN", "uN", "nN"),
-    *("Pa", "kPa", "MPa", "GPa", "J/m^2", "mJ/m^2", "N/m", "1/m", "1/mm", "1/um", "rad/s"),
+    *("Pa", "kPa", "MPa", "GPa", "J/m^2", "mJ/m^2", "N/m", "kN/m", "1/m", "1/mm", "1/um", "rad/s"),
 )
 
 

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 from pgfmd import storage
-from pgfmd.curve_file import begins_as_marked
+from pgfmd.csv_file import begins_as_marked
 from pgfmd.errors import ResultError
 from pgfmd.fields_layout import NUMBERS, SNAPSHOT_NUMBERS, Layout, checksum_of, sum_of_numbers, undo_path
 from pgfmd.hdf5 import open_serial
@@ -29,7 +29,10 @@ PAUSE = 1.0
 """Time [s] after which a file that a run may just be writing to is looked at again."""
 PIECE = 2**20
 """Elements of a snapshot that are read at a time."""
-TABLES = {"curve": storage.CURVE_FILE, "energy": storage.ENERGY_FILE, "events": storage.EVENTS_FILE}
+TABLES = {
+    "curve": storage.CURVE_FILE, "energy": storage.ENERGY_FILE, "events": storage.EVENTS_FILE,
+    "patches": storage.PATCHES_FILE, "sites": storage.SITES_FILE,
+}  # fmt: skip
 """Names of the tables in a checkpoint's head, and their files."""
 UNREADABLE = (OSError, RuntimeError, LookupError, ValueError, TypeError, MemoryError)
 """What reading a damaged file may end in."""

@@ -17,7 +17,9 @@ def differences(one: Path, other: Path) -> list[str]:
     What depends on the clock, such as the time that a run has taken, is left out. OSError, or Damaged, where something
     can't be read.
     """
-    tables = (storage.CURVE_FILE, storage.ENERGY_FILE, storage.EVENTS_FILE)
+    tables = (
+        storage.CURVE_FILE, storage.ENERGY_FILE, storage.EVENTS_FILE, storage.PATCHES_FILE, storage.SITES_FILE,
+    )  # fmt: skip
     found = [name for name in tables if _content(one / name) != _content(other / name)]
     found += _different_arrays(one / storage.FIELDS_FILE, other / storage.FIELDS_FILE)
     heads = [examine(folder / storage.CHECKPOINT_FILE) for folder in (one, other)]

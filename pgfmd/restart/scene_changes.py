@@ -83,8 +83,8 @@ def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:
 
 def _drive_refusal(head: dict, scene) -> str:
     """Why the programme can't go on as the scene now has it; nothing if only what is to come has changed."""
-    before = parse_scene(head["scene"]).drive
-    old, new, state = drive_of(before), drive_of(scene.drive), head["state"]
+    before = parse_scene(head["scene"])
+    old, new, state = drive_of(before), drive_of(scene), head["state"]
     now = state["phase"]
     if old.clearance != new.clearance or old.phases[: now + 1] != new.phases[: now + 1]:
         return f"the {old.phases[now].name} has begun"

@@ -27,6 +27,7 @@ class Gfmd:
     energies.
     """
 
+    machine_compliance = 0.0
     cure = "Try a shorter step: a smaller solver.gfmd.dt, or more steps_per_tau."
 
     def __init__(self, points, plane, compliance, height, law, series: PronySeries, inertia: Inertia, audit: bool):

@@ -2,9 +2,8 @@
 
     u = G0 w,   w = J_inf f + sum_m J_m phi_m,   lambda_m dphi_m/dt = f - phi_m,   f = Gamma'(d(t) + z - u)
 
-Each stage of a step (retardation.py) is a static contact problem (newton.py) with the compliance J_i G0. The start of
-each solve is extrapolated from the last ends of steps; the difference between that and the solution is the error
-estimate.
+Each stage of a step (retardation.py) is a static contact problem (newton.py) with the compliance J_i G0, begun where
+the last ends of steps point (path_following.py).
 """
 
 from __future__ import annotations
@@ -12,18 +11,15 @@ from __future__ import annotations
 import numpy as np
 
 from pgfmd import kernels
-from pgfmd.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.drive import Phase
-from pgfmd.extrapolation import lagrange_weights
 from pgfmd.newton import NewtonSolver
 from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, step_weights
 from pgfmd.rheology import CreepSeries
 from pgfmd.schemes.energy_audit import EnergyAudit, tension_of, work_of
-from pgfmd.schemes.trial import Change, Trial
+from pgfmd.schemes.path_following import PathFollowing
+from pgfmd.schemes.trial import Trial
 from pgfmd.state import State
 
-DRIFT_SHARE = 1e-2
-"""Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
 LOOSEST_TOLERANCE = 2e-2
 """Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
 EVENT_TOLERANCE, EVENT_SHARE = 2.5e-4, 0.25
@@ -38,7 +34,7 @@ ELASTIC_SHARPNESS = 0.25
 """Elastic scenes: share of the tolerance to which steps are solved: an elastic step's only error is its solve's."""
 
 
-class Inertialess:
+class Inertialess(PathFollowing):
     """Steps of the massless model. `try_step` leaves the state alone; `accept` moves it on.
 
     solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are
@@ -53,34 +49,16 @@ class Inertialess:
         self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool, far_weights: np.ndarray,
         order: int = 2,
     ):  # fmt: skip
-        self.solver, self.creep, self.tolerance, self.audit = solver, creep, tolerance, audit
-        self.height, self.law, self.far_weights = solver.height, solver.law, far_weights
         # Without retardation each step is an equilibrium of its own: one stage.
         self.tableau = SDIRK2 if creep.elements and order == 2 else IMPLICIT_EULER
+        super().__init__(solver, tolerance, self.tableau.nodes, far_weights)
+        self.creep, self.audit = creep, audit
         solver.patience = ELASTIC_PATIENCE if creep.J_inf > NEARLY_ELASTIC else 1
         points, stages = solver.points, self.tableau.stages
-        self.points = points
-        self._u = [points.zeros(solver.dtype) for _ in range(stages)]
-        self._w = [points.zeros(solver.dtype) for _ in range(stages)]
         self._f = np.zeros((stages, points.size), solver.dtype)
         self._history = np.zeros((stages, points.size), solver.dtype)
-        self._rounding = ROUNDING if solver.dtype == np.float64 else SINGLE_ROUNDING
-        # By how much corrections in single precision let u and w part, relative to the way they go.
-        self._rough = SINGLE_ROUNDING if solver.rough.dtype == np.float32 else 0.0
-        self._drift = Drift(rounding=self._rounding)
         self._audit = EnergyAudit(points, creep, solver.law, self.tableau, tolerance, solver.dtype) if audit else None
         self._rows = np.zeros((2, points.rows))
-        self._observed = np.zeros((4, points.rows))
-
-    @property
-    def pairs(self) -> int:
-        """Pairs of transforms so far."""
-        return sum(operator.pairs for operator in self.solver.operators)
-
-    @property
-    def transform_seconds(self) -> float:
-        """Time [s] that this rank has spent in transforms."""
-        return sum(operator.seconds for operator in self.solver.operators)
 
     @property
     def order(self) -> int:
@@ -149,7 +127,9 @@ class Inertialess:
             # the images G0 phi, and with them the stored energy, those of these tractions.
             np.subtract(self._w[i], history, out=self._f[i])
             self._f[i] /= weights.compliance[i]
-        trial.change = self._change(state, trial)
+        # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path
+        # is.
+        trial.change = self._change(state, trial, self.order + 1 if self.creep.elements else 3)
         if self.creep.elements:
             trial.error = trial.change.error(self.tableau.error_constant, self.order)
         else:
@@ -182,19 +162,6 @@ class Inertialess:
         state.last_step = trial.step
         state.counters.steps += 1
 
-    def measure(self, state: State) -> None:
-        """What the curve holds of the present surface: contact, smallest gap, far displacement, adhesive energy.
-        Collective."""
-        solver, points = self.solver, self.points
-        kernels.observe(
-            self.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
-            points.offset, self._observed,
-        )  # fmt: skip
-        rows = points.all_rows(self._observed)
-        contact, energy, far = rows[:3].sum(axis=1)
-        state.contact_points, state.smallest_gap, state.far_displacement = int(contact), -rows[3].max(), far
-        state.energies.adhesive = energy * points.grid.cell_area
-
     def _tolerance(self, state: State, sharp: bool, jump: bool) -> float:
         if jump:
             return JUMP_SHARPNESS * self.tolerance
@@ -203,75 +170,3 @@ class Inertialess:
             share = min(share, self._audit.sharpness(state.energies))
         usual = share * self.tolerance
         return min(EVENT_TOLERANCE, EVENT_SHARE * usual) if sharp else min(LOOSEST_TOLERANCE, usual)
-
-    def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:
-        """Start of a stage's solve: through the last three known surfaces, this step's stages included."""
-        nodes = self.tableau.nodes
-        times = [0.0, *-np.cumsum(state.past_steps)]
-        u, w = [state.displacement, *state.past_u], [state.load, *state.past_w]
-        if stage:
-            last = stage - 1
-            times = [ahead * nodes[last] / nodes[stage], *times]
-            u, w = [self._u[last], *u], [self._w[last], *w]
-        else:
-            self._drift = Drift(state.drift, self._rounding)
-        c = lagrange_weights(times[: 1 if trial.is_jump else 3], ahead)
-        kernels.combine(*_terms(c, u), self._u[stage])
-        kernels.combine(*_terms(c, w), self._w[stage])
-        size = abs(trial.position) / self.solver.law.range
-        self._drift = self._drift.extrapolated(c, size)
-        if self._drift.newest > DRIFT_SHARE * self.tolerance:
-            self.solver.convolve(self._w[stage], self._u[stage])
-            self._drift = self._drift.renewed(size)
-
-    def _change(self, state: State, trial: Trial) -> Change:
-        """How far the step has moved surface and force, and how far from where the last steps point."""
-        # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path
-        # is.
-        count = self.order + 1 if self.creep.elements else 3
-        known = [state.displacement, *state.past_u][:count]
-        times = [0.0, *-np.cumsum(state.past_steps)][:count]
-        c = lagrange_weights(times, trial.step)
-        forces = [state.force, *state.past_forces][:count]
-        extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=True))
-        law, scale = self.solver.law, max(
-            self.solver.force_scale, abs(trial.force), -state.pull_off_force, -state.snap_in_force
-        )  # fmt: skip
-        local = kernels.largest_difference_near(
-            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.range
-        )
-        distance, moved = (value / law.range for value in self.points.maxima_of(*local))
-        return Change(
-            moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
-            tuple(times), trial.step,
-        )  # fmt: skip
-
-    def _remember(self, state: State, trial: Trial) -> None:
-        """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
-        if len(state.past_u) == 2:
-            old_u, old_w = state.past_u.pop(), state.past_w.pop()
-            state.past_steps.pop()
-            state.past_forces.pop()
-        else:
-            old_u, old_w = (self.points.zeros(self.solver.dtype) for _ in range(2))
-        if trial.change.largest < self.tolerance:
-            # Where hardly anything moves, extrapolation would only amplify the errors of the solves.
-            state.forget_history()
-        elif not trial.is_jump:
-            state.past_u.insert(0, state.displacement)
-            state.past_w.insert(0, state.load)
-            state.past_steps.insert(0, trial.step)
-            state.past_forces.insert(0, state.force)
-        state.displacement, self._u[-1] = self._u[-1], old_u
-        state.load, self._w[-1] = self._w[-1], old_w
-        # Of the surfaces that the drift knows, newest first, the end of the step stays, and those before the step.
-        before = range(self.tableau.stages, self.tableau.stages + len(state.past_u))
-        # In one order of memory, as after a restart: the last bits of what is made of it depend on that.
-        state.drift = np.ascontiguousarray(self._drift.kept([0, *before]).factor)
-
-
-def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:
-    """Weight, surface, weight, surface, weight, surface: what kernels take as a sum, with zeros where there are
-    fewer."""
-    c, a = [*weights, 0.0, 0.0], [*surfaces, surfaces[0], surfaces[0]]
-    return c[0], a[0], c[1], a[1], c[2], a[2]

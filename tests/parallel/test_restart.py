@@ -41,6 +41,10 @@ SCENES = {
         "flat-punch", "grid.n=20", "rheology.model=elastic", "output.energy=false", "solver.precision=single",
         "substrate.boundary=free",
     ],
+    "quasi-static, sprung, mixed": [
+        "hex-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.1", "drive.preload=0.3 mN",
+        "drive.machine_stiffness=2 kN/m", "solver.precision=mixed",
+    ],
     "gfmd": [
         "tri-tack", "grid.n=20", "drive.preload=0.5 mN", "solver.scheme=gfmd", "drive.speed=200 um/s",
         "rheology.model=geometric", "rheology.relaxation_time=40 us", "rheology.elements=2", "rheology.time_ratio=6",
@@ -284,7 +288,7 @@ def test_going_on_at_every_step_leaves_the_bits_of_one_run(comm, folder, stoppin
     assert comm.bcast(differences(folder / "whole", folder / "chain") if comm.rank == 0 else None) == []
 
 
-@pytest.mark.parametrize("name", ["one element", "gfmd"])
+@pytest.mark.parametrize("name", ["one element", "quasi-static, sprung, mixed", "gfmd"])
 def test_a_run_goes_on_with_another_number_of_ranks(name, comm, folder, stopping_after):
     """Begun by one rank, gone on with by all, ended by one."""
     if comm.rank == 0:
@@ -393,6 +397,7 @@ REFUSED = {
     "drive.speed=2 um/s": "drive.speed",
     "drive.clearance=1 um": "drive.clearance",
     "output.energy=false": "output.energy",
+    "output.patches=false": "output.patches",
     "drive.preload=2 mN": "drive.preload",
 }
 IN_APPROACH, IN_RETRACTION = 20, 50
@@ -469,7 +474,7 @@ def test_snapshots_that_are_over_are_not_asked_for_again(comm, folder, stopping_
     first, then = 'output.snapshots=["1.1 t_pl"]', 'output.snapshots=["1.1 t_pl", "1.2 t_pl"]'
     record = run("one element", comm, folder / "whole", first)
     times = [0.0] + [float(line.split(",")[0]) for line in (folder / "whole" / "curve.csv").read_text().splitlines()[1:]]
-    due = next(row for row in (folder / "whole" / "events.csv").read_text().splitlines() if row.endswith("preload"))
+    due = next(row for row in (folder / "whole" / "events.csv").read_text().splitlines() if ",preload," in row)
     begin = float(due.split(",")[0]) - record["time_to_preload_s"]
     wanted = begin + 1.1 * record["time_to_preload_s"]
     step = int(np.argmin(np.abs(np.array(times) - wanted))) - 1

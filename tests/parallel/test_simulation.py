@@ -36,6 +36,8 @@ SCENES = {
     ),
     "without audit": ("tri-tack", ["grid.n=24", "output.energy=false", "drive.preload=2 mN"]),
     "whole plane": (PLANE, []),
+    "quasi-static": ("tri-tack", ["grid.n=32", "solver.scheme=quasistatic", "drive.preload=1 mN", "solver.accuracy=0.03"]),
+    "whole plane, quasi-static": (PLANE, ["solver.scheme=quasistatic", "solver.accuracy=0.03"]),
     "another grid": ("tri-tack", ["grid.n=72", "drive.preload=1 mN"]),
 }  # fmt: skip
 

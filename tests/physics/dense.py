@@ -49,7 +49,7 @@ class _Programme:
         self.preload = scene.drive.preload
         self.pieces = []
         self.preload_time = math.nan
-        drive = parts.drive_of(scene.drive)
+        drive = parts.drive_of(scene)
         time, position, state = 0.0, drive.clearance, np.zeros(size * self.punch.height.size)
         for phase in drive.phases:
             end, state = self._run(phase, time, position, state)

@@ -8,7 +8,18 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pgfmd.curve_file import CurveFile, CurveRow, EnergyFile, EnergyRow
+from pgfmd.curve_file import (
+    CurveFile,
+    CurveRow,
+    EnergyFile,
+    EnergyRow,
+    EventFile,
+    EventRow,
+    PatchFile,
+    PatchRow,
+    SiteFile,
+    SiteRow,
+)
 from pgfmd.fields_file import FieldsFile
 from pgfmd.storage import write_run_json
 
@@ -47,8 +58,9 @@ def sphere(nb: int, contact_radius: float) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def write_results(
-    directory: Path, rows: int = 400, nb: int = 96, snapshots: int = 6, energy: bool = True, fields: bool = True
-) -> Path:
+    directory: Path, rows: int = 400, nb: int = 96, snapshots: int = 6, energy: bool = True, fields: bool = True,
+    contact: bool = True,
+) -> Path:  # fmt: skip
     """Fill `directory` with the writers that a run uses."""
     comm = MPI.COMM_SELF
     directory.mkdir(parents=True, exist_ok=True)
@@ -66,6 +78,8 @@ def write_results(
             file.append(label, row.time, row.displacement, row.force, gap, traction, displacement)
     if energy:
         write_energy(EnergyFile(directory / "energy.csv", comm), found)
+    if contact:
+        write_contact(directory, comm, found)
     write_run_json(directory / "run.json", comm, {"status": "finished", "steps": rows})
     (directory / "scene.resolved.toml").write_text('[cell]\nlength = "1.5 mm"\nn = 192\n')
     return directory
@@ -82,3 +96,22 @@ def write_energy(file: EnergyFile, found: list[CurveRow]) -> None:
         released += 2e-9 if before.contact_area and not row.contact_area else 0.0
         file.append(EnergyRow(row.time, work, elastic, adhesive, viscous, released, 2e-4 * work * np.sin(row.time)))
     file.close()
+
+
+def write_contact(directory: Path, comm, found: list[CurveRow]) -> None:
+    """One patch and one summit, in contact while there is an area; the loss of it is a jump."""
+    sites, patches = SiteFile(directory / "sites.csv", comm), PatchFile(directory / "patches.csv", comm)
+    events = EventFile(directory / "events.csv", comm)
+    for before, row in zip(found, found[1:]):
+        joins, leaves = row.contact_area > 0 == before.contact_area, before.contact_area > 0 == row.contact_area
+        if joins or leaves:
+            site = ("summit", 0, 0.0, 0.0, "joins" if joins else "leaves", joins, 1)
+            sites.append(SiteRow(row.time, row.displacement, row.force, row.phase, *site))
+        if leaves:
+            jump = (2e-9, "jump", "", "1 summit", 0.0, 0.0, "summit 0")
+            events.append(EventRow(row.time, row.displacement, row.force, *jump))
+    row = found[len(found) // 2]
+    patches.extend([PatchRow(0, row.time, 0, row.contact_area, row.force, 0.0, 0.0, 1, 0, 0, "summit", "summit")])
+    events.append(EventRow(found[-1].time, found[-1].displacement, 0.0, 0.0, "detached"))
+    for file in (sites, patches, events):
+        file.close()

@@ -9,12 +9,12 @@ import pytest
 from matplotlib.image import imread
 from synthetic_results import PUNCH, history, sphere, write_results
 
-from pgfmd import map_plots, plots
+from pgfmd import map_plots, patch_plots, plots
 from pgfmd.curve_file import CURVE_COLUMNS
 from pgfmd.errors import ResultError
 from pgfmd.results import load
 
-ALL = ["force-displacement.png", "contact-maps.png", "stress-maps.png", "energy.png"]
+ALL = ["force-displacement.png", "contact-maps.png", "stress-maps.png", "energy.png", "sites.png"]
 
 
 @pytest.fixture(autouse=True)
@@ -36,7 +36,7 @@ def test_every_picture_is_written_and_not_blank(tmp_path, snapshots, nb):
 
 
 def test_only_what_the_folder_has_data_for(tmp_path):
-    folder = write_results(tmp_path / "out", rows=80, energy=False, fields=False)
+    folder = write_results(tmp_path / "out", rows=80, energy=False, fields=False, contact=False)
     assert [path.name for path in plots.plot_results(folder)] == ALL[:1]
 
 
@@ -89,6 +89,25 @@ def test_curves_are_in_mN_um_and_mm2_with_landmarks(tmp_path):
     np.testing.assert_allclose(marked["pull-off"], pull_off, rtol=1e-14)
     np.testing.assert_allclose(marked["preload"], 1e3 * max(row.force for row in rows), rtol=1e-14)
     np.testing.assert_allclose(marked["snap-in"], 1e3 * min(row.force for row in rows[:80]), rtol=1e-14)
+
+
+def test_sites_are_counted_along_the_curve(tmp_path):
+    rows = history(200)
+    with load(write_results(tmp_path / "out", rows=200, fields=False)) as results:
+        sites, found = results.sites, patch_plots.site_history(results, "summit")
+        upper, lower = patch_plots.site_figure(results).axes
+    touched = np.array([row.contact_area > 0 for row in rows])
+    joins, leaves = (sites["time [s]"][k] for k in range(2))
+    # Each row of the curve once, and each change before and after it.
+    assert found["count"].size == 200 + 4
+    for time, counts in ((joins, [0, 1, 1]), (leaves, [1, 0, 0])):
+        assert list(found["count"][found["time"] == time]) == counts
+    steady, rest = (~np.isin(times, (joins, leaves)) for times in (found["time"], [row.time for row in rows]))
+    np.testing.assert_array_equal(found["count"][steady], touched[rest])
+    way_in, way_out = upper.lines[:2]
+    assert way_in.is_dashed() and way_out.get_label() == "summits, of 1"
+    assert way_in.get_xdata()[-1] == way_out.get_xdata()[0] and way_out.get_ydata()[-1] == 0
+    np.testing.assert_allclose(lower.lines[0].get_xdata()[0], 1e6 * rows[0].indentation, rtol=1e-12)
 
 
 def test_landmarks_only_where_there_are_any():

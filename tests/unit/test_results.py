@@ -46,6 +46,9 @@ def test_all_parts_come_back(folder):
         assert results.run == {"status": "finished", "steps": 40}
         assert results.scene["cell"]["n"] == 192
         assert len(results.energy) == 39
+        assert list(results.sites["event"]) == ["joins", "leaves"] and list(results.sites["in_contact"]) == [1, 0]
+        assert list(results.events["left"]) == ["1 summit", ""] and list(results.events["event"]) == ["jump", "detached"]
+        assert results.patches["summits"].dtype == np.int64 and results.patches["kind"][0] == "summit"
 
 
 def test_without_pandas_and_xarray(folder, monkeypatch):
@@ -57,6 +60,7 @@ def test_without_pandas_and_xarray(folder, monkeypatch):
         check_fields(results)
         assert set(results.fields) >= {"gap", "traction", "displacement", "x", "y", "time", "force", "label"}
         assert results.fields.units["traction"] == "Pa"
+        assert results.sites["kind"].tolist() == ["summit"] * 2 and results.events["joined"].tolist() == ["", ""]
         with pytest.raises(TypeError):
             results.fields["gap"] = 1
 
@@ -94,10 +98,12 @@ def test_folders_that_hold_no_results(tmp_path):
 
 
 def test_missing_parts(folder):
-    for name in ("fields.h5", "energy.csv", "run.json", "scene.resolved.toml"):
+    tables = ("energy.csv", "events.csv", "patches.csv", "sites.csv")
+    for name in (*tables, "fields.h5", "run.json", "scene.resolved.toml"):
         (folder / name).unlink()
     results = load(folder)
-    assert (results.energy, results.run, results.labels, results.has_fields) == (None, {}, [], False)
+    assert (results.run, results.labels, results.has_fields) == ({}, [], False)
+    assert results.energy is results.events is results.patches is results.sites is None
     with pytest.raises(ResultError, match="no snapshots"):
         results.fields  # noqa: B018
     with pytest.raises(ResultError, match="scene.resolved.toml: could not be read"):

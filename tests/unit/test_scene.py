@@ -14,7 +14,7 @@ from pgfmd.scene import load_scene, parse_scene, scene_from_mapping, shipped_sce
 from pgfmd.scene_draft import MISSING
 from pgfmd.scene_fields import snapshot_time
 from pgfmd.scene_model import PATTERNS, RHEOLOGIES, SECTIONS, Output, Solver
-from pgfmd.scene_solver import PRECISIONS, SCHEMES
+from pgfmd.scene_solver import PRECISIONS
 
 PUNCH_VALUES = {
     "radius": "300 um",
@@ -364,10 +364,19 @@ def test_a_wrong_value_is_refused_by_its_key(override, words):
     assert words in f"{problem.expected}; {problem.cure}"
 
 
-def test_planned_schemes_are_refused_as_not_part_of_this_version():
-    key, problem = only_problem(mapping(), "solver.scheme=quasistatic")
-    assert key == "solver.scheme"
-    assert "not part of this version" in problem.cure
+@pytest.mark.parametrize(
+    "override", ["drive.control=load", "drive.machine_stiffness=38.1 kN/m", "solver.modulus=instantaneous"]
+)
+def test_only_quasistatic_runs_have_a_machine_and_a_modulus_of_their_own(override):
+    key, problem = only_problem(mapping(), override)
+    assert key == override.partition("=")[0] and "quasistatic" in problem.expected
+    scene_from_mapping(mapping(), [override, "solver.scheme=quasistatic"])
+
+
+def test_a_load_is_controlled_by_no_spring_but_its_own():
+    overrides = ("solver.scheme=quasistatic", "drive.control=load", "drive.machine_stiffness=38.1 kN/m")
+    key, problem = only_problem(mapping(), *overrides)
+    assert key == "drive.machine_stiffness" and "load control" in problem.expected
 
 
 ONE_ELEMENT = ["rheology.model=single", "rheology.relaxation_time=1 s"]
@@ -401,7 +410,7 @@ def test_tables_and_models_name_the_same_choices():
     def choices(model, name):
         return list(model.model_fields[name].annotation.__args__)
 
-    assert choices(Solver, "scheme") == list(SCHEMES) and choices(Solver, "precision") == list(PRECISIONS)
+    assert choices(Solver, "scheme") == ["inertialess", "gfmd", "quasistatic"] and choices(Solver, "precision") == list(PRECISIONS)
     assert choices(SECTIONS["punch"], "pattern") == list(PATTERNS)
     assert choices(SECTIONS["rheology"], "model") == list(RHEOLOGIES)
 
@@ -573,7 +582,7 @@ def test_all_problems_come_out_together_even_where_others_hide_them():
         rheology={"model": "prony", "kappa": [1, 2], "tau": ["1 s"], "tua": 3},
         adhesion={"work_of_adhesion": "50 mJ"},
         drive={"preload": "", "speed": "nan m/s"},
-        solver={"scheme": "quasistatic"},
+        solver={"scheme": "static"},
     )
     assert problems(wrong, "grid.n=nought", "oops").keys() == {
         "override",
@@ -613,7 +622,7 @@ def test_the_reference_page_has_every_key_with_a_meaning():
         for key, field in model.model_fields.items():
             assert f"| `{key}` |" in table and field.description.replace("|", "\\|") in table
     assert '| `speed` | speed [m/s], above 0 | required | speed of the approach |' in page
-    assert '"quasistatic"' not in page and "## [solver.gfmd]" in page
+    assert '"quasistatic"' in page and "## [solver.gfmd]" in page
 
 
 def test_reading_a_scene_imports_neither_mpi_nor_compilers_nor_plots():

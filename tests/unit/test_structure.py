@@ -22,9 +22,11 @@ NAMES = {file: dotted(file) for file in FILES}
 
 LONGEST_FILE, LONGEST_FUNCTION = 300, 60
 
-PLAIN = ["rheology", "cohesion", "drive", "topography", "asperities", "heightfile", "halfspace", "film", "free_kernel",
+PLAIN = ["rheology", "cohesion", "drive", "topography", "asperities", "contact_sites", "heightfile", "halfspace", "film", "free_kernel",
          "retardation", "drift", "reference", "units", "errors", "dma", "prony_fit", "temperature_shift"]  # fmt: skip
-READERS = ["results", "plots", "map_plots", "rheology_plots", "rheology_table", "fit_command"]
+READERS = ["results", "plots", "map_plots", "patch_plots", "rheology_plots", "rheology_table", "fit_command",
+           "analysis.summary", "analysis.beside", "study.campaign", "study.slurm_array", "study.pictures",
+           "study.extrapolation", "study.refinement", "study_command"]  # fmt: skip
 HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
 
 
@@ -86,7 +88,7 @@ def test_the_core_knows_no_scene_and_no_files():
     """Only what puts a run together knows how scenes are written and where results go."""
     for core in ("grid", "transform", "kernels", "newton", "retardation", "drift", "controller", "state", "simulation"):
         own = {module for module in IMPORTS[f"pgfmd.{core}"] if module.startswith("pgfmd.")}
-        others = ("scene", "assemble", "storage", "curve_file", "fields", "observers", "runner", "results", "plots")
+        others = ("scene", "assemble", "storage", "csv_file", "curve_file", "fields", "observers", "runner", "results", "plots")
         for other in others:
             assert not {module for module in own if module.startswith(f"pgfmd.{other}")}, core
     assert not {m for m in IMPORTS["pgfmd.schemes.inertialess"] if "scene" in m or "storage" in m}

@@ -94,7 +94,9 @@ def test_other_types_are_refused(value):
 @pytest.mark.parametrize("dimension", DIMENSIONS)
 def test_every_dimension_reads_its_own_example_and_no_other(dimension):
     assert parse_quantity(DIMENSIONS[dimension].example, dimension) > 0
-    for other in DIMENSIONS.keys() - {dimension}:
+    # J/m^2 = N/m.
+    same = {"energy per area", "stiffness"}
+    for other in DIMENSIONS.keys() - ({dimension} | (same if dimension in same else set())):
         with pytest.raises(UnitError):
             parse_quantity(DIMENSIONS[other].example, dimension)
 

@@ -63,10 +63,11 @@ def place_of(folder, name, frame):
 def test_whole_folders_are_fine(finished, stopped):
     parts = list(verify.verify(finished))
     assert [part.path.name for part in parts] == [
-        "checkpoint.h5", "curve.csv", "energy.csv", "events.csv", "fields.h5", "scene.resolved.toml", "run.json",
+        "checkpoint.h5", "curve.csv", "energy.csv", "events.csv", "patches.csv", "sites.csv", "fields.h5",
+        "scene.resolved.toml", "run.json",
     ]
     assert all(part.fine for part in parts)
-    assert "3 snapshots of 4 arrays" in str(parts[4]) and "detached" in str(parts[6])
+    assert "3 snapshots of 4 arrays" in str(parts[6]) and "detached" in str(parts[8])
     assert wrong(stopped) == {}
 
 
@@ -142,7 +143,7 @@ def test_a_checkpoint_replaced_meanwhile_is_read_again(stopped, monkeypatch):
 # -- tables ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["curve.csv", "energy.csv", "events.csv"])
+@pytest.mark.parametrize("name", ["curve.csv", "energy.csv", "events.csv", "patches.csv", "sites.csv"])
 def test_a_changed_row_is_found(name, finished):
     path = finished / name
     content = path.read_bytes()
@@ -165,9 +166,10 @@ def test_rows_after_the_checkpoint_are_no_fault(stopped):
     assert any("8 bytes written since, not examined" in part.found for part in verify.verify(stopped))
 
 
-def test_a_run_without_audit_has_no_energies(tmp_path):
-    folder = run(tmp_path / "run", "output.energy=false", stop_after=5)
-    assert wrong(folder) == {} and not (folder / "energy.csv").exists()
+def test_a_run_without_audit_has_no_energies_and_one_without_patches_no_sites(tmp_path):
+    folder = run(tmp_path / "run", "output.energy=false", "output.patches=false", stop_after=5)
+    assert wrong(folder) == {}
+    assert not any((folder / name).exists() for name in ("energy.csv", "patches.csv", "sites.csv"))
 
 
 # -- snapshots ---------------------------------------------------------------------------------------------------------

@@ -1,0 +1,132 @@
+"""Simulated and measured loops over each other: corrected, filtered, shifted to one zero, and how far they differ."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgfmd.analysis.compliance import (
+    PAPER_MACHINE_STIFFNESS,
+    CellCompliance,
+    corrected_experiment,
+    corrected_simulation,
+    fit_cell_compliance,
+)
+from pgfmd.analysis.loop import Loop
+from pgfmd.analysis.low_pass import filtered
+from pgfmd.analysis.measures import Measures, measure
+
+FIT_LEVELS = (0.2, 0.9)
+"""Forces of the loading branch, as shares of the smaller preload, over which a measured zero is fitted."""
+SAMPLES = 201
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """Loops as they are drawn, the runs first.
+
+    measures: of each. cell: k_cc of the first run, None without one. offset [m]: by which the experiment was pushed in.
+    differences: root mean square force [N] by which each other loop differs from the first on the retraction, over
+    the indentations that both have; None where they have none in common.
+    """
+
+    loops: list[Loop]
+    measures: list[Measures]
+    cell: CellCompliance | None
+    offset: float
+    differences: list[float | None]
+
+
+def overlay(
+    runs: list[Loop],
+    experiment: Loop | None = None,
+    correct: str = "experiment",
+    machine_stiffness: float = PAPER_MACHINE_STIFFNESS,
+    resolution: float | None = None,
+    offset: float | None = 0.0,
+) -> Overlay:
+    """Bring loops together.
+
+    Args:
+        runs: at least one. experiment: a measured loop, if any.
+        correct: what takes up the compliance of the periodic cell, one of `compliance.WAYS`: the "experiment" loses
+            F/k_cc of the first run, as in the paper's figures; each "simulation" gains its own; or "none" does.
+        machine_stiffness: k_M [N/m] of the experiment, infinite where its displacements have been corrected before.
+        resolution: of the low-pass filter [m], for all loops; None for none.
+        offset: [m] by which the experiment is pushed in after that, or None to fit it: such that on the way in it
+            needs, in the mean over forces, the indentation of the first run.
+
+    Raises:
+        ValueError: if the offset can't be fitted, or a filter's resolution is out of range.
+    """
+    cells = [fit_cell_compliance(run) for run in runs]
+    stiffnesses = [cell.stiffness if cell else np.inf for cell in cells]
+    if correct == "simulation":
+        runs = [corrected_simulation(run, stiffness) for run, stiffness in zip(runs, stiffnesses, strict=True)]
+    loops, moved = list(runs), 0.0
+    if experiment is not None:
+        of_cell = stiffnesses[0] if correct == "experiment" else np.inf
+        measured = corrected_experiment(experiment, machine_stiffness, of_cell)
+        moved = fitted_offset(runs[0], measured) if offset is None else offset
+        loops.append(measured.pushed_in_by(moved))
+    if resolution is not None:
+        loops = [filtered(loop, resolution) for loop in loops]
+    differences = [rms_difference(loops[0], loop) for loop in loops[1:]]
+    return Overlay(loops, [measure(loop) for loop in loops], cells[0], moved, differences)
+
+
+def fitted_offset(run: Loop, measured: Loop) -> float:
+    """By how much [m] the measured loop is to be pushed in to lie over a run on the way in.
+
+    The mean, over forces from 0.2 to 0.9 of the smaller preload, of the difference of the indentations at which the
+    loading branches first pass a force. Raises ValueError if the measured loop has no loading branch.
+    """
+    top = min(float(np.max(run.force)), float(np.max(measured.force)))
+    levels = np.linspace(*FIT_LEVELS, 15) * top
+    places = [_first_passage(loop, levels) for loop in (run, measured)]
+    if top <= 0.0 or any(place is None for place in places):
+        raise ValueError(
+            f"{measured.name}: an offset can only be fitted on a loading branch that passes "
+            f"{FIT_LEVELS[0] * top:.3g} to {FIT_LEVELS[1] * top:.3g} N; give the offset itself"
+        )
+    return float(np.mean(places[0] - places[1]))
+
+
+def _first_passage(loop: Loop, levels: np.ndarray) -> np.ndarray | None:
+    """Indentations [m] at which the loading branch first reaches each force; None if it does not begin below them."""
+    rows = slice(0, loop.preload_row + 1)
+    highest = np.maximum.accumulate(loop.force[rows])
+    if highest.size < 2 or highest[0] > levels[0]:
+        return None
+    rising = np.concatenate(([True], np.diff(highest) > 0))
+    return np.interp(levels, highest[rising], loop.indentation[rows][rising])
+
+
+def rms_difference(one: Loop, other: Loop) -> float | None:
+    """Root mean square of the difference of forces [N] on the retraction, over equal steps of the common way."""
+    ways = []
+    for loop in (one, other):
+        rows = loop.branches["retraction"]
+        place, force = loop.indentation[rows][::-1], loop.force[rows][::-1]
+        if place.size < 2:
+            return None
+        ways.append((np.maximum.accumulate(place), force))
+    low, high = max(place[0] for place, _ in ways), min(place[-1] for place, _ in ways)
+    if low >= high:
+        return None
+    at = np.linspace(low, high, SAMPLES)
+    first, second = (np.interp(at, place, force) for place, force in ways)
+    return float(np.sqrt(np.mean((first - second) ** 2)))
+
+
+def renamed(loops: list[Loop]) -> list[Loop]:
+    """Loops with names that differ: where two folders have the same name, numbers are added."""
+    found: list[Loop] = []
+    for loop in loops:
+        taken, name, number = [known.name for known in found], loop.name, 2
+        while name in taken:
+            name, number = f"{loop.name} ({number})", number + 1
+        found.append(dataclasses.replace(loop, name=name))
+    return found

@@ -1,0 +1,116 @@
+"""Of what the hysteresis is made: by the energy audit of the run, and against its quasi-static twin.
+
+The audit says which element took the energy: viscous ones, or jumps of the surface. In a viscous elastomer hardly
+anything jumps: a snap takes its time, and its energy ends in viscous elements as well. So the audit of a viscous run
+can't tell multistability from a crack that would move steadily.
+
+The twin can: the same loop driven so slowly that the elastomer is always relaxed loses energy in jumps alone. What the
+run loses beyond is due to its finite speed: viscous losses, and that more contact is made or kept, so that more has to
+snap. These two act together, and no difference of two runs takes them apart; the paper comes to the same end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgfmd.analysis.loop import Loop
+from pgfmd.analysis.measures import net_work
+from pgfmd.analysis.scene_differences import differences
+from pgfmd.plots import column
+from pgfmd.results import Results
+
+SAME_SECTIONS = ("punch", "substrate", "adhesion", "drive", "grid")
+NO_TIME = ("speed", "retract_speed", "turn_time", "dwell")
+"""Keys that mean nothing to a quasi-static run."""
+SAME_LOOP = 0.02
+"""Preloads of a run and its twin may differ by this share."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """The run's own energy audit at its last row [J]: work = viscous + released + stored + residual.
+
+    stored: elastic and adhesive energy that is still there. Right after a fast detachment the surface has not come to
+    rest yet, and what it stores then is lost to viscous elements later.
+    """
+
+    work: float
+    viscous: float
+    released: float
+    stored: float
+    residual: float
+
+    def share(self, part: float) -> float | None:
+        """A part [J] over the net work; None where that is not positive."""
+        return part / self.work if self.work > 0.0 else None
+
+
+@dataclass(frozen=True)
+class Twin:
+    """A loop [J] against that of its quasi-static twin [J]; remarks: what else differs between the two."""
+
+    name: str
+    loop: float
+    twin_loop: float
+    remarks: tuple[str, ...]
+
+    @property
+    def rest(self) -> float:
+        """What the finite speed adds [J]: viscous losses and coaction."""
+        return self.loop - self.twin_loop
+
+    @property
+    def multistability_share(self) -> float | None:
+        """The twin's loop over this one."""
+        return self.twin_loop / self.loop if self.loop > 0.0 else None
+
+    @property
+    def rest_share(self) -> float | None:
+        """The rest over this loop."""
+        return self.rest / self.loop if self.loop > 0.0 else None
+
+
+def audit_of(results: Results) -> Audit | None:
+    """The audit of a run, None if it kept none."""
+    energy = results.energy
+    if energy is None or not len(energy):
+        return None
+    names = ("work", "viscous", "released", "elastic", "adhesive", "residual")
+    work, viscous, released, elastic, adhesive, residual = (float(column(energy, f"{name} [J]")[-1]) for name in names)
+    return Audit(work, viscous, released, elastic + adhesive, residual)
+
+
+def twin_of(results: Results, loop: Loop, twin: Results) -> Twin:
+    """A run against its quasi-static twin, of which there are results as well.
+
+    Loops are integrated from both curves. Whether the twin is one is looked up in both scenes: what differs beyond the
+    rheology, the solver and the output becomes a remark.
+    """
+    other = Loop.of(twin)
+    return Twin(str(twin.directory), net_work(loop), net_work(other), tuple(_remarks(results, loop, twin, other)))
+
+
+def _remarks(results: Results, loop: Loop, twin: Results, other: Loop) -> list[str]:
+    found = differences(results.scene, twin.scene, SAME_SECTIONS, NO_TIME)
+    remarks = [f"{key} differs: {mine} here, {its} in the twin" for key, mine, its in found]
+    if not is_quasistatic(twin.scene):
+        remarks.append(
+            "the twin is neither quasi-static nor elastic: run the same scene with --set solver.scheme=quasistatic"
+        )
+    for name, result, curve in (("this run", results, loop), ("the twin", twin, other)):
+        if not curve.retracted or abs(curve.force[-1]) > 1e-3 * np.max(np.abs(curve.force)):
+            remarks.append(f"the loop of {name} is not closed: {result.run.get('finished', 'the run goes on')}")
+    preloads = float(np.max(loop.force)), float(np.max(other.force))
+    if abs(preloads[1] - preloads[0]) > SAME_LOOP * max(preloads):
+        remarks.append(f"preloads differ: {preloads[0]:.4g} N here, {preloads[1]:.4g} N in the twin")
+    return remarks
+
+
+def is_quasistatic(scene: dict) -> bool:
+    """Whether a resolved scene leaves no room for viscous losses: the
+    quasi-static scheme with the relaxed modulus, or an elastic substrate."""
+    solver, rheology = scene.get("solver", {}), scene.get("rheology", {})
+    relaxed = solver.get("scheme") == "quasistatic" and solver.get("modulus", "relaxed") == "relaxed"
+    return relaxed or rheology.get("model") == "elastic"

@@ -1,0 +1,89 @@
+"""The loop of a tack test, simulated or measured: force against displacement, on the way in and on the way out."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgfmd.errors import ResultError
+from pgfmd.plots import branches, column
+from pgfmd.results import Results
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """Rows of a tack test in the order of time; SI units; all arrays of shape (rows,).
+
+    name: what a legend calls it. time [s]; displacement [m], negative when the punch is pushed in; force [N], positive
+    in compression; area [m^2] of contact and u_inf [m], NaN where they are not known; phase: part of the programme;
+    jump: rows at whose end the surface jumped. offset [m]: k of indentation = -displacement - k.
+    """
+
+    name: str
+    time: Array
+    displacement: Array
+    force: Array
+    area: Array
+    u_inf: Array
+    phase: NDArray[np.str_]
+    jump: NDArray[np.bool_]
+    offset: float = 0.0
+
+    @classmethod
+    def of(cls, results: Results, name: str = "") -> Self:
+        """The loop of a run, finished or not.
+
+        Raises:
+            ResultError: if a table can't be read, or has no rows yet.
+        """
+        curve = results.curve
+        if not len(curve):
+            raise ResultError(f"{results.directory}: nothing to analyse yet, curve.csv has no rows")
+        columns = ("time [s]", "displacement [m]", "force [N]", "contact_area [m^2]", "u_inf [m]")
+        time, displacement, force, area, u_inf = (column(curve, title) for title in columns)
+        jump = np.isin(time, _jump_times(results))
+        offset = float(results.run.get("indentation_offset_m") or 0.0)
+        phase = column(curve, "phase").astype(str)
+        return cls(name or results.directory.name, time, displacement, force, area, u_inf, phase, jump, offset)
+
+    @property
+    def indentation(self) -> Array:
+        """How far the punch is pushed in [m]."""
+        return -self.displacement - self.offset
+
+    @property
+    def branches(self) -> dict[str, slice]:
+        """Rows of the "approach" and of the "retraction"; both hold the row where one becomes the other."""
+        return branches(self.phase)
+
+    @property
+    def preload_row(self) -> int:
+        """The row of the largest force."""
+        return int(np.argmax(self.force))
+
+    @property
+    def retracted(self) -> bool:
+        """Whether the punch has begun to go up again."""
+        return bool(np.any(self.phase == "retract"))
+
+    def pushed_in_by(self, extra: Array | float) -> Self:
+        """The same loop, pushed in further by `extra` [m], of shape (rows,) or a number."""
+        return dataclasses.replace(self, displacement=self.displacement - extra)
+
+    def with_force(self, force: Array) -> Self:
+        """The same loop with other forces [N], of shape (rows,). Filtered forces have no jumps."""
+        return dataclasses.replace(self, force=force, jump=np.zeros_like(self.jump))
+
+
+def _jump_times(results: Results) -> Array:
+    """Times [s] of the jumps that the run lists."""
+    events = results.events
+    if events is None or not len(events):
+        return np.empty(0)
+    return column(events, "time [s]")[column(events, "event").astype(str) == "jump"]

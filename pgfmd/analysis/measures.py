@@ -1,0 +1,112 @@
+"""What a tack test measures: pull-off force, snap-in, work of separation, hysteresis; from the rows of its curve alone.
+
+Forces between two rows are taken to be linear in the displacement; a row at which the surface jumped is met with the
+force of the row before, as in the run itself (schemes/energy_audit.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgfmd.analysis.loop import Loop
+from pgfmd.plots import landmarks
+
+
+@dataclass(frozen=True)
+class Dip:
+    """The lowest force of a branch: tension [N], positive, displacement [m] of the punch and time [s]."""
+
+    tension: float
+    displacement: float
+    time: float
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Numbers of one loop; None where the loop has no such thing, or does not get there.
+
+    largest_force [N], the preload and what the turn adds to it; pull_off and snap_in: lowest forces of the retraction,
+    and of the approach before the preload. work_of_separation [J]: that the punch does while it goes up against a
+    tensile force. hysteresis [J]: net work of the punch over all rows. largest_area [m^2]; area_at_pull_off [m^2].
+    """
+
+    largest_force: float | None
+    pull_off: Dip | None
+    snap_in: Dip | None
+    work_of_separation: float | None
+    hysteresis: float
+    largest_area: float | None
+    area_at_pull_off: float | None
+
+
+def measure(loop: Loop) -> Measures:
+    """The measures of a loop."""
+    found = landmarks(loop.force, loop.phase)
+    pull_off = dip(loop, found["pull-off"]) if "pull-off" in found else None
+    area_there = float(loop.area[found["pull-off"]]) if pull_off else None
+    return Measures(
+        largest_force=float(loop.force[found["preload"]]) if "preload" in found else None,
+        pull_off=pull_off,
+        snap_in=dip(loop, found["snap-in"]) if "snap-in" in found else None,
+        work_of_separation=work_of_separation(loop) if loop.retracted else None,
+        hysteresis=net_work(loop),
+        largest_area=_known(np.max(loop.area)),
+        area_at_pull_off=_known(area_there),
+    )
+
+
+def _known(value: float | None) -> float | None:
+    return None if value is None or np.isnan(value) else float(value)
+
+
+def dip(loop: Loop, row: int) -> Dip:
+    """The lowest force near its lowest row, by the parabola in the displacement through that row and its neighbours.
+
+    The row itself where it has a jump beside it, is at an end, or the punch turns round there: no parabola belongs to
+    these.
+    """
+    alone = Dip(-float(loop.force[row]), float(loop.displacement[row]), float(loop.time[row]))
+    if not 0 < row < len(loop.force) - 1 or loop.jump[row] or loop.jump[row + 1]:
+        return alone
+    rows = slice(row - 1, row + 2)
+    x, f = loop.displacement[rows] - loop.displacement[row], loop.force[rows]
+    if not np.all(np.diff(x) * np.sign(x[2] - x[0]) > 0):
+        return alone
+    left, right = (f[1] - f[0]) / (x[1] - x[0]), (f[2] - f[1]) / (x[2] - x[1])
+    curvature = (right - left) / (x[2] - x[0])
+    if curvature <= 0.0:
+        return alone
+    place = 0.5 * (x[0] + x[1]) - left / (2.0 * curvature)
+    depth = f[1] + place * (left + curvature * (place - x[0]))
+    when = float(np.interp(place, np.sort(x), loop.time[rows][np.argsort(x)]))
+    return Dip(-float(depth), float(loop.displacement[row] + place), when)
+
+
+def forces_met(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
+    """Forces [N] at the start and at the end of each step between rows, (rows - 1,), as the punch meets them."""
+    before = loop.force[:-1]
+    return before, np.where(loop.jump[1:], before, loop.force[1:])
+
+
+def net_work(loop: Loop) -> float:
+    """Work of the punch [J] over all rows, -int F dd: the area of a closed loop."""
+    before, after = forces_met(loop)
+    return float(-0.5 * (before + after) @ np.diff(loop.displacement))
+
+
+def work_of_separation(loop: Loop) -> float:
+    """Work [J] that the punch does while it goes up against a tensile force; of a step through zero force the part
+    under tension.
+
+    The definition of `work_of_separation_J` in `run.json`, from the rows of the curve.
+    """
+    before, after = forces_met(loop)
+    start, end = np.maximum(-before, 0.0), np.maximum(-after, 0.0)
+    mean = 0.5 * (start + end)
+    crossing = before * after < 0.0
+    span = np.abs(before - after)[crossing]
+    mean[crossing] = 0.5 * np.maximum(start, end)[crossing] ** 2 / span
+    moved = np.maximum(np.diff(loop.displacement), 0.0)
+    return float(mean @ moved)

@@ -1,0 +1,135 @@
+"""Pictures of an analysis: loops over each other, the fit of u_inf, shares of the hysteresis, the bearing-area
+model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pgfmd.analysis.bulges import Bulge
+from pgfmd.analysis.compliance import CellCompliance
+from pgfmd.analysis.hysteresis import Audit, Twin
+from pgfmd.analysis.loop import Loop
+from pgfmd.errors import ResultError
+from pgfmd.map_plots import new_figure, signed
+from pgfmd.plots import GREY, RED, STYLE, TURQUOISE, energy_unit
+
+COLOURS = (TURQUOISE, RED, "#d18f00", "#6a4c93", "#4a7c2a", "#8a5a44")
+DASHES = (0, (4, 2))
+PARTS = (("viscous", RED), ("released in jumps", "#6a4c93"), ("stored or unexplained", "#c9c9c9"))
+TWIN_PARTS = (("multistability (twin)", "#6a4c93"), ("viscous and coaction", RED))
+
+
+def save(figure: Any, path: Path) -> Path:
+    """Write a figure in the style of the other pictures.
+
+    Raises:
+        ResultError: if it can't be written.
+    """
+    from matplotlib import rc_context
+
+    try:
+        with rc_context(STYLE):
+            figure.savefig(path)
+    except (OSError, ValueError) as problem:
+        raise ResultError(f"{path}: could not be written: {problem}") from problem
+    return path
+
+
+def styled(draw: Any, *arguments: Any, **options: Any) -> Any:
+    """A figure made with the project's settings, whatever those of the caller."""
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        return draw(*arguments, **options)
+
+
+def overlay_figure(loops: list[Loop], dots: int | None = None, note: str = "") -> Any:
+    """Force [mN] against indentation [um]: approaches thin and dashed, retractions in colour.
+
+    dots: number of the loop that was measured, drawn in black. note: what has been done to the curves.
+    """
+    figure = new_figure(5.6, 4.0)
+    axis = figure.subplots()
+    axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+    for number, loop in enumerate(loops):
+        colour = "black" if number == dots else COLOURS[number % len(COLOURS)]
+        x, force = 1e6 * loop.indentation, 1e3 * loop.force
+        rows = loop.branches["retraction"]
+        before = slice(0, rows.start + 1)
+        if rows.start > 1:
+            axis.plot(x[before], force[before], color=colour, linestyle=DASHES, linewidth=0.8)
+        axis.plot(x[rows], force[rows], color=colour, linewidth=1.0 if number == dots else 1.4, label=loop.name)
+    axis.legend(loc="upper left")
+    axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
+    if note:
+        axis.set_title(note, color="0.35")
+    return figure
+
+
+def bulge_figure(loop: Loop, found: list[Bulge]) -> Any:
+    """The retraction, force [mN] against indentation [um], with its minima and inflections marked."""
+    figure = new_figure(5.2, 3.6)
+    axis = figure.subplots()
+    rows = loop.branches["retraction"]
+    axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+    axis.plot(1e6 * loop.indentation[rows], 1e3 * loop.force[rows], color=TURQUOISE, label="retraction")
+    for kind, marker in (("minimum", "v"), ("inflection", "d")):
+        own = [bulge for bulge in found if bulge.kind == kind]
+        if own:
+            x = [1e6 * (-bulge.displacement - loop.offset) for bulge in own]
+            y = [1e3 * bulge.force for bulge in own]
+            axis.plot(x, y, marker, color=RED, markersize=5, linestyle="none", label=kind)
+    axis.legend(loc="upper left")
+    axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
+    return figure
+
+
+def compliance_figure(loop: Loop, cell: CellCompliance) -> Any:
+    """u_inf [um] against force [mN], and the line whose slope is 1/k_cc."""
+    figure = new_figure(4.6, 3.6)
+    axis = figure.subplots()
+    for name, rows in loop.branches.items():
+        colour = GREY if name == "approach" else TURQUOISE
+        style = {"linestyle": DASHES if name == "approach" else "-", "label": name}
+        axis.plot(1e3 * loop.force[rows], 1e6 * loop.u_inf[rows], color=colour, **style)
+    ends = np.array([loop.force.min(), loop.force.max()])
+    label = f"F/k_cc,  k_cc = {cell.stiffness / 1e3:.4g} kN/m"
+    axis.plot(1e3 * ends, 1e6 * ends / cell.stiffness, color="black", linewidth=0.8, label=label)
+    axis.set(xlabel="force (mN)", ylabel="u_inf (µm)")
+    axis.legend(loc="upper left")
+    axis.set_title(f"fit through the origin, {cell.rows} rows", color="0.35")
+    return figure
+
+
+def hysteresis_figure(audit: Audit | None, twin: Twin | None) -> Any:
+    """Bars of the loop's energy by the audit, and beside them against the quasi-static twin."""
+    bars: list[tuple[str, list[tuple[str, str, float]]]] = []
+    if audit is not None:
+        values = (audit.viscous, audit.released, audit.work - audit.viscous - audit.released)
+        bars.append(("energy audit", [(name, colour, v) for (name, colour), v in zip(PARTS, values, strict=True)]))
+    if twin is not None:
+        values = (twin.twin_loop, twin.rest)
+        parts = [(name, colour, v) for (name, colour), v in zip(TWIN_PARTS, values, strict=True)]
+        bars.append(("against the\nquasi-static twin", parts))
+    largest = max(abs(value) for _, parts in bars for _, _, value in parts)
+    factor, unit = energy_unit(largest)
+    figure = new_figure(2.6 + 1.6 * len(bars), 3.8)
+    axis = figure.subplots()
+    axis.axhline(0, color="0.5", linewidth=0.8)
+    for place, (_, parts) in enumerate(bars):
+        above = below = 0.0
+        for name, colour, value in parts:
+            bottom = above if value >= 0 else below
+            axis.bar(place, value / factor, bottom=bottom, color=colour, width=0.55, edgecolor="white", linewidth=0.6)
+            if abs(value) > 0.06 * largest:
+                text = f"{name}\n{signed(value / factor)}"
+                ink = "white" if colour != PARTS[2][1] else "black"
+                axis.text(place, bottom + value / factor / 2, text, ha="center", va="center", fontsize=7.5, color=ink)
+            above, below = above + max(value / factor, 0), below + min(value / factor, 0)
+    axis.set_xticks(range(len(bars)), [name for name, _ in bars])
+    axis.set_xlim(-0.6, len(bars) - 0.4)
+    axis.set_ylabel(f"energy of the loop ({unit})")
+    return figure

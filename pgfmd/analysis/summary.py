@@ -1,0 +1,244 @@
+"""Everything that can be said about a results folder: the table, the record `analysis.json`, and the pictures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pgfmd.analysis import pictures
+from pgfmd.analysis.bulges import Bulge, bulges
+from pgfmd.analysis.compliance import CellCompliance, fit_cell_compliance
+from pgfmd.analysis.contact_stiffness import stiffness_table, unloading_stiffness
+from pgfmd.analysis.hysteresis import Audit, Twin, audit_of, is_quasistatic, twin_of
+from pgfmd.analysis.loop import Loop
+from pgfmd.analysis.low_pass import PAPER_RESOLUTION, filtered
+from pgfmd.analysis.measures import Measures, measure
+from pgfmd.analysis.site_loads import site_loads
+from pgfmd.analysis.table import Table
+from pgfmd.analysis.tabor import effective_tabor
+from pgfmd.errors import ResultError
+from pgfmd.results import Results, load
+from pgfmd.storage import write_atomically
+
+RECORD_FILE = "analysis.json"
+BLURRED = 0.05
+"""Scatter of u_inf, as a share of its range, from which on its line says little."""
+FOLLOWS = "by the parabola through the lowest rows"
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """What was found in a folder: table, the loop that was analysed, and the parts that have pictures of their own.
+
+    predictions: of the bearing-area model (bearing_area.Prediction), by law.
+    """
+
+    directory: Path
+    table: Table
+    loop: Loop
+    measures: Measures
+    bulges: list[Bulge]
+    cell: CellCompliance | None
+    audit: Audit | None
+    twin: Twin | None
+    twin_loop: Loop | None
+    predictions: list[Any]
+
+    @property
+    def record(self) -> dict:
+        """The table's numbers in SI units, as `analysis.json` has them."""
+        return self.table.record()
+
+    def write(self) -> list[Path]:
+        """Write `analysis.json` and the pictures into the folder; returns them. ResultError if one can't be written."""
+        path = self.directory / RECORD_FILE
+        text = json.dumps(self.record, indent=2, ensure_ascii=False, allow_nan=False)
+        try:
+            write_atomically(path, f"{text}\n".encode())
+        except OSError as problem:
+            raise ResultError(f"{path}: could not be written: {problem.strerror}") from problem
+        return [path, *(pictures.save(draw(), self.directory / name) for name, draw in self._drawings())]
+
+    def _drawings(self) -> Iterator[tuple[str, Any]]:
+        if self.bulges:
+            yield "analysis-bulges.png", lambda: pictures.styled(pictures.bulge_figure, self.loop, self.bulges)
+        if self.cell:
+            yield "analysis-compliance.png", lambda: pictures.styled(pictures.compliance_figure, self.loop, self.cell)
+        if self.audit or self.twin:
+            draw = pictures.hysteresis_figure
+            yield "analysis-hysteresis.png", lambda: pictures.styled(draw, self.audit, self.twin)
+        if self.twin_loop is not None:
+            loops = [self.loop, self.twin_loop]
+            yield "analysis-twin.png", lambda: pictures.styled(pictures.overlay_figure, loops)
+        if self.predictions:
+            loops = [self.loop, *(prediction.loop for prediction in self.predictions)]
+            yield "analysis-bearing-area.png", lambda: pictures.styled(pictures.overlay_figure, loops)
+
+
+def analyse(
+    directory: str | Path,
+    twin: str | Path | None = None,
+    bearing_area: bool = False,
+    asperity: str | Path | None = None,
+    resolution: float | None = None,
+) -> Analysis:
+    """Analyse a results folder. Reads files only; works while the run goes on, as far as it has come.
+
+    Args:
+        directory: of the run. twin: of its quasi-static twin.
+        bearing_area: whether a bearing-area model is laid beside it. asperity: results of a run of one isolated
+            asperity, for that model; implies it.
+        resolution: [m] of a low-pass filter for the curve, None for none. Energies of the audit are never filtered.
+
+    Raises:
+        ResultError: if a folder can't be read, or what is asked for can't be had from it; SceneError if its scene
+        can't.
+    """
+    with ExitStack() as stack:
+        results = stack.enter_context(load(directory))
+        other = stack.enter_context(load(twin)) if twin is not None else None
+        single = stack.enter_context(load(asperity)) if asperity is not None else None
+        whole = Loop.of(results)
+        loop = whole if resolution is None else _filtered(whole, resolution)
+        table = Table(f"{results.scene.get('title') or results.directory.name}: {results.directory}")
+        found = measure(loop)
+        _add_forces(table, found, resolution)
+        places = bulges(loop, resolution or PAPER_RESOLUTION)
+        _add_stiffness(table, loop)
+        _add_bulges(table, places)
+        _add_sites(table, results, loop)
+        cell = fit_cell_compliance(whole)
+        _add_compliance(table, cell)
+        audit, against = audit_of(results), twin_of(results, whole, other) if other else None
+        _add_hysteresis(table, audit, against)
+        _add_tabor(table, results, found, other)
+        predictions = []
+        if bearing_area or single is not None:
+            from pgfmd.analysis.beside import add_bearing_area
+
+            predictions = add_bearing_area(table, results, found, single)
+        twin_loop = Loop.of(other) if other else None
+        return Analysis(results.directory, table, loop, found, places, cell, audit, against, twin_loop, predictions)
+
+
+def _filtered(loop: Loop, resolution: float) -> Loop:
+    try:
+        return filtered(loop, resolution)
+    except ValueError as problem:
+        raise ResultError(f"{loop.name}: the curve could not be filtered: {problem}") from problem
+
+
+def _add_forces(table: Table, found: Measures, resolution: float | None) -> None:
+    if resolution is not None:
+        table.add("Forces", "low_pass", "low-pass filter", resolution, "m", "of the curve; pull-off and all below")
+    note = "the preload, and what the turn adds"
+    table.add("Forces", "largest_force", "largest force", found.largest_force, "N", note)
+    if found.pull_off:
+        table.add("Forces", "pull_off_force", "pull-off force", found.pull_off.tension, "N", FOLLOWS)
+        place = found.pull_off.displacement
+        table.add("Forces", "pull_off_displacement", "at the displacement", place, "m", "negative when pushed in")
+    else:
+        table.add("Forces", "pull_off_force", "pull-off force", None, "N", "no tension after the preload")
+    if found.snap_in:
+        note = "largest tension on the way in"
+        table.add("Forces", "snap_in_force", "snap-in force", found.snap_in.tension, "N", note)
+    note = "work against a tensile force on the way out"
+    table.add("Work", "work_of_separation", "work of separation", found.work_of_separation, "J", note)
+    table.add("Work", "hysteresis", "hysteresis", found.hysteresis, "J", "net work of the loop, from the curve")
+    if found.largest_area is not None:
+        table.add("Contact", "largest_area", "largest contact area", found.largest_area, "m^2")
+    if found.area_at_pull_off is not None:
+        table.add("Contact", "area_at_pull_off", "contact area at pull-off", found.area_at_pull_off, "m^2")
+
+
+def _add_stiffness(table: Table, loop: Loop) -> None:
+    section, first = "Contact stiffness", unloading_stiffness(loop)
+    if first:
+        note = "slope over the first tenth of the preload; in a viscous run partly the glassy response"
+        table.add(section, "unloading_stiffness", "at the start of unloading", first.stiffness, "N/m", note)
+    preload = float(loop.force.max())
+    for entry in stiffness_table(loop):
+        part = round(100 * entry.load / preload)
+        note = f"around {entry.load * 1e3:.3g} mN, {part} % of the preload"
+        table.add(section, f"{entry.branch}_{part}_percent", entry.branch, entry.stiffness, "N/m", note)
+
+
+def _add_bulges(table: Table, places: list[Bulge]) -> None:
+    for number, bulge in enumerate(places, 1):
+        note = f"at the displacement {bulge.displacement * 1e6:.4g} um"
+        table.add("Bulges of the retraction", f"bulge_{number}_force", bulge.kind, bulge.force, "N", note)
+        table.add("Bulges of the retraction", f"bulge_{number}_displacement", "", bulge.displacement, "m")
+
+
+def _add_sites(table: Table, results: Results, loop: Loop) -> None:
+    for kind in site_loads(results, loop):
+        most = f"{kind.most} of {kind.of} at most"
+        for key, name, value in (
+            ("first_joins", "first joins", kind.first_joins), ("last_joins", "last joins", kind.last_joins),
+            ("first_leaves", "first leaves", kind.first_leaves), ("last_leaves", "last leaves", kind.last_leaves),
+        ):  # fmt: skip
+            note = most if key == "first_joins" else ""
+            table.add("Loads at which sites change", f"{kind.kind}_{key}", f"{kind.kind}: {name}", value, "N", note)
+
+
+def _add_compliance(table: Table, cell: CellCompliance | None) -> None:
+    if cell is None:
+        return
+    section, note = "Compliance of the cell", f"u_inf = F/k_cc through the origin, {cell.rows} rows"
+    table.add(section, "k_cc", "k_cc", cell.stiffness, "N/m", note)
+    table.add(section, "k_cc_standard_error", "standard error", cell.standard_error, "N/m")
+    table.add(section, "u_inf_scatter", "scatter of u_inf", cell.scatter, "m", "root mean square around the line")
+    if cell.scatter > BLURRED * cell.span:
+        table.remarks.append(
+            "u_inf lags behind the force in this run, and k_cc is blurred: take that of the quasi-static twin"
+        )
+
+
+def _add_hysteresis(table: Table, audit: Audit | None, twin: Twin | None) -> None:
+    if audit:
+        section = "Hysteresis by the energy audit"
+        table.add(section, "audit_work", "net work", audit.work, "J")
+        for key, name, value in (
+            ("viscous", "taken by viscous elements", audit.viscous),
+            ("released", "released in jumps", audit.released),
+            ("stored", "still stored", audit.stored),
+            ("residual", "unexplained", audit.residual),
+        ):
+            share = audit.share(value)
+            note = "" if share is None else f"{100 * share:.3g} % of the net work"
+            table.add(section, f"audit_{key}", name, value, "J", note)
+    if twin:
+        section = "Hysteresis against the quasi-static twin"
+        table.add(section, "twin_hysteresis", "multistability: the twin's loop", twin.twin_loop, "J", twin.name)
+        table.add(section, "multistability_share", "share of this loop", twin.multistability_share)
+        note = "what the finite speed adds; two runs can't part it further"
+        table.add(section, "viscous_and_coaction", "viscous losses and coaction", twin.rest, "J", note)
+        table.add(section, "viscous_and_coaction_share", "share of this loop", twin.rest_share)
+        table.remarks += twin.remarks
+
+
+def _add_tabor(table: Table, results: Results, found: Measures, twin: Results | None) -> None:
+    """Of a quasi-static pull-off: this run's, or its twin's."""
+    source, pull_off = results, found.pull_off
+    if not is_quasistatic(results.scene) and twin is not None and is_quasistatic(twin.scene):
+        source, pull_off = twin, measure(Loop.of(twin)).pull_off
+    if not is_quasistatic(source.scene):
+        table.remarks.append("the effective Tabor number needs a quasi-static pull-off: give --twin")
+        return
+    from pgfmd.scene import load_scene
+    from pgfmd.storage import SCENE_FILE
+
+    scene = load_scene(source.directory / SCENE_FILE)
+    if scene.punch.radius is None or pull_off is None or scene.adhesion.law != "cosine":
+        return
+    adhesion, modulus = scene.adhesion, scene.substrate.contact_modulus
+    tabor = effective_tabor(pull_off.tension, scene.punch.radius, modulus, adhesion.range, adhesion.work_of_adhesion)
+    section = "Effective Tabor number"
+    table.add(section, "quasistatic_pull_off_force", "quasi-static pull-off force", pull_off.tension, "N")
+    note = "of a perfectly flat punch with this pull-off force"
+    table.add(section, "effective_work_of_adhesion", "work of adhesion", tabor.work_of_adhesion, "J/m^2", note)
+    table.add(section, "effective_tabor_number", "Tabor number", tabor.number, "", "sqrt(a w_eff/E*)/rho")

@@ -1,0 +1,85 @@
+"""What an analysis found, as sections of named numbers: a table for the eye and a record for programs."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+from pgfmd.storage import plain
+
+SUFFIXES = {"N": "N", "m": "m", "J": "J", "s": "s", "N/m": "N_per_m", "m^2": "m2", "J/m^2": "J_per_m2", "Pa": "Pa"}
+"""How a unit is written at the end of a record's key."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number: key of the record, without unit; name, value, SI unit, and what it says."""
+
+    key: str
+    name: str
+    value: float | int | str | None
+    unit: str = ""
+    note: str = ""
+
+
+@dataclass
+class Table:
+    """Sections of rows by title; remarks: what the numbers can't say, or what spoils them."""
+
+    title: str = ""
+    sections: dict[str, list[Row]] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+
+    def add(
+        self, section: str, key: str, name: str, value: float | int | str | None, unit: str = "", note: str = ""
+    ) -> None:
+        """One more row; a section begins with its first."""
+        self.sections.setdefault(section, []).append(Row(key, name, value, unit, note))
+
+    def __getitem__(self, key: str) -> Any:
+        """The value of a row, by its key without unit. KeyError if there is none."""
+        for rows in self.sections.values():
+            for row in rows:
+                if row.key == key:
+                    return row.value
+        raise KeyError(key)
+
+    def __contains__(self, key: str) -> bool:
+        return any(row.key == key for rows in self.sections.values() for row in rows)
+
+    def record(self) -> dict:
+        """Nested dicts for JSON: section, then key with its unit, as in `pull_off_force_N`; None if there is none."""
+        found: dict[str, Any] = {"title": self.title}
+        for section, rows in self.sections.items():
+            found[re.sub(r"\W+", "_", section.lower())] = {
+                f"{row.key}_{SUFFIXES[row.unit]}" if row.unit else row.key: row.value for row in rows
+            }
+        found["remarks"] = self.remarks
+        return plain(found)
+
+
+def show(table: Table) -> None:
+    """Print on standard output; plain text where that is not a terminal."""
+    import sys
+
+    import rich.table
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
+    if table.title:
+        console.print(table.title, style="bold", markup=False)
+    for title, rows in table.sections.items():
+        lines = rich.table.Table(box=None, pad_edge=False, show_header=False, title=title)
+        lines.title_justify, lines.title_style = "left", "bold"
+        for _ in range(4):
+            lines.add_column(overflow="fold")
+        for row in rows:
+            value = f"{row.value:.5g}" if isinstance(row.value, float) else "-" if row.value is None else str(row.value)
+            lines.add_row(*(Text(text) for text in (row.name, value, row.unit, row.note)))
+        console.print()
+        console.print(lines)
+    console.print()
+    for text in table.remarks:
+        console.print(f"note: {text}", markup=False, soft_wrap=not console.is_terminal)

@@ -1,0 +1,138 @@
+"""`pgfmd analyse` and `pgfmd compare`: what result files say, and measured curves over them. Serial."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pgfmd.errors import ResultError
+
+PAPER_MACHINE = "38.1 kN/m"
+
+
+class Correct(str, Enum):
+    """Which curves take up the compliance of the periodic cell."""
+
+    experiment = "experiment"
+    simulation = "simulation"
+    none = "none"
+
+
+class Inwards(str, Enum):
+    """Which way a measured displacement counts."""
+
+    into = "in"
+    out = "out"
+
+
+class Pressing(str, Enum):
+    """Which way a measured force counts."""
+
+    compression = "compression"
+    tension = "tension"
+
+
+LowPass = Annotated[
+    str | None, typer.Option("--low-pass", metavar="LENGTH", help="Filter curves, such as 0.1um, the paper's.")
+]
+
+
+def analyse(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that a run wrote to.")],
+    twin: Annotated[
+        Path | None, typer.Option("--twin", metavar="DIR", help="Results of the quasi-static twin of the run.")
+    ] = None,
+    bearing_area: Annotated[bool, typer.Option("--bearing-area", help="Lay a bearing-area model beside it.")] = False,
+    asperity: Annotated[
+        Path | None,
+        typer.Option("--asperity", metavar="DIR", help="Results of one isolated asperity, for that model."),
+    ] = None,
+    low_pass: LowPass = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+) -> None:
+    """Measure a run: forces, works, stiffness, shares of the hysteresis. Writes analysis.json and pictures into DIR."""
+    from pgfmd.analysis.summary import analyse as analysis_of
+    from pgfmd.analysis.table import show
+
+    analysis = analysis_of(directory, twin, bearing_area, asperity, _length(low_pass, "--low-pass"))
+    paths = analysis.write()
+    if as_json:
+        print(json.dumps(analysis.record, indent=2, ensure_ascii=False))
+        return
+    show(analysis.table)
+    for path in paths:
+        print(path)
+
+
+def compare(
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="DIR [DIR...] [EXP.csv]", help="Folders of results, and a measured curve.")
+    ],
+    machine_stiffness: Annotated[
+        str,
+        typer.Option("--machine-stiffness", metavar="STIFFNESS", help="Of the experiment; inf if corrected before."),
+    ] = PAPER_MACHINE,
+    correct: Annotated[
+        Correct, typer.Option("--correct", help="Which curves take up the compliance of the periodic cell.")
+    ] = Correct.experiment,
+    low_pass: LowPass = None,
+    offset: Annotated[
+        str, typer.Option("--offset", metavar="LENGTH|fit", help="By which the experiment is pushed in.")
+    ] = "0 um",
+    positive_displacement: Annotated[
+        Inwards, typer.Option("--positive-displacement", help="Which way the experiment's displacement counts.")
+    ] = Inwards.into,
+    positive_force: Annotated[
+        Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")
+    ] = Pressing.compression,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE.png", help="Name of the picture.")
+    ] = Path("comparison.png"),
+) -> None:
+    """Lay curves of runs, and a measured one, over each other: a table and a picture."""
+    from pgfmd.analysis import pictures
+    from pgfmd.analysis.beside_experiment import comparison_table, load_loops
+    from pgfmd.analysis.comparison import overlay
+    from pgfmd.analysis.table import show
+
+    stiffness = _stiffness(machine_stiffness)
+    resolution = _length(low_pass, "--low-pass")
+    moved = None if offset.strip() == "fit" else _read(offset, "length", "--offset")
+    runs, experiment = load_loops(sources, positive_displacement.value, positive_force.value)
+    try:
+        found = overlay(runs, experiment, correct.value, stiffness, resolution, moved)
+    except ValueError as problem:
+        raise ResultError(f"the curves could not be compared: {problem}") from None
+    table = comparison_table(found, experiment is not None, correct.value, stiffness, resolution)
+    measured = len(runs) if experiment is not None else None
+    figure = pictures.styled(pictures.overlay_figure, found.loops, measured)
+    path = pictures.save(figure, out)
+    show(table)
+    print(path)
+
+
+def _read(text: str, dimension: str, option: str, allowed: Callable[[float], bool] = math.isfinite) -> float:
+    """The SI value of an option; a usage error in the words of `units`."""
+    from pgfmd.units import UnitError, parse_quantity
+
+    try:
+        value = parse_quantity(text, dimension)
+    except UnitError as error:
+        raise typer.BadParameter(str(error), param_hint=option) from None
+    if not allowed(value):
+        raise typer.BadParameter(f"{text}: expected another {dimension}, above zero", param_hint=option)
+    return value
+
+
+def _length(text: str | None, option: str) -> float | None:
+    return None if text is None else _read(text, "length", option, lambda value: 0 < value < math.inf)
+
+
+def _stiffness(text: str) -> Any:
+    return _read(text, "stiffness", "--machine-stiffness", lambda value: value > 0)

@@ -1,0 +1,116 @@
+"""Which load steps a quasi-static run tries, and which it takes.
+
+Steps that meet no instability are as long as their error allows. One that does is given up at once and cut, down to a
+length at which the jump is followed to its end. The jump is somewhere within that step; how well its energy is known
+decides whether that is near enough.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pgfmd.controller import (
+    CLOSE_TO_PRELOAD, LARGEST_GROWTH, PRELOAD_SHARE, PRELOAD_TOLERANCE, SAFETY, STRONGEST_CUT, Bracket, fit,
+)  # fmt: skip
+from pgfmd.drive import PRELOAD, Phase
+from pgfmd.errors import RunError
+from pgfmd.schemes.trial import Trial
+from pgfmd.state import State
+
+FOLLOWED, FINEST = 1.0, 0.25
+"""Jumps are followed in steps of at most so many tolerances, and located to no less than this share of one."""
+UNCERTAINTY = 10.0
+"""Accepted uncertainty of the energy that a jump releases, in tolerances."""
+CUT = 0.25
+
+
+class LoadSteps:
+    """Takes one load step at a time; every decision follows from numbers that are the same on all ranks.
+
+    tolerance: of a step [ranges of adhesion]; reach [m]: the range of adhesion; preload [N]; attractive: whether the law attracts.
+    """
+
+    largest_try_count = 100
+
+    def __init__(self, scheme, tolerance: float, reach: float, preload: float, attractive: bool):
+        self.scheme, self.tolerance, self.reach, self.preload = scheme, tolerance, reach, preload
+        self.attractive = attractive
+        self.slack = min(PRELOAD_TOLERANCE, PRELOAD_SHARE * tolerance) * preload
+
+    def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Trial, str]:
+        """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted trial, why it
+        ended): "preload", "duration", "time", or "".
+
+        Raises RunError where no equilibrium is found.
+        """
+        unit = self._unit(state, phase)
+        followed, finest = FOLLOWED * self.tolerance * unit, FINEST * self.tolerance * unit
+        end = phase.duration - state.elapsed
+        wanted = state.step or self.tolerance * unit
+        longest = unit if self.attractive else math.inf
+        step, why = fit(min(wanted, longest), end, until)
+        close = phase.ends_with == PRELOAD and state.force > CLOSE_TO_PRELOAD * self.preload
+        bracket = None
+        for _ in range(self.largest_try_count):
+            follow = step <= followed * (1.0 + 1e-9)
+            trial = self.scheme.try_step(state, phase, step, sharp=bracket is not None or close, jump=follow)
+            state.counters.newton_iterations += trial.newton_iterations
+            state.counters.cg_iterations += trial.cg_iterations
+            shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest)
+            if shorter is not None:
+                if step <= finest and not trial.converged:
+                    break
+                state.counters.rejected_steps += 1
+                step, why, bracket = shorter, "", None
+                continue
+            if phase.ends_with == PRELOAD:
+                excess = trial.force - self.preload
+                past = excess > self.slack
+                if past and bracket is None:
+                    bracket = Bracket(0.0, state.force - self.preload)
+                if past or (bracket is not None and excess < -self.slack):
+                    other = bracket.narrow(step, excess)
+                    if other is not None:
+                        state.counters.rejected_steps += 1
+                        step, why = other, ""
+                        continue
+            self.scheme.accept(state, trial)
+            state.step = self._next(trial, wanted if why else step, followed)
+            if phase.ends_with == PRELOAD and trial.force >= self.preload - self.slack:
+                why = "preload"
+            return trial, why
+        raise RunError(
+            f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, d = {state.position:.6g} m, "
+            f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. {self.scheme.cure}"
+        )
+
+    def _unit(self, state: State, phase: Phase) -> float:
+        """Time [s] in which the punch moves by one range of adhesion, about."""
+        scheme = self.scheme
+        # In contact, a spring has its share of the machine's way.
+        share = 1.0 + scheme.contact_stiffness * scheme.machine_compliance if state.contact_points else 1.0
+        return share * self.reach / phase.fastest
+
+    def _shorter(self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float) -> float | None:
+        """The step to try instead; None where the trial can be taken."""
+        if not trial.converged:
+            return max(CUT * step, min(followed, 0.99 * step)) if not follow else CUT * step
+        if trial.is_jump:
+            # Errors of many small jumps average out.
+            all_so_far = trial.potential_drop + released
+            allowed = UNCERTAINTY * self.tolerance * math.sqrt(trial.potential_drop * all_so_far)
+            return None if trial.uncertainty <= allowed or step <= finest else max(CUT * step, 0.99 * finest)
+        if trial.error <= self.tolerance or step <= finest:
+            return None
+        return step * min(0.8, max(STRONGEST_CUT, self._growth(trial)))
+
+    def _growth(self, trial: Trial) -> float:
+        return SAFETY * math.sqrt(self.tolerance / max(trial.error, 1e-300))
+
+    def _next(self, trial: Trial, wanted: float, followed: float) -> float:
+        """The step to try next. After a jump the surface is a new one, about which nothing is known."""
+        if trial.is_jump:
+            return max(trial.step, followed)
+        growth = self._growth(trial)
+        proposal = trial.step * min(LARGEST_GROWTH, max(STRONGEST_CUT, growth))
+        return max(proposal, wanted) if wanted > trial.step and growth >= 1.0 else proposal

@@ -1,0 +1,135 @@
+"""What schemes share that go from one solved surface to the next: where each solve starts, and how far it went.
+
+A step ends with one or more static problems (newton.py). The start of each is extrapolated from the last ends of steps;
+the difference between that and the solution is what the step's error is made of.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pgfmd import kernels
+from pgfmd.drift import ROUNDING, SINGLE_ROUNDING, Drift
+from pgfmd.extrapolation import lagrange_weights
+from pgfmd.newton import NewtonSolver
+from pgfmd.schemes.trial import Change, Trial
+from pgfmd.state import State
+
+DRIFT_SHARE = 1e-2
+"""Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
+
+
+class PathFollowing:
+    """Surfaces u and loads w of the stages of a step, extrapolated, compared and remembered.
+
+    solver: NewtonSolver. tolerance: of a step, in ranges of adhesion. nodes: times of the stages, in steps; the last is
+    the step's end. far_weights: of the far displacement (far_field.py), empty where there is none. All fields have the
+    precision of the solver's convolution.
+    """
+
+    machine_compliance = 0.0
+    """Of the spring between the machine and the punch [m/N]; zero where the punch itself is driven."""
+
+    def __init__(self, solver: NewtonSolver, tolerance: float, nodes: tuple[float, ...], far_weights: np.ndarray):
+        self.solver, self.points, self.tolerance, self.nodes = solver, solver.points, tolerance, nodes
+        self.height, self.law, self.far_weights = solver.height, solver.law, far_weights
+        points = solver.points
+        self._u = [points.zeros(solver.dtype) for _ in nodes]
+        self._w = [points.zeros(solver.dtype) for _ in nodes]
+        self._rounding = ROUNDING if solver.dtype == np.float64 else SINGLE_ROUNDING
+        # By how much corrections in single precision let u and w part, relative to the way they go.
+        self._rough = SINGLE_ROUNDING if solver.rough.dtype == np.float32 else 0.0
+        self._drift = Drift(rounding=self._rounding)
+        self._observed = np.zeros((4, points.rows))
+
+    @property
+    def pairs(self) -> int:
+        """Pairs of transforms so far."""
+        return sum(operator.pairs for operator in self.solver.operators)
+
+    @property
+    def transform_seconds(self) -> float:
+        """Time [s] that this rank has spent in transforms."""
+        return sum(operator.seconds for operator in self.solver.operators)
+
+    def measure(self, state: State) -> None:
+        """What the curve holds of the present surface: contact, smallest gap, far displacement, adhesive energy.
+        Collective."""
+        solver, points = self.solver, self.points
+        kernels.observe(
+            self.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
+            points.offset, self._observed,
+        )  # fmt: skip
+        rows = points.all_rows(self._observed)
+        contact, energy, far = rows[:3].sum(axis=1)
+        state.contact_points, state.smallest_gap, state.far_displacement = int(contact), -rows[3].max(), far
+        state.energies.adhesive = energy * points.grid.cell_area
+
+    def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:
+        """Start of a stage's solve: through the last three known surfaces, this step's stages included."""
+        nodes = self.nodes
+        times = [0.0, *-np.cumsum(state.past_steps)]
+        u, w = [state.displacement, *state.past_u], [state.load, *state.past_w]
+        if stage:
+            last = stage - 1
+            times = [ahead * nodes[last] / nodes[stage], *times]
+            u, w = [self._u[last], *u], [self._w[last], *w]
+        else:
+            self._drift = Drift(state.drift, self._rounding)
+        c = lagrange_weights(times[: 1 if trial.is_jump else 3], ahead)
+        kernels.combine(*_terms(c, u), self._u[stage])
+        kernels.combine(*_terms(c, w), self._w[stage])
+        size = abs(trial.position) / self.solver.law.range
+        self._drift = self._drift.extrapolated(c, size)
+        if self._drift.newest > DRIFT_SHARE * self.tolerance:
+            self.solver.convolve(self._w[stage], self._u[stage])
+            self._drift = self._drift.renewed(size)
+
+    def _change(self, state: State, trial: Trial, count: int = 3) -> Change:
+        """How far the step has moved surface and force, and how far from where the last `count` ends of steps point."""
+        known = [state.displacement, *state.past_u][:count]
+        times = [0.0, *-np.cumsum(state.past_steps)][:count]
+        c = lagrange_weights(times, trial.step)
+        forces = [state.force, *state.past_forces][:count]
+        extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=True))
+        law, scale = self.solver.law, max(
+            self.solver.force_scale, abs(trial.force), -state.pull_off_force, -state.snap_in_force
+        )  # fmt: skip
+        local = kernels.largest_difference_near(
+            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.range
+        )
+        distance, moved = (value / law.range for value in self.points.maxima_of(*local))
+        return Change(
+            moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
+            tuple(times), trial.step,
+        )  # fmt: skip
+
+    def _remember(self, state: State, trial: Trial) -> None:
+        """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
+        if len(state.past_u) == 2:
+            old_u, old_w = state.past_u.pop(), state.past_w.pop()
+            state.past_steps.pop()
+            state.past_forces.pop()
+        else:
+            old_u, old_w = (self.points.zeros(self.solver.dtype) for _ in range(2))
+        if trial.change.largest < self.tolerance:
+            # Where hardly anything moves, extrapolation would only amplify the errors of the solves.
+            state.forget_history()
+        elif not trial.is_jump:
+            state.past_u.insert(0, state.displacement)
+            state.past_w.insert(0, state.load)
+            state.past_steps.insert(0, trial.step)
+            state.past_forces.insert(0, state.force)
+        state.displacement, self._u[-1] = self._u[-1], old_u
+        state.load, self._w[-1] = self._w[-1], old_w
+        # Of the surfaces that the drift knows, newest first, the end of the step stays, and those before the step.
+        before = range(len(self.nodes), len(self.nodes) + len(state.past_u))
+        # In one order of memory, as after a restart: the last bits of what is made of it depend on that.
+        state.drift = np.ascontiguousarray(self._drift.kept([0, *before]).factor)
+
+
+def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:
+    """Weight, surface, weight, surface, weight, surface: what kernels take as a sum, with zeros where there are
+    fewer."""
+    c, a = [*weights, 0.0, 0.0], [*surfaces, surfaces[0], surfaces[0]]
+    return c[0], a[0], c[1], a[1], c[2], a[2]

@@ -1,0 +1,146 @@
+"""A study as an array of Slurm jobs: its file of cases, and the job script, around jobs/slurm-array.sh. No MPI."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import shlex
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import pgfmd
+from pgfmd import storage
+from pgfmd.batch import asked
+from pgfmd.errors import PgfmdError, ResultError
+from pgfmd.study.campaign import Campaign, make_folder
+from pgfmd.study.cases import Case
+from pgfmd.study.values import slug
+
+CASES, SCRIPT, SUBMITTED = "cases.txt", "array.sh", "submitted.txt"
+TEMPLATE = "jobs/slurm-array.sh"
+SPARE = 1.5
+"""Memory asked for, over what a run is expected to take."""
+_OPTION = re.compile(r"#SBATCH --(?P<name>[a-z-]+)(?:=(?P<value>\S+))?")
+
+
+class SlurmError(PgfmdError):
+    """Slurm is not there, or refuses the array."""
+
+    exit_code = 5
+
+
+def submit(campaign: Campaign, ranks: int, jobs: int | None, name: str, options: str, dry_run: bool) -> None:
+    """Writes OUT/cases.txt and OUT/array.sh for what is not finished, and submits that, each case a chain of jobs.
+
+    jobs: how many may run at once; options: further ones of sbatch. dry_run: only prints the command. Raises SlurmError
+    where sbatch is missing or refuses, and where an array of this study is still in the queue.
+    """
+    if not dry_run and shutil.which("sbatch") is None:
+        raise SlurmError("sbatch is not there: submit on a machine with Slurm; --dry-run writes the files alone")
+    _require_no_array(campaign)
+    standings = campaign.standings()
+    chosen = campaign.agenda(standings)
+    campaign.tell(standings)
+    if not chosen:
+        campaign.say("nothing to submit")
+        return
+    make_folder(campaign.out)
+    out = campaign.out.resolve()
+    home = home_of_jobs()
+    _write(out / CASES, cases_text(campaign, chosen))
+    _write(out / SCRIPT, script_text(home, out, ranks, memory_per_rank(chosen, ranks), name))
+    limit = f"%{jobs}" if jobs else ""
+    # In the names of Slurm's outputs, % stands for something.
+    said = f"--output={str(out).replace('%', '%%')}/slurm-%A_%a.txt"
+    command = ["sbatch", "--parsable", f"--array=1-{len(chosen)}{limit}", said, *_split(options), str(out / SCRIPT)]
+    campaign.say(shlex.join(command))
+    if dry_run:
+        return
+    campaign.make_way(chosen, standings)
+    number = _submitted(command)
+    _write(out / SUBMITTED, f"{number}\n")
+    cases = "1 case" if len(chosen) == 1 else f"{len(chosen)} cases"
+    campaign.say(f"submitted as job {number}: {cases}, each a chain of jobs; see squeue, and --collect at any time")
+
+
+def cases_text(campaign: Campaign, cases: Sequence[Case]) -> str:
+    """The file of cases as jobs/slurm-array.sh reads it: a folder, then what `pgfmd run` is given."""
+    lines = [f"{case.name} {campaign.quoted(case)}" for case in cases]
+    head = "# Written by pgfmd study. A line is a case: its folder, then what pgfmd run is given."
+    return "\n".join([head, *lines, ""])
+
+
+def script_text(home: Path, out: Path, ranks: int, megabytes: int, name: str) -> str:
+    """The job script: jobs/slurm-array.sh with what it asks Slurm for, and its settings, filled in."""
+    own = {"job-name": slug(name) or "pgfmd", "ntasks": str(ranks), "mem-per-cpu": f"{megabytes}M"}
+    try:
+        template = (home / TEMPLATE).read_text(encoding="utf-8")
+    except OSError as error:
+        raise ResultError(f"{home / TEMPLATE}: could not be read: {storage.reason(error)}") from error
+    asked_for = {match["name"]: match["value"] for match in _OPTION.finditer(template)} | own
+    directives = [f"#SBATCH --{option}" + (f"={value}" if value else "") for option, value in asked_for.items()]
+    settings = {"PGFMD_HOME": str(home), "CASES": str(out / CASES), "RESULTS": str(out)}
+    exports = [f"export {variable}={shlex.quote(value)}" for variable, value in settings.items()]
+    head = [
+        "#!/bin/bash",
+        "# Written by pgfmd study, which submits it with the --array that fits cases.txt. Options of sbatch win.",
+    ]
+    return "\n".join([*head, *directives, *exports, f'. "$PGFMD_HOME/{TEMPLATE}"', ""])
+
+
+def memory_per_rank(cases: Sequence[Case], ranks: int) -> int:
+    """Memory [MB] to ask for per rank: what the largest case is expected to take, and half as much again."""
+    from pgfmd.estimate import PROGRAM_BYTES, memory_of
+
+    largest = max(memory_of(case.scene, ranks).peak for case in cases)
+    return math.ceil(SPARE * (largest + PROGRAM_BYTES) / 1e6)
+
+
+def home_of_jobs() -> Path:
+    """The folder with pgfmd's sources and its jobs/: $PGFMD_HOME, else where this module is. Raises SlurmError."""
+    named = os.environ.get("PGFMD_HOME")
+    home = Path(named).expanduser().resolve() if named else Path(pgfmd.__file__).resolve().parents[1]
+    if not (home / TEMPLATE).is_file():
+        raise SlurmError(f"{home / TEMPLATE} is not there: set PGFMD_HOME to the folder with pgfmd's sources")
+    return home
+
+
+def _require_no_array(campaign: Campaign) -> None:
+    """Tasks of an array that is still queued look their cases up when they start: its file must stay."""
+    path = campaign.out / SUBMITTED
+    number = path.read_text(encoding="utf-8").strip() if path.is_file() else ""
+    if not re.fullmatch(r"\d+", number):
+        return
+    # A job that Slurm has forgotten makes squeue fail.
+    found = asked("squeue", "--noheader", f"--jobs={number}", "--format=%i %T")
+    if found is not None and found.returncode == 0 and found.stdout.strip():
+        raise SlurmError(f"job {number} of this study is still in the queue: wait for it, or scancel {number}")
+
+
+def _split(options: str) -> list[str]:
+    try:
+        return shlex.split(options)
+    except ValueError as error:
+        raise SlurmError(f"--sbatch-options {options!r}: {error}") from None
+
+
+def _submitted(command: list[str]) -> str:
+    """The number of the array's job."""
+    try:
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
+    except (OSError, subprocess.SubprocessError) as error:
+        raise SlurmError(f"sbatch: {error}") from None
+    if done.returncode:
+        raise SlurmError(f"sbatch refuses (exit code {done.returncode}): {done.stderr.strip() or done.stdout.strip()}")
+    # NUMBER or NUMBER;CLUSTER.
+    return done.stdout.strip().splitlines()[-1].partition(";")[0] if done.stdout.strip() else ""
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        storage.write_atomically(path, text.encode())
+    except OSError as error:
+        raise ResultError(f"{path}: could not be written: {storage.reason(error)}") from error

@@ -1,0 +1,271 @@
+"""Quasi-static loading against an independent minimiser, its energy balance, saddles, springs and dead loads."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.optimize
+from mpi4py import MPI
+from runs import SINUSOID
+
+from pgfmd import parts
+from pgfmd.assemble import assemble
+from pgfmd.scene import load_scene, scene_from_mapping
+
+QUASISTATIC = "solver.scheme=quasistatic"
+
+
+class Path:
+    """Observer that keeps punch position [m], force [N], time [s] and released energy [J] of each step, and has steps
+    end at wanted times."""
+
+    def __init__(self, times=()):
+        self.times, self.rows, self.at_times = sorted(times), [], []
+
+    def next_time(self, simulation):
+        return self.times[0] if self.times else math.inf
+
+    def observe(self, simulation, event):
+        state = simulation.state
+        row = (simulation.punch_position, state.force, state.time, event.released, state.energies.residual)
+        if event.kind in ("start", "step", "jump"):
+            self.rows.append(row)
+        if event.kind == "time":
+            self.at_times.append(row)
+            self.times.pop(0)
+
+
+def run(scene, times=()):
+    """The finished simulation of a scene, and its path."""
+    simulation, path = assemble(scene, MPI.COMM_SELF), Path(times)
+    simulation.observers.append(path)
+    simulation.run()
+    return simulation, path
+
+
+def loop_area(path):
+    """Closed loop of the punch's own displacement [J], by the trapezoid through the steps."""
+    place, force = np.array(path.rows)[:, :2].T
+    return -np.trapezoid(force, place)
+
+
+class WholePlane:
+    """The same contact with nothing of pgfmd's solver: minimises v^2/2 + sum Gamma(d + z - S v) over the whole cell.
+
+    S = sqrt(G0) by numpy's transform, u = S v, and scipy's L-BFGS. Energies in Pa m a point, lengths in ranges.
+    """
+
+    def __init__(self, scene):
+        n, length = scene.grid.n, scene.grid.length
+        self.area, self.law, self.n = (length / n) ** 2, parts.law_of(scene.adhesion), n
+        position = (np.arange(n) + 0.5) * length / n - 0.5 * length
+        y, x = (values.ravel() for values in np.meshgrid(position, position, indexing="ij"))
+        inside = np.hypot(x, y) <= scene.punch.radius * (1 + 1e-12)
+        self.inside = inside.reshape(n, n)
+        raw = parts.topography_of(scene.punch).heights(x[inside], y[inside])
+        self.height = raw - raw.min()
+        q = 2.0 * np.pi * np.fft.fftfreq(n, length / n)
+        compliance = parts.compliance_of(scene)(q[None, :], q[:, None])
+        self.root = np.sqrt(compliance)
+        self.v = np.zeros(n * n)
+
+    def surface(self, v):
+        return np.fft.ifft2(self.root * np.fft.fft2(v.reshape(self.n, self.n))).real
+
+    def cohesion(self, gap):
+        """Gamma and its slope, written down anew from the paper."""
+        gamma, rho = self.law.work_of_adhesion, self.law.range
+        attractive = 1.0 if self.law.attractive else 0.0
+        phase = np.pi * np.clip(gap, 0.0, rho) / rho
+        energy = -0.5 * gamma * attractive * (1 + np.cos(phase)) + 0.25 * gamma * (np.pi * np.minimum(gap, 0) / rho) ** 2
+        slope = 0.5 * gamma * attractive * np.pi / rho * np.sin(phase)
+        return energy, slope + 0.5 * gamma * (np.pi / rho) ** 2 * np.minimum(gap, 0.0)
+
+    def force(self, position, sharpness=1e-13):
+        """Force [N] at a position [m], downhill from where the last one has left the surface."""
+        gamma, rho = self.law.work_of_adhesion, self.law.range
+        unit = math.sqrt(gamma)
+
+        def objective(v):
+            energy, slope = self.cohesion(position + self.height - self.surface(unit * v)[self.inside])
+            pulled = np.zeros((self.n, self.n))
+            pulled[self.inside] = slope
+            return 0.5 * v @ v + energy.sum() / gamma, v - self.surface(pulled).ravel() * unit / gamma
+
+        options = {"maxcor": 40, "ftol": 0.0, "gtol": sharpness, "maxiter": 20_000, "maxfun": 20_000}
+        self.v = scipy.optimize.minimize(objective, self.v, jac=True, method="L-BFGS-B", options=options).x
+        _, slope = self.cohesion(position + self.height - self.surface(unit * self.v)[self.inside])
+        return -slope.sum() * self.area
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["adhesion.law=repulsive", "adhesion.range=1 um", "drive.preload=20 mN"],
+        # Adhesive, and so long-ranged that nothing jumps.
+        ["adhesion.range=8 um", "drive.preload=5 mN"],
+        ["adhesion.range=8 um", "drive.preload=2 mN", "solver.modulus=instantaneous"],
+    ],
+)
+def test_unique_equilibria_are_those_of_another_minimiser(overrides):
+    scene = load_scene("tri-tack", ["grid.n=64", QUASISTATIC, "solver.accuracy=1e-4", *overrides])
+    reference = WholePlane(scene)
+    if "solver.modulus=instantaneous" in overrides:
+        reference.root /= math.sqrt(250.0)
+    simulation, first = run(scene)
+    if "adhesion.law=repulsive" not in overrides:
+        assert simulation.state.counters.jumps == 0
+    preloaded = simulation.state.preload_time
+    times = preloaded * np.array([0.3, 0.6, 0.9, 1.0 + 0.5])
+    _, path = run(scene, times)
+    assert len(path.at_times) == len(times)
+    for position, force, *_ in path.at_times:
+        assert force == pytest.approx(reference.force(position), abs=1e-6 * scene.drive.preload)
+
+
+def test_loops_are_those_of_another_minimiser_where_the_surface_jumps():
+    # One asperity, that snaps in and out.
+    scene = load_scene(
+        "hertz", ["grid.n=48", QUASISTATIC, "substrate.boundary=periodic", "adhesion.law=cosine", "adhesion.range=0.4 um", "grid.length=0.4 mm",
+                  "punch.radius=0.1 mm", "punch.curvature_radius=0.3 mm", "drive.preload=2 mN", "solver.accuracy=3e-3"],
+    )  # fmt: skip
+    simulation, path = run(scene)
+    state = simulation.state
+    assert state.counters.jumps >= 2
+    released = state.energies.released
+    assert loop_area(path) == pytest.approx(released, rel=0.01)
+    assert abs(state.energies.residual) < 0.01 * released
+    other, places = WholePlane(scene), np.array(path.rows)[:, 0]
+    turn = int(np.argmin(places))
+    step = 0.05 * scene.adhesion.range
+    way = np.concatenate(
+        [np.arange(places[0], places[turn], -step), np.arange(places[turn], places[-1] + 2 * step, step)]
+    )
+    forces = np.array([other.force(place, 1e-8) for place in way])
+    assert -np.trapezoid(forces, way) == pytest.approx(loop_area(path), rel=0.03)
+    assert forces.min() == pytest.approx(-max(-state.pull_off_force, -state.snap_in_force), rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["tri-tack", "hex-tack"])
+def test_the_area_of_the_loop_is_what_its_jumps_release(name):
+    scene = load_scene(name, ["grid.n=48", QUASISTATIC, "drive.preload=5 mN", "solver.accuracy=3e-3"])
+    simulation, path = run(scene)
+    energies = simulation.state.energies
+    released = [row[3] for row in path.rows if row[3]]
+    assert simulation.state.counters.jumps == len(released) > 20 and min(released) > 0.0
+    assert energies.released == pytest.approx(sum(released), rel=1e-9)
+    assert energies.work == pytest.approx(energies.released, rel=0.01)
+    assert loop_area(path) == pytest.approx(energies.released, rel=0.03)
+    assert energies.viscous == 0.0 and energies.elastic == pytest.approx(0.0, abs=1e-6 * energies.released)
+
+
+def flat_pair(**sections):
+    """A wave so low that both surfaces are flat: its two crests in the cell jump into contact one after the other, or
+    together."""
+    mapping = {name: dict(section) for name, section in SINUSOID.items()}
+    mapping["punch"] |= {"wavelength": "50 um", "amplitude": "20 nm"}
+    mapping["adhesion"] = {"work_of_adhesion": "50 mJ/m^2", "range": "1.43 um"}
+    mapping["grid"] = {"n": 24, "length": "100 um"}
+    mapping["drive"] = {"speed": "1 um/s", "preload": "0.1 mN"}
+    mapping["solver"] = {"scheme": "quasistatic"}
+    return scene_from_mapping(mapping, [f"{key}={value}" for key, value in sections.items()])
+
+
+def test_the_lowest_curvature_is_that_of_the_dense_matrix():
+    simulation = assemble(flat_pair(), MPI.COMM_SELF)
+    scheme, points = simulation.scheme, simulation.points
+    rng = np.random.default_rng(3)
+    dense = np.zeros((points.size, points.size))
+    unit, column = np.zeros(points.size), np.zeros(points.size)
+    for i in range(points.size):
+        unit[:] = 0.0
+        unit[i] = 1.0
+        dense[i] = scheme.solver.convolve(unit, column)
+    for size, sign in ((0.3, 1.0), (1.5, -1.0)):
+        # Half of the surface attracts: as strong as where it is lost, times `size`.
+        scheme.solver.curvature[:] = np.where(rng.random(points.size) < 0.5, -size / dense.max(axis=1), 0.0) / 3.0
+        curvature = np.diag(scheme.solver.curvature)
+        lowest = 1.0 + scipy.linalg.eigvals(dense @ curvature).real.min()
+        assert np.sign(lowest) == sign
+        mode, dual = np.zeros(points.size), np.zeros(points.size)
+        for seed in range(3):
+            found = scheme.soft_mode.search(mode, dual, seed)
+        assert found.lowest >= lowest - 1e-9
+        if sign > 0.0:
+            assert found.lowest == pytest.approx(lowest, rel=0.02)
+            np.testing.assert_allclose(scheme.solver.convolve(dual, column), mode, atol=1e-9 * np.abs(mode).max())
+        else:
+            assert found.lowest < 0.0
+
+
+def test_a_saddle_that_symmetry_holds_is_left():
+    scene = flat_pair()
+    simulation, path = run(scene)
+    state = simulation.state
+    assert state.counters.jumps > 0 and state.finished
+    # Without the search, Newton's method keeps the symmetry of its start, and finds saddles.
+    blind = assemble(scene, MPI.COMM_SELF)
+    blind.scheme.soft_mode.search = lambda *_: type("Curvature", (), {"lowest": 1.0, "iterations": 0})
+    lopsided = []
+
+    class Watch(Path):
+        def observe(self, simulation, event):
+            if simulation.phase.name != "approach":
+                # Later, rounding has broken the symmetry.
+                return
+            surface = simulation.state.displacement.reshape(24, 24)
+            lopsided.append(np.abs(surface - np.roll(surface, 12, axis=1)).max() / scene.adhesion.range)
+
+    seen = []
+    for each in (assemble(scene, MPI.COMM_SELF), blind):
+        each.observers.append(Watch())
+        lopsided.clear()
+        each.run()
+        seen.append(max(lopsided))
+    assert seen[0] > 0.1 and seen[1] < 1e-6
+
+
+def test_a_spring_leaves_the_curve_of_the_punch_and_opens_the_loop():
+    common = ["grid.n=48", QUASISTATIC, "drive.preload=5 mN"]
+    stiff, path = run(load_scene("hex-tack", common))
+    soft, sprung = run(load_scene("hex-tack", [*common, "drive.machine_stiffness=1 kN/m"]))
+    assert loop_area(sprung) > 1.5 * loop_area(path)
+    # The machine's end goes further, by F/k; the punch's own curve is the same where it is stable.
+    last = np.array(path.rows)
+    turn = int(np.argmin(last[:, 0]))
+    other = np.array(sprung.rows)
+    assert other[:, 0].min() == pytest.approx(last[turn, 0], abs=0.03 * stiff.scheme.law.range)
+    high = (other[:, 1] > 2e-3) & (np.arange(len(other)) < np.argmin(other[:, 0]))
+    there = np.interp(-other[high, 0], -last[:turn, 0], last[:turn, 1])
+    assert np.abs(there - other[high, 1]).max() < 0.02 * 5e-3
+    assert abs(soft.state.energies.residual) < 0.02 * soft.state.energies.released
+
+
+def test_a_dead_load_pulls_off_at_the_largest_tension():
+    common = ["grid.n=32", QUASISTATIC, "drive.preload=2 mN", "solver.accuracy=3e-3"]
+    driven, path = run(load_scene("hex-tack", common))
+    loaded, _ = run(load_scene("hex-tack", [*common, "drive.control=load"]))
+    assert loaded.state.finished == driven.state.finished == "detached"
+    assert loaded.state.preload == pytest.approx(2e-3, rel=1e-3)
+    assert loaded.state.pull_off_force == pytest.approx(driven.state.pull_off_force, rel=0.01)
+    # Dead loads come without a tension to snap in by.
+    assert abs(loaded.state.snap_in_force) < 0.01 * abs(driven.state.snap_in_force)
+
+
+def test_the_instantaneous_body_is_a_stiffer_one():
+    common = ["grid.n=32", QUASISTATIC, "adhesion.law=repulsive", "adhesion.range=0.2 um", "solver.accuracy=1e-4"]
+    soft, path = run(load_scene("flat-punch", [*common, "drive.preload=1 mN"]))
+    hard, other = run(load_scene("flat-punch", [*common, "drive.preload=1 mN", "solver.modulus=instantaneous"]))
+    kappa = parts.series_of(load_scene("flat-punch", common).rheology).kappa_inf
+    # The same body with another modulus.
+    changed, third = run(load_scene("flat-punch", [*common, "drive.preload=1 mN", f"substrate.youngs_modulus={2 * kappa} MPa"]))
+    deepest = [-min(row[0] for row in each.rows) for each in (path, other, third)]
+    assert deepest[1] == pytest.approx(deepest[2], rel=1e-3) and deepest[0] > 2.0 * deepest[1]
+
+
+def test_a_law_without_attraction_has_nothing_to_search():
+    simulation = assemble(load_scene("hertz", ["grid.n=32", QUASISTATIC]), MPI.COMM_SELF)
+    assert simulation.scheme.soft_mode is None and simulation.state.soft_mode is None
+    state = simulation.run()
+    assert state.counters.jumps == 0 and state.energies.released == 0.0 and state.counters.steps < 100

@@ -1,0 +1,129 @@
+"""Measures of a loop against closed forms, and against what a real run says of itself."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from analysis_loops import MODULUS, PUNCH, WORK, flat_punch_loop, loop_of, triangle
+from small_runs import run
+
+from pgfmd.analysis.bulges import bulges
+from pgfmd.analysis.contact_stiffness import stiffness_at, stiffness_table, unloading_stiffness
+from pgfmd.analysis.loop import Loop
+from pgfmd.analysis.measures import dip, measure, net_work, work_of_separation
+from pgfmd.analysis.site_loads import site_loads
+from pgfmd.reference import flat_punch, hertz
+from pgfmd.results import load
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory):
+    return load(run(tmp_path_factory.mktemp("real") / "run"))
+
+
+def test_kendalls_punch_has_its_pull_off_force_work_and_stiffness():
+    loop = flat_punch_loop()
+    found = measure(loop)
+    assert found.pull_off.tension == pytest.approx(-flat_punch.pull_off_force(PUNCH, MODULUS, WORK), rel=1e-12)
+    assert found.pull_off.displacement == pytest.approx(-flat_punch.pull_off_indentation(PUNCH, MODULUS, WORK))
+    assert found.work_of_separation == pytest.approx(flat_punch.work_of_separation(PUNCH, WORK), rel=1e-6)
+    # In and out are the same line down to the pull-off: what is pulled is lost in the jump, w times twice the area.
+    assert found.hysteresis == pytest.approx(2 * np.pi * PUNCH**2 * WORK, rel=1e-6)
+    assert found.snap_in is None
+    stiffness = 2 * PUNCH * MODULUS
+    assert unloading_stiffness(loop).stiffness == pytest.approx(stiffness, rel=1e-9)
+    assert [row.stiffness for row in stiffness_table(loop)] == pytest.approx([stiffness] * 7, rel=1e-9)
+
+
+def test_the_parabola_finds_the_bottom_between_rows_and_spares_jumps():
+    displacement, turn = triangle(rows=61, turn_rows=31)
+    bottom, depth, curvature = 1.37e-6, 2.2e-3, 4e8
+    force = np.where(np.arange(61) < turn, -1e3 * displacement, -depth + 0.5 * curvature * (displacement - bottom) ** 2)
+    loop = loop_of(displacement, force, turn)
+    lowest = turn + int(np.argmin(force[turn:]))
+    found = dip(loop, lowest)
+    assert abs(displacement[lowest] - bottom) > 1e-8
+    assert found.displacement == pytest.approx(bottom, rel=1e-9)
+    assert found.tension == pytest.approx(depth, rel=1e-12)
+    assert loop.time[lowest - 1] < found.time < loop.time[lowest + 1]
+    for row in (lowest, lowest + 1):
+        jumped = dataclasses.replace(loop, jump=np.arange(61) == row)
+        assert dip(jumped, lowest).tension == -force[lowest]
+
+
+def test_work_of_separation_counts_the_part_of_a_step_under_tension_only():
+    # 3 mN of compression to 1 mN of tension on 4 um: a quarter of the way, half of 1 mN; then 1 mN on 2 um.
+    loop = loop_of([0, -4e-6, 0, 2e-6], [0, 3e-3, -1e-3, -1e-3], 2)
+    assert work_of_separation(loop) == pytest.approx(0.5 * 1e-3 * 1e-6 + 1e-3 * 2e-6, rel=1e-14)
+    # Tension on the way in is no separation; a jump is met with the force from before.
+    assert work_of_separation(loop_of([2e-6, 1e-6, -4e-6, 0], [-1e-3, -1e-3, 3e-3, 0], 3)) == 0.0
+    jumping = loop_of([0, -4e-6, 0, 2e-6], [0, 3e-3, -1e-3, -5e-3], 2, jumps=[3])
+    assert work_of_separation(jumping) == pytest.approx(work_of_separation(loop), rel=1e-14)
+
+
+def test_stiffness_of_hertz_is_twice_modulus_times_contact_radius():
+    radius = 5e-3
+    displacement, turn = triangle(20e-6, 0.0, rows=2001, turn_rows=1001)
+    loop = loop_of(displacement, hertz.force(-displacement, radius, MODULUS), turn)
+    preload = loop.force.max()
+    for branch in ("approach", "retraction"):
+        for part in (0.25, 0.5, 0.75):
+            found = stiffness_at(loop, branch, part * preload)
+            contact = (3 * found.load * radius / (4 * MODULUS)) ** (1 / 3)
+            assert found.load == pytest.approx(part * preload)
+            assert found.stiffness == pytest.approx(2 * MODULUS * contact, rel=5e-3)
+    assert stiffness_at(loop, "retraction", 1.01 * preload) is None
+    assert stiffness_at(loop, "retraction", -0.2 * preload) is None
+
+
+def test_bulges_are_found_where_they_were_put():
+    displacement, turn = triangle(10e-6, 4e-6, rows=3001, turn_rows=501)
+    smooth = -1e3 * (displacement - 1e-6)
+
+    def with_dip(depth):
+        force = smooth - depth * np.exp(-0.5 * ((displacement + 5e-6) / 0.4e-6) ** 2)
+        end = displacement > 2e-6
+        force[end] = np.minimum(force[end] + 4e3 * (displacement[end] - 2e-6), 0)
+        return loop_of(displacement, np.where(np.arange(3001) < turn, smooth, force), turn)
+
+    minimum, pull_off = bulges(with_dip(2e-3))
+    assert minimum.kind == pull_off.kind == "minimum"
+    assert minimum.displacement == pytest.approx(-5e-6, abs=0.3e-6) and minimum.force > 0
+    assert pull_off.displacement == pytest.approx(2e-6, abs=0.1e-6) and pull_off.force < 0
+    shoulder, pull_off = bulges(with_dip(0.4e-3))
+    assert (shoulder.kind, pull_off.kind) == ("inflection", "minimum")
+    # The slope of a Gaussian dip is largest one width behind its middle.
+    assert shoulder.displacement == pytest.approx(-4.6e-6, abs=0.1e-6)
+    assert [bulge.kind for bulge in bulges(with_dip(0.0))] == ["minimum"]
+
+
+def test_a_loop_without_tension_or_retraction_says_so():
+    found = measure(loop_of([0, -1e-6, -2e-6], [0.0, 1e-3, 2e-3], 3))
+    assert found.pull_off is None and found.work_of_separation is None and found.snap_in is None
+    assert found.hysteresis == pytest.approx(2e-9) and found.largest_force == 2e-3
+    assert unloading_stiffness(loop_of([0, -1e-6], [0.0, 1e-3], 2)) is None
+    assert bulges(loop_of([0, -1e-6, -2e-6], [0.0, 1e-3, 2e-3], 3)) == []
+
+
+def test_a_real_run_is_measured_as_it_measured_itself(real):
+    loop, record = Loop.of(real), real.run
+    found = measure(loop)
+    # The turn goes on a little, by a fixed share of the range, which is wide on this grid.
+    assert record["preload_N"] <= found.largest_force < 1.05 * record["preload_N"]
+    assert found.pull_off.tension == pytest.approx(record["pull_off_force_N"], rel=0.02)
+    assert found.work_of_separation == pytest.approx(record["work_of_separation_J"], rel=0.02)
+    at_most = np.max(np.abs(loop.force)) * np.ptp(loop.displacement)
+    assert net_work(loop) == pytest.approx(record["work_J"], abs=0.01 * at_most)
+
+
+def test_loads_of_sites_are_those_of_the_table(real):
+    loads = {entry.kind: entry for entry in site_loads(real, Loop.of(real))}
+    sites = real.sites
+    if sites is None or not len(sites):
+        assert loads == {}
+        return
+    summit = loads["summit"]
+    own = np.asarray(sites["kind"]) == "summit"
+    assert summit.of == 23 and summit.most == np.asarray(sites["in_contact"])[own].max()
+    assert summit.first_joins == np.asarray(sites["force [N]"])[own][0]
+    assert summit.last_leaves == np.asarray(sites["force [N]"])[own][-1]
