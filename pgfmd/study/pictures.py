@@ -108,7 +108,7 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
     beside = [row for row in plan.singles if row.case.name in drawn]
     if beside and plan.panel_axis is not None:
         panels = [*panels, "further cases"]
-    columns = min(len(panels), 3)
+    columns = 2 if len(panels) == 4 else min(len(panels), 3)
     lines = -(-len(panels) // columns)
     figure = new_figure(3.3 * columns + 1.6, 2.9 * lines + 0.5)
     grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True).ravel()
@@ -131,7 +131,10 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
         axis.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
         if plan.panel_axis is not None:
             axis.set_title(name if name == "further cases" else f"{plan.names[plan.panel_axis.name]}  {name}")
-        axis.set_xlabel("indentation (µm)" if number >= len(panels) - columns else "")
+        if number >= len(panels) - columns:
+            axis.set_xlabel("indentation (µm)")
+            # Also where the place below is empty.
+            axis.tick_params(labelbottom=True)
         axis.set_ylabel("force (mN)" if number % columns == 0 else "")
     _legend(figure, plan, shades, styles)
     if title:

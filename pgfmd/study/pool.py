@@ -1,7 +1,7 @@
 """Jobs side by side on this machine: each a `pgfmd run` of its own, under mpirun where it has several ranks.
 
-No MPI here. A stop is passed on as USR1, which runs answer with a checkpoint however long their step takes. Jobs have a
-session of their own, so that a terminal's Ctrl-C reaches them only this way: mpirun kills its ranks seconds after that.
+No MPI here. A stop is passed on as USR1, which runs answer with a checkpoint however long their step takes. Jobs are
+process groups of their own, so that a terminal's Ctrl-C reaches them only this way: mpirun kills its ranks soon after.
 """
 
 from __future__ import annotations
