@@ -83,6 +83,8 @@ def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:
 
 def _drive_refusal(head: dict, scene) -> str:
     """Why the programme can't go on as the scene now has it; nothing if only what is to come has changed."""
+    if "state" not in head:
+        return "the run is over"
     before = parse_scene(head["scene"])
     old, new, state = drive_of(before), drive_of(scene), head["state"]
     now = state["phase"]

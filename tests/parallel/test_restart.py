@@ -361,6 +361,8 @@ def test_a_finished_run_is_not_run_again_unless_anew(comm, folder):
             (folder / "out" / name).unlink(missing_ok=True)
     comm.Barrier()
     assert run("one element", comm, folder / "out")["steps"] == record["steps"]
+    with pytest.raises((SceneError, RelayedError), match="the run is over"):
+        run("one element", comm, folder / "out", "drive.speed=2 um/s")
 
 
 def test_results_without_a_checkpoint_are_not_overwritten(comm, folder):

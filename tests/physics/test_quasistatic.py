@@ -160,7 +160,7 @@ def test_the_area_of_the_loop_is_what_its_jumps_release(name):
     assert energies.viscous == 0.0 and energies.elastic == pytest.approx(0.0, abs=1e-6 * energies.released)
 
 
-def flat_pair(**sections):
+def flat_pair():
     """A wave so low that both surfaces are flat: its two crests in the cell jump into contact one after the other, or
     together."""
     mapping = {name: dict(section) for name, section in SINUSOID.items()}
@@ -169,7 +169,7 @@ def flat_pair(**sections):
     mapping["grid"] = {"n": 24, "length": "100 um"}
     mapping["drive"] = {"speed": "1 um/s", "preload": "0.1 mN"}
     mapping["solver"] = {"scheme": "quasistatic"}
-    return scene_from_mapping(mapping, [f"{key}={value}" for key, value in sections.items()])
+    return scene_from_mapping(mapping)
 
 
 def test_the_lowest_curvature_is_that_of_the_dense_matrix():
