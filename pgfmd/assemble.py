@@ -84,7 +84,8 @@ def _quasistatic(scene, comm):
     solver = _solver(scene, comm, lambda convolve: sprung(convolve, spring, compliance))
     law, tolerance = solver.law, STEP_SHARE * scene.solver.accuracy
     stiffness = parts.punch_stiffness(scene) / compliance
-    scheme = Quasistatic(solver, compliance, tolerance, _far_weights(scene, solver), spring, stiffness)
+    dead = scene.drive.control == "load"
+    scheme = Quasistatic(solver, compliance, tolerance, _far_weights(scene, solver), spring, stiffness, dead)
     return scheme, LoadSteps(scheme, tolerance, law.range, scene.drive.preload, law.attractive)
 
 

@@ -47,8 +47,8 @@ class Simulation:
 
     @property
     def punch_position(self) -> float:
-        """Position d of the punch [m]: the machine's, and the length of the spring between them where there is one."""
-        return self.state.position + self.scheme.machine_compliance * self.state.force
+        """Position d of the punch [m]: the machine's, or that at the end of its spring."""
+        return self.scheme.place(self.state)
 
     def run(self, only_to_preload: bool = False, attend: Callable[[Simulation], bool] | None = None) -> State:
         """Runs the programme to its end, or to the preload; returns the state, whose `finished` says how it ended.

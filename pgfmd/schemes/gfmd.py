@@ -56,6 +56,10 @@ class Gfmd:
         """Time [s] that this rank has spent in transforms."""
         return self.plane.seconds
 
+    def place(self, state: State) -> float:
+        """Position d of the punch [m]."""
+        return state.position
+
     def new_state(self, position: float) -> State:
         """A state with the surface at rest, the punch at `position` [m] out of reach."""
         points, shape = self.points, self.plane.spectral.shape

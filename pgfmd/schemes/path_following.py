@@ -42,6 +42,10 @@ class PathFollowing:
         self._drift = Drift(rounding=self._rounding)
         self._observed = np.zeros((4, points.rows))
 
+    def place(self, state: State) -> float:
+        """Position d of the punch [m]."""
+        return state.position
+
     @property
     def pairs(self) -> int:
         """Pairs of transforms so far."""

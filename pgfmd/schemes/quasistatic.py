@@ -21,10 +21,8 @@ from pgfmd import kernels
 from pgfmd.drive import Phase
 from pgfmd.machine import SprungConvolution, total
 from pgfmd.newton import NewtonSolver, Outcome
-from pgfmd.schemes.energy_audit import tension_of
 from pgfmd.schemes.path_following import PathFollowing
 from pgfmd.schemes.trial import Trial
-from pgfmd.retardation import IMPLICIT_EULER
 from pgfmd.soft_mode import SoftMode
 from pgfmd.state import State
 
@@ -39,6 +37,8 @@ MOST_SLIDES = 20
 BENT, STRAIGHT = 4.0, 1e-2
 """Error of the trapezoid that is reckoned with: this multiple of what the parabola makes of it, and at least this share
 of half of the changes of force and place."""
+FREE = 1e-9
+"""A punch out of reach whose force is below this share of the preload hangs on its spring alone."""
 NEAREST_PAST = 0.2
 """The work of a step takes the last step's start in, unless that was shorter than this share of the step: too close to
 tell how the force bends."""
@@ -50,6 +50,7 @@ class Quasistatic(PathFollowing):
     solver: NewtonSolver, its convolution that of the machine's spring too where there is one (`sprung`). compliance: J,
     of the relaxed body 1, of the instantaneous one E(0)/E(infinity). tolerance: of a step, in ranges of adhesion. spring
     [m/N]: 1/k_M, 0 for a rigid machine. contact_stiffness [N/m]: of the contact of the whole punch, about.
+    dead_load: whether the spring stands for one.
     """
 
     cure = "Try a smaller solver.accuracy."
@@ -59,10 +60,11 @@ class Quasistatic(PathFollowing):
 
     def __init__(
         self, solver: NewtonSolver, compliance: float, tolerance: float, far_weights: np.ndarray, spring: float = 0.0,
-        contact_stiffness: float = math.inf,
+        contact_stiffness: float = math.inf, dead_load: bool = False,
     ):  # fmt: skip
         super().__init__(solver, tolerance, (1.0,), far_weights)
         self.compliance, self.machine_compliance, self.contact_stiffness = compliance, spring, contact_stiffness
+        self.dead_load = dead_load
         solver.patience = PATIENCE
         # Without attraction the potential is convex: there is one equilibrium, and nothing to search.
         self.soft_mode = SoftMode(solver, compliance) if solver.law.attractive else None
@@ -121,7 +123,7 @@ class Quasistatic(PathFollowing):
         gained = self._stored - state.energies.elastic + outcome.adhesive - state.energies.adhesive
         plain = self._work(state, trial, bent=False)
         trial.potential_drop = plain - gained
-        trial.uncertainty = 0.5 * abs(trial.force - state.force) * abs(self._place(trial) - self._place(state))
+        trial.uncertainty = 0.5 * abs(trial.force - state.force) * abs(self.place(trial) - self.place(state))
         # How far the trapezoid is off; where the force happens not to bend, the next order counts.
         bend = abs(self._work(state, trial, bent=True) - plain)
         bend = max(BENT * bend, STRAIGHT * trial.uncertainty)
@@ -136,8 +138,8 @@ class Quasistatic(PathFollowing):
         energies = state.energies
         work = self._work(state, trial, bent=not trial.is_jump)
         energies.work += work
-        state.least_force, pulled = tension_of(state, trial, IMPLICIT_EULER, work)
-        energies.work_of_separation += pulled
+        state.least_force = min(state.force, trial.force)
+        energies.work_of_separation += self._pulled(state, trial)
         energies.elastic = self._stored
         if trial.is_jump:
             energies.released += trial.potential_drop
@@ -211,17 +213,26 @@ class Quasistatic(PathFollowing):
         stored = 0.5 * float(self.points.total_of(self._rows)[0]) * self.points.grid.cell_area / self.compliance
         return stored - 0.5 * self.machine_compliance * force**2
 
-    def _place(self, where: State | Trial) -> float:
-        """Position d of the punch [m], at the end of its spring."""
-        return where.position + self.machine_compliance * where.force
+    def place(self, where: State | Trial) -> float:
+        """Position d of the punch [m], at the end of its spring. A punch that a dead load flings away is followed until
+        it is out of reach: there is no end to its way."""
+        place = where.position + self.machine_compliance * where.force
+        return self.law.reach if self._is_flung(where, place) else place
+
+    def _is_flung(self, where: State | Trial, place: float) -> bool:
+        return self.dead_load and place > self.law.reach and abs(where.force) < FREE * self.solver.force_scale
 
     def _work(self, state: State, trial: Trial, bent: bool) -> float:
         """Work of the punch [J] over the step: by the trapezoid, or by the parabola through the last step's start too.
 
-        In a jump the spring does its share; the trapezoid has just that, -(F_1^2 - F_0^2)/(2 k_M), beside the machine's.
+        In a jump the machine stands still, and the spring works on the punch: that is the trapezoid as well.
         """
-        start, end = self._place(state), self._place(trial)
-        work = -0.5 * (state.force + trial.force) * (end - start)
+        start, end = self.place(state), self.place(trial)
+        last_force = trial.force
+        if self.dead_load and end == self.law.reach:
+            # The load is still there.
+            last_force = min(trial.force, state.force + (end - start) / self.machine_compliance)
+        work = -0.5 * (state.force + last_force) * (end - start)
         if not bent or not state.past_steps or end == start:
             return work
         past_position = state.phase_start + trial.phase.displacement(state.elapsed - state.past_steps[0])
@@ -231,6 +242,14 @@ class Quasistatic(PathFollowing):
             return work
         slope, before = (trial.force - state.force) / (end - start), (state.force - past_force) / (start - past)
         return work + (slope - before) / (end - past) * (end - start) ** 3 / 6.0
+
+    def _pulled(self, state: State, trial: Trial) -> float:
+        """Work [J] of a retracting punch where it pulls, the force being linear within the step."""
+        first, last = -state.force, -trial.force
+        if trial.phase.velocity_end <= 0.0 or max(first, last) <= 0.0:
+            return 0.0
+        share = 1.0 if min(first, last) >= 0.0 else max(first, last) / abs(last - first)
+        return 0.5 * share * (max(first, 0.0) + max(last, 0.0)) * (self.place(trial) - self.place(state))
 
     def _noise(self, state: State, trial: Trial, tolerance: float) -> float:
         """How far a step's energies may be off for the errors of its two equilibria [J]: they are minima, so these enter
