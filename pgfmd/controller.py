@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pgfmd.drive import PRELOAD, Phase
+from pgfmd.drive import Phase
 from pgfmd.errors import RunError
+from pgfmd.preload_search import PreloadSearch, fit, slack_of
 from pgfmd.state import State
 
 SAFETY, LARGEST_GROWTH, STRONGEST_CUT, CUT_ON_FAILURE = 0.85, 2.0, 0.2, 0.25
@@ -22,9 +23,6 @@ ENERGY_CUT, WORTH_AGAIN, MOST_REPEATS = {1: 8.0, 2: 24.0}, 0.6, 3
 """For the sake of the energy audit steps get shorter by at most this factor (by the scheme's order; in elastic scenes
 the errors of the solves, which don't shrink with the step, come sooner), and are taken again where they should have
 been shorter than this share of what they were, at most so many times."""
-PRELOAD_TOLERANCE, PRELOAD_SHARE, CLOSE_TO_PRELOAD = 1e-4, 0.1, 0.95
-"""The preload is met to this fraction, or to that share of a smaller tolerance: a late turn shifts the whole way back.
-From the last fraction of it on, steps are solved tightly."""
 JUMP_STEP, JUMP_MOTION = 1e-3, 0.5
 """A refused step becomes a jump when it is below this fraction of the shortest relaxation time, and below this fraction
 of the time in which the punch moves by tolerance times range."""
@@ -69,7 +67,7 @@ class Controller:
 
     def __init__(self, scheme, limits: StepLimits, preload: float):
         self.scheme, self.limits, self.preload = scheme, limits, preload
-        self.slack = min(PRELOAD_TOLERANCE, PRELOAD_SHARE * limits.tolerance) * preload
+        self.slack = slack_of(preload, limits.tolerance)
 
     def advance(self, state: State, phase: Phase, until: float = math.inf):
         """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted Trial, why it
@@ -82,12 +80,10 @@ class Controller:
         end = phase.duration - state.elapsed
         wanted = state.step or limits.first(phase)
         step, why = fit(min(wanted, limits.largest(phase)), end, until)
-        bracket, refused, repeats = None, [], 0
-        # The force must be known better than the preload is to be met.
-        close = phase.ends_with == PRELOAD and state.force > CLOSE_TO_PRELOAD * self.preload
+        search, refused, repeats = PreloadSearch(phase, state.force, self.preload, self.slack), [], 0
         for _ in range(self.largest_try_count):
-            last_resort = bool(refused) and bracket is None and step < limits.jump(phase)
-            trial = self.scheme.try_step(state, phase, step, sharp=bracket is not None or close, jump=last_resort)
+            last_resort = bool(refused) and search.bracket is None and step < limits.jump(phase)
+            trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=last_resort)
             # Without attraction nothing jumps: what kept the step from being taken was a loose solve before it.
             trial.is_jump = last_resort and limits.attractive and trial.converged and _jumped(trial, refused)
             self._count(state, trial)
@@ -96,29 +92,21 @@ class Controller:
                     break
                 state.counters.rejected_steps += 1
                 refused.append(trial)
-                step, why, bracket = step * self._cut(phase, trial), "", None
+                step, why, search.bracket = step * self._cut(phase, trial), "", None
                 continue
             wish = self._wish(phase, trial)
-            if wish < WORTH_AGAIN and repeats < MOST_REPEATS and bracket is None and not last_resort:
+            if wish < WORTH_AGAIN and repeats < MOST_REPEATS and search.bracket is None and not last_resort:
                 state.counters.rejected_steps += 1
                 repeats += 1
                 step, why = step * max(STRONGEST_CUT, wish), ""
                 continue
-            if phase.ends_with == PRELOAD:
-                excess = trial.force - self.preload
-                past = excess > self.slack
-                if past and bracket is None:
-                    bracket = Bracket(0.0, state.force - self.preload)
-                if past or (bracket is not None and excess < -self.slack):
-                    other = bracket.narrow(step, excess)
-                    if other is not None:
-                        state.counters.rejected_steps += 1
-                        step, why = other, ""
-                        continue
+            other = search.other_step(step, trial.force)
+            if other is not None:
+                state.counters.rejected_steps += 1
+                step, why = other, ""
+                continue
             self._accept(state, phase, trial, wanted if why else step)
-            if phase.ends_with == PRELOAD and trial.force >= self.preload - self.slack:
-                why = "preload"
-            return trial, why
+            return trial, "preload" if search.is_met(trial.force) else why
         raise RunError(self._stuck(state, phase, step))
 
     def _accept(self, state: State, phase: Phase, trial, wanted: float) -> None:
@@ -171,44 +159,3 @@ def _jumped(trial, refused: list) -> bool:
     if not longer:
         return True
     return trial.change.largest > longer[-1].change.largest * math.sqrt(trial.step / longer[-1].step)
-
-
-class Bracket:
-    """Regula falsi (Illinois) for the step at which the force meets the preload."""
-
-    def __init__(self, low: float, low_value: float):
-        self.low, self.low_value = low, low_value
-        self.high = self.high_value = self.first = None
-        self.last_side = 0
-
-    def narrow(self, step: float, value: float) -> float | None:
-        """Takes in the force excess [N] at a step [s]; returns the next step to try, None when there is nothing
-        between."""
-        side = 1 if value > 0.0 else -1
-        self.first = self.first or step
-        if side > 0:
-            self.high, self.high_value = step, value
-        else:
-            self.low, self.low_value = step, value
-        if self.last_side == side:
-            if side > 0:
-                self.low_value *= 0.5
-            else:
-                self.high_value *= 0.5
-        self.last_side = side
-        width = self.high - self.low
-        if width <= 1e-6 * self.first:
-            return None
-        inside = self.low - self.low_value * width / (self.high_value - self.low_value)
-        return min(max(inside, self.low + 1e-3 * width), self.high - 1e-3 * width)
-
-
-def fit(step: float, end: float, until: float) -> tuple[float, str]:
-    """The step, shortened or a little stretched to end at the phase's end or the wanted time; and which of them it
-    meets."""
-    target, why = (end, "duration") if end <= until else (until, "time")
-    if step >= target * (1.0 - 1e-9):
-        return target, why
-    if step > 0.5 * target:
-        return 0.5 * target, ""
-    return step, ""

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import math
 
-from pgfmd.controller import (
-    CLOSE_TO_PRELOAD, LARGEST_GROWTH, PRELOAD_SHARE, PRELOAD_TOLERANCE, SAFETY, STRONGEST_CUT, Bracket, fit,
-)  # fmt: skip
-from pgfmd.drive import PRELOAD, Phase
+from pgfmd.controller import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
+from pgfmd.drive import Phase
 from pgfmd.errors import RunError
+from pgfmd.preload_search import PreloadSearch, fit, slack_of
 from pgfmd.schemes.trial import Trial
 from pgfmd.state import State
 
@@ -27,7 +26,8 @@ CUT = 0.25
 class LoadSteps:
     """Takes one load step at a time; every decision follows from numbers that are the same on all ranks.
 
-    tolerance: of a step [ranges of adhesion]; reach [m]: the range of adhesion; preload [N]; attractive: whether the law attracts.
+    tolerance: of a step [ranges of adhesion]; reach [m]: the range of adhesion; preload [N]; attractive: whether the law
+    attracts.
     """
 
     largest_try_count = 100
@@ -35,7 +35,7 @@ class LoadSteps:
     def __init__(self, scheme, tolerance: float, reach: float, preload: float, attractive: bool):
         self.scheme, self.tolerance, self.reach, self.preload = scheme, tolerance, reach, preload
         self.attractive = attractive
-        self.slack = min(PRELOAD_TOLERANCE, PRELOAD_SHARE * tolerance) * preload
+        self.slack = slack_of(preload, tolerance)
 
     def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Trial, str]:
         """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted trial, why it
@@ -49,11 +49,10 @@ class LoadSteps:
         wanted = state.step or self.tolerance * unit
         longest = unit if self.attractive else math.inf
         step, why = fit(min(wanted, longest), end, until)
-        close = phase.ends_with == PRELOAD and state.force > CLOSE_TO_PRELOAD * self.preload
-        bracket = None
+        search = PreloadSearch(phase, state.force, self.preload, self.slack)
         for _ in range(self.largest_try_count):
             follow = step <= followed * (1.0 + 1e-9)
-            trial = self.scheme.try_step(state, phase, step, sharp=bracket is not None or close, jump=follow)
+            trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=follow)
             state.counters.newton_iterations += trial.newton_iterations
             state.counters.cg_iterations += trial.cg_iterations
             shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest)
@@ -61,24 +60,16 @@ class LoadSteps:
                 if step <= finest and not trial.converged:
                     break
                 state.counters.rejected_steps += 1
-                step, why, bracket = shorter, "", None
+                step, why, search.bracket = shorter, "", None
                 continue
-            if phase.ends_with == PRELOAD:
-                excess = trial.force - self.preload
-                past = excess > self.slack
-                if past and bracket is None:
-                    bracket = Bracket(0.0, state.force - self.preload)
-                if past or (bracket is not None and excess < -self.slack):
-                    other = bracket.narrow(step, excess)
-                    if other is not None:
-                        state.counters.rejected_steps += 1
-                        step, why = other, ""
-                        continue
+            other = search.other_step(step, trial.force)
+            if other is not None:
+                state.counters.rejected_steps += 1
+                step, why = other, ""
+                continue
             self.scheme.accept(state, trial)
             state.step = self._next(trial, wanted if why else step, followed)
-            if phase.ends_with == PRELOAD and trial.force >= self.preload - self.slack:
-                why = "preload"
-            return trial, why
+            return trial, "preload" if search.is_met(trial.force) else why
         raise RunError(
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, d = {state.position:.6g} m, "
             f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. {self.scheme.cure}"
@@ -91,7 +82,9 @@ class LoadSteps:
         share = 1.0 + scheme.contact_stiffness * scheme.machine_compliance if state.contact_points else 1.0
         return share * self.reach / phase.fastest
 
-    def _shorter(self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float) -> float | None:
+    def _shorter(
+        self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float
+    ) -> float | None:
         """The step to try instead; None where the trial can be taken."""
         if not trial.converged:
             return max(CUT * step, min(followed, 0.99 * step)) if not follow else CUT * step

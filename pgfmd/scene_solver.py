@@ -51,7 +51,8 @@ class Solver(Section):
         "modulus of `quasistatic`: `relaxed`, E(0), or `instantaneous`, E(infinity)", "relaxed"
     )
     accuracy: float = number(
-        "relative error allowed in one step of `inertialess` or `quasistatic`; `gfmd` has [solver.gfmd]", 1e-2, at_least=1e-8, at_most=0.3
+        "relative error allowed in one step of `inertialess` or `quasistatic`; `gfmd` has [solver.gfmd]",
+        1e-2, at_least=1e-8, at_most=0.3,
     )
     order: Literal[2, 1] = key(
         "order of the steps of `inertialess`: 2 (two stages, SDIRK2) or 1 (implicit Euler); `gfmd` is always of order 2", 2

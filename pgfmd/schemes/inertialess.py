@@ -150,17 +150,7 @@ class Inertialess(PathFollowing):
             state.energies.viscous += viscous
         else:
             kernels.advance_branches(state.branches, weights.decay, self._f, weights.gain, self.tableau.stages)
-        if trial.is_jump:
-            state.energies.released += trial.potential_drop
-            state.counters.jumps += 1
-            state.forget_history()
-        self._remember(state, trial)
-        state.traction[:] = self.solver.traction
-        state.position, state.force = trial.position, trial.force
-        state.time += trial.step
-        state.elapsed += trial.step
-        state.last_step = trial.step
-        state.counters.steps += 1
+        self._move_on(state, trial)
 
     def _tolerance(self, state: State, sharp: bool, jump: bool) -> float:
         if jump:

@@ -108,6 +108,20 @@ class PathFollowing:
             tuple(times), trial.step,
         )  # fmt: skip
 
+    def _move_on(self, state: State, trial: Trial) -> None:
+        """Takes the state to the end of the trial step: surface and history, place and time, what a jump released."""
+        if trial.is_jump:
+            state.energies.released += trial.potential_drop
+            state.counters.jumps += 1
+            state.forget_history()
+        self._remember(state, trial)
+        state.traction[:] = self.solver.traction
+        state.position, state.force = trial.position, trial.force
+        state.time += trial.step
+        state.elapsed += trial.step
+        state.last_step = trial.step
+        state.counters.steps += 1
+
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
         if len(state.past_u) == 2:

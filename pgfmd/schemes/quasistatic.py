@@ -48,8 +48,8 @@ class Quasistatic(PathFollowing):
     """Load steps without time. `try_step` leaves the state alone; `accept` moves it on.
 
     solver: NewtonSolver, its convolution that of the machine's spring too where there is one (`sprung`). compliance: J,
-    of the relaxed body 1, of the instantaneous one E(0)/E(infinity). tolerance: of a step, in ranges of adhesion. spring
-    [m/N]: 1/k_M, 0 for a rigid machine. contact_stiffness [N/m]: of the contact of the whole punch, about.
+    of the relaxed body 1, of the instantaneous one E(0)/E(infinity). tolerance: of a step, in ranges of adhesion.
+    spring [m/N]: 1/k_M, 0 for a rigid machine. contact_stiffness [N/m]: of the contact of the whole punch, about.
     dead_load: whether the spring stands for one.
     """
 
@@ -141,17 +141,7 @@ class Quasistatic(PathFollowing):
         state.least_force = min(state.force, trial.force)
         energies.work_of_separation += self._pulled(state, trial)
         energies.elastic = self._stored
-        if trial.is_jump:
-            energies.released += trial.potential_drop
-            state.counters.jumps += 1
-            state.forget_history()
-        self._remember(state, trial)
-        state.traction[:] = self.solver.traction
-        state.position, state.force = trial.position, trial.force
-        state.time += trial.step
-        state.elapsed += trial.step
-        state.last_step = trial.step
-        state.counters.steps += 1
+        self._move_on(state, trial)
 
     def _carry(self, way: float, state: State, u: np.ndarray, w: np.ndarray) -> None:
         """Carries the surface with the punch where nothing is known yet of how it moves: a soft spring's end may go a

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from pgfmd.controller import ENERGY_CUT, MOST_REPEATS, PRELOAD_TOLERANCE, Controller, StepLimits
+from pgfmd.controller import ENERGY_CUT, MOST_REPEATS, Controller, StepLimits
+from pgfmd.preload_search import PRELOAD_TOLERANCE
 from pgfmd.drive import PRELOAD, Phase
 from pgfmd.errors import RunError
 from pgfmd.extrapolation import integral
