@@ -20,6 +20,9 @@ FOLLOWED, FINEST = 1.0, 0.25
 """Jumps are followed in steps of at most so many tolerances, and located to no less than this share of one."""
 UNCERTAINTY = 10.0
 """Accepted uncertainty of the energy that a jump releases, in tolerances."""
+LONGEST_FOLLOWED, ROOM = 0.25, 0.25
+"""Jumps that hardly count, their uncertainty being below this part of what is allowed, are followed in longer and longer
+steps: up to this part of the range of adhesion."""
 CUT = 0.25
 
 
@@ -44,7 +47,10 @@ class LoadSteps:
         Raises RunError where no equilibrium is found.
         """
         unit = self._unit(state, phase)
-        followed, finest = FOLLOWED * self.tolerance * unit, FINEST * self.tolerance * unit
+        finest = FINEST * self.tolerance * unit
+        shortest = FOLLOWED * self.tolerance * unit
+        # Under tension the next jump may be the pull-off, whose force is wanted.
+        followed = shortest if state.force < 0.0 else min(max(state.followed, shortest), LONGEST_FOLLOWED * unit)
         end = phase.duration - state.elapsed
         wanted = state.step or self.tolerance * unit
         longest = unit if self.attractive else math.inf
@@ -60,6 +66,8 @@ class LoadSteps:
                 if step <= finest and not trial.converged:
                     break
                 state.counters.rejected_steps += 1
+                if trial.converged and trial.is_jump:
+                    followed = max(shorter, shortest)
                 step, why, search.bracket = shorter, "", None
                 continue
             other = search.other_step(step, trial.force)
@@ -67,6 +75,11 @@ class LoadSteps:
                 state.counters.rejected_steps += 1
                 step, why = other, ""
                 continue
+            if trial.is_jump:
+                # Short of what could be allowed: where jumps hardly count, they need not be placed as well.
+                room = trial.uncertainty / self._allowed(trial, state.energies.released)
+                followed = LARGEST_GROWTH * followed if room < ROOM and step > 0.5 * followed else followed
+            state.followed = followed
             self.scheme.accept(state, trial)
             state.step = self._next(trial, wanted if why else step, followed)
             return trial, "preload" if search.is_met(trial.force) else why
@@ -89,13 +102,15 @@ class LoadSteps:
         if not trial.converged:
             return max(CUT * step, min(followed, 0.99 * step)) if not follow else CUT * step
         if trial.is_jump:
-            # Errors of many small jumps average out.
-            all_so_far = trial.potential_drop + released
-            allowed = UNCERTAINTY * self.tolerance * math.sqrt(trial.potential_drop * all_so_far)
-            return None if trial.uncertainty <= allowed or step <= finest else max(CUT * step, 0.99 * finest)
+            well_known = trial.uncertainty <= self._allowed(trial, released)
+            return None if well_known or step <= finest else max(CUT * step, 0.99 * finest)
         if trial.error <= self.tolerance or step <= finest:
             return None
         return step * min(0.8, max(STRONGEST_CUT, self._growth(trial)))
+
+    def _allowed(self, trial: Trial, released: float) -> float:
+        """Uncertainty [J] that a jump may have: errors of many small jumps average out."""
+        return UNCERTAINTY * self.tolerance * math.sqrt(trial.potential_drop * (trial.potential_drop + released))
 
     def _growth(self, trial: Trial) -> float:
         return SAFETY * math.sqrt(self.tolerance / max(trial.error, 1e-300))

@@ -56,7 +56,8 @@ class State:
     (N, size); images psi_m = G0 phi_m [m], (N, size), or (0, size) without the energy audit. `past_u`, `past_w`,
     `past_steps`: up to two earlier ends of steps, newest first, and the steps [s] that led away from
     them, with the forces [N] there; drift: factor of the covariance of
-    u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try. least_force [N]: the lowest
+    u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try; followed [s]: how long
+    steps may be that follow an instability (load_steps.py). least_force [N]: the lowest
     force within the last step. started: whether the surface has met the punch at its first position.
 
     The scheme quasistatic keeps the softest mode of the last equilibrium, soft_mode [m] and its dual soft_load [Pa].
@@ -79,6 +80,7 @@ class State:
     phase_start: float = 0.0
     step: float = 0.0
     last_step: float = 0.0
+    followed: float = 0.0
     power: float = 0.0
     force: float = 0.0
     least_force: float = 0.0

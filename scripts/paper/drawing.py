@@ -1,0 +1,147 @@
+"""What the figures share: claims of the paper beside our numbers, curves, captions, and reading of contact sites."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from paper.pool import Run
+from pgfmd.map_plots import new_figure
+from pgfmd.plots import GREY, RED, TURQUOISE
+from pgfmd.results import Results
+
+OCHRE, VIOLET, GREEN = "#d18f00", "#6a4c93", "#4c9f38"
+COLOURS = (TURQUOISE, RED, OCHRE, VIOLET, GREEN, "#303030")
+NAN = math.nan
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A number of the paper beside ours, both in `unit`. low, high: what the paper's words admit, NaN where it says
+    nothing; told: its words. settings must be the same for all sizes."""
+
+    what: str
+    settings: str
+    ours: float
+    unit: str = ""
+    told: str = ""
+    low: float = NAN
+    high: float = NAN
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure with its caption and its rows of the table."""
+
+    figure: Any
+    caption: str
+    claims: list[Claim] = field(default_factory=list)
+
+
+def panels(
+    columns: int, rows: int = 1, width: float = 7.4, height: float = 2.9, **options: Any
+) -> tuple[Any, np.ndarray]:
+    """A figure and its axes, of shape (rows, columns)."""
+    figure = new_figure(width, height)
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def time_text(seconds: float) -> str:
+    """A time with a handy unit."""
+    for factor, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns")):
+        if seconds >= factor:
+            break
+    return f"{seconds / factor:.4g} {unit}"
+
+
+def settings_of(run: Run) -> str:
+    """Grid, range and rheology of a run, for a caption."""
+    scene = run.scene
+    text = f"n = {scene.grid.n}, ρ = {scene.adhesion.range * 1e6:.3g} µm"
+    if run.quasistatic:
+        return f"{text}, quasi-static"
+    name = "τ" if scene.rheology.model == "single" else "τ_min"
+    return f"{text}, {name} = {time_text(scene.rheology.relaxation_time)}"
+
+
+def draw_loop(axis: Any, run: Run, colour: Any, label: str | None = None, approach: bool = True, **style: Any) -> None:
+    """Force [mN] against indentation [um]: the way in dashed grey, the way out in colour."""
+    loop, rows = run.loop, run.loop.branches
+    x, y = 1e6 * loop.indentation, 1e3 * loop.force
+    if approach:
+        axis.plot(x[rows["approach"]], y[rows["approach"]], color=GREY, ls=(0, (4, 2)), lw=0.9)
+    axis.plot(x[rows["retraction"]], y[rows["retraction"]], **({"color": colour, "label": label, "lw": 1.1} | style))
+
+
+def zero_line(axis: Any) -> None:
+    """A thin line at force zero."""
+    axis.axhline(0.0, color="0.8", lw=0.8, zorder=0)
+
+
+def force_axes(axis: Any, title: str = "") -> None:
+    """Labels of a force-displacement panel."""
+    zero_line(axis)
+    axis.set(xlabel="indentation −d (µm)", ylabel="force (mN)")
+    axis.set_title(title, loc="left")
+
+
+def zoom(axis: Any, runs: Iterable[Run], least: float = 15.0) -> None:
+    """Shows the pull-off of these runs and the way back below `least` [mN], or four times their largest tension."""
+    loops = [run.loop for run in runs]
+    if not loops:
+        return
+    low = 1e3 * min(float(loop.force.min()) for loop in loops)
+    most = 1e3 * max(float(loop.force.max()) for loop in loops)
+    top = min(1.05 * most, max(least, -4.0 * low))
+    seen = np.concatenate([1e6 * loop.indentation[1e3 * loop.force <= top] for loop in loops])
+    margin = 0.05 * float(np.ptp(seen))
+    axis.set(ylim=(1.25 * low, top), xlim=(seen.min() - margin, seen.max() + margin))
+
+
+def pull_off(run: Run) -> float:
+    """Pull-off force [mN]."""
+    return 1e3 * (run.results.run.get("pull_off_force_N") or 0.0)
+
+
+def in_contact(results: Results, time: float) -> dict[str, tuple[int, int]]:
+    """Of each kind of site, how many are in contact at a time [s], and of how many; 0 where none ever touches."""
+    sites = results.sites
+    found = {}
+    for kind in ("summit", "saddle", "valley"):
+        rows = np.flatnonzero(np.asarray(sites["kind"]) == kind)
+        before = rows[np.asarray(sites["time [s]"])[rows] <= time]
+        total = int(np.asarray(sites["of"])[rows[0]]) if rows.size else 0
+        found[kind] = (int(np.asarray(sites["in_contact"])[before[-1]]) if before.size else 0, total)
+    return found
+
+
+def percent(counts: tuple[int, int]) -> float:
+    """A number out of a total [%]; 0 of nothing."""
+    return 100.0 * counts[0] / max(counts[1], 1)
+
+
+def joins(results: Results, kind: str) -> dict[str, np.ndarray]:
+    """First joins of the sites of a kind on the way in: site, x, y, displacement [m] and force [N] of each."""
+    sites = {name: np.asarray(results.sites[name]) for name in ("kind", "event", "phase", "site", "x [m]", "y [m]",
+                                                                "displacement [m]", "force [N]", "of")}  # fmt: skip
+    rows = np.flatnonzero((sites["kind"] == kind) & (sites["event"] == "joins") & (sites["phase"] == "approach"))
+    _, first = np.unique(sites["site"][rows], return_index=True)
+    rows = rows[first]
+    return {name: sites[name][rows] for name in sites}
+
+
+def closed_at(results: Results, kind: str) -> float:
+    """Force [mN] at which all sites of a kind have come into contact on the way in, NaN if they never have."""
+    found = joins(results, kind)
+    if not found["of"].size or len(found["of"]) < found["of"][0]:
+        return NAN
+    return 1e3 * float(found["force [N]"].max())
+
+
+def times_of(results: Results) -> np.ndarray:
+    """Times [s] of the snapshots."""
+    return np.asarray(results.fields["time"][:]) if results.has_fields else np.empty(0)

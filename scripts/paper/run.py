@@ -1,0 +1,135 @@
+#!/usr/bin/env python
+"""Runs the studies behind the figures of docs/paper.md, draws the figures, and writes their numbers into the page.
+
+    python scripts/paper/run.py --size quick                    everything on small grids, into out/paper-quick
+    python scripts/paper/run.py tri hex --ranks 2               two figures at the reduced size
+    python scripts/paper/run.py --size paper contact --jobs 2   the paper's grids: hours
+    python scripts/paper/run.py --list --size paper             the figures and their runs
+    python scripts/paper/run.py --draw-only                     figures and page from what is there
+
+Results are in out/paper-<size>/<study>/<case>; a run that several figures need is made once. What is finished is left
+as it is, what was stopped goes on. Figures, numbers.csv and the page are those of docs, but at the size `quick`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from matplotlib import rc_context  # noqa: E402
+
+from paper import ROOT, page  # noqa: E402
+from paper.drawing import settings_of  # noqa: E402
+from paper.pool import SIZES, Pool, Run  # noqa: E402
+from paper.registry import FIGURES, STUDIES  # noqa: E402
+from pgfmd.errors import PgfmdError  # noqa: E402
+from pgfmd.plots import STYLE  # noqa: E402
+from pgfmd.study.campaign import Campaign, Unfinished, Wishes  # noqa: E402
+from pgfmd.study_command import say  # noqa: E402
+
+
+def arguments(texts: list[str] | None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("figures", nargs="*", metavar="FIGURE", help="names of figures; all if none is given")
+    parser.add_argument("--size", choices=SIZES, default="reduced", help="size of the grids")
+    parser.add_argument("--ranks", type=int, default=1, help="MPI ranks of a run")
+    parser.add_argument("--jobs", type=int, default=1, help="runs side by side")
+    parser.add_argument("--only", action="append", default=[], metavar="RUN", help="only STUDY/CASE; * is anything")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="extra", help="for every run")
+    parser.add_argument("--out", type=Path, help="folder of the results; out/paper-<size> unless said otherwise")
+    parser.add_argument("--list", action="store_true", help="show the figures and the runs of each")
+    parser.add_argument("--draw-only", action="store_true", help="start no run")
+    parser.add_argument("--retry", action="store_true", help="go on with failed runs, too")
+    parser.add_argument("--fresh", action="store_true", help="begin changed and damaged runs anew")
+    found = parser.parse_args(texts)
+    unknown = [name for name in found.figures if name not in FIGURES]
+    if unknown:
+        parser.error(f"no figure {', '.join(unknown)}; choose from {', '.join(FIGURES)}")
+    if found.extra and not found.out:
+        parser.error("--set needs an --out of its own")
+    found.figures = found.figures or list(FIGURES)
+    found.out = found.out or ROOT / "out" / f"paper-{found.size}"
+    return found
+
+
+def show(pool: Pool, names: list[str]) -> None:
+    """Prints each figure, what it draws, and its runs."""
+    for name in names:
+        figure = FIGURES[name]
+        of = f"FIG {figure.of}: " if figure.of else ""
+        print(f"{name}: {of}{figure.draw.__doc__.splitlines()[0]}")
+        for entry in pool.chosen(figure.studies):
+            own = [user for user in entry.users if user.partition("/")[0] in figure.studies]
+            run = Run("", "", entry.case().scene, Path())
+            shared = "" if entry.owner in own else f"  (is {entry.owner})"
+            print(f"    {own[0]}{shared}: {run.preload:g} mN, {run.speed:g} um/s, {settings_of(run)}")
+
+
+def draw(name: str, pool: Pool, out: Path, finished: set[str], folder: Path) -> bool:
+    """Draws a figure from the finished runs into the folder; tells why not where there are too few."""
+    figure = FIGURES[name]
+    runs = pool.runs(figure.studies, out, finished)
+    missing = [entry.owner for entry in pool.chosen(figure.studies) if entry.owner not in finished]
+    if figure.studies and not runs:
+        say(f"{name}: not drawn, none of its runs is finished")
+        return False
+    try:
+        with rc_context(STYLE):
+            drawing = figure.draw(runs)
+            path = folder / f"{name}-{pool.size}.png"
+            # The reduced metadata leave the file the same from run to run.
+            drawing.figure.savefig(path, dpi=120, metadata={"Software": None})
+    except LookupError as error:
+        say(f"{name}: not drawn: {error}")
+        return False
+    finally:
+        for run in runs:
+            if "results" in run.__dict__:
+                run.results.close()
+    page.keep(folder, pool.size, name, drawing, FIGURES)
+    say(f"{path}" + (f", without {', '.join(missing)}" if missing else ""))
+    for claim in drawing.claims:
+        told = f"   paper: {claim.told}" if claim.told else ""
+        say(f"    {claim.what}, {claim.settings}: {claim.ours:.4g} {claim.unit}{told}")
+    return True
+
+
+def main(texts: list[str] | None = None) -> int:
+    """Runs and draws; returns the exit code."""
+    wanted = arguments(texts)
+    pool = Pool(STUDIES, wanted.size, wanted.extra)
+    if wanted.list:
+        show(pool, wanted.figures)
+        return 0
+    studies = tuple(study for name in wanted.figures for study in FIGURES[name].studies)
+    cases = [entry.case(wanted.ranks) for entry in pool.chosen(studies)]
+    campaign = Campaign(cases, wanted.out, Wishes(wanted.retry, wanted.fresh), say)
+    code = 0
+    if cases and not wanted.draw_only:
+        try:
+            campaign.only(wanted.only).run(wanted.ranks, wanted.jobs)
+        except Unfinished as error:
+            say(str(error))
+            code = error.exit_code
+    finished = {name for name, standing in campaign.standings().items() if standing.complete}
+    # What an extra key has changed is nothing for the documentation either.
+    in_docs = wanted.size in page.SHOWN and not wanted.extra
+    folder = page.FOLDER if in_docs else wanted.out / "figures"
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in wanted.figures:
+        draw(name, pool, wanted.out, finished, folder)
+    if in_docs:
+        page.PAGE.write_text(page.filled(page.PAGE.read_text(encoding="utf-8"), folder), encoding="utf-8")
+    return code
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except PgfmdError as error:
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_code)

@@ -1,0 +1,114 @@
+"""What the results depend on: curvature of the punch, range of adhesion against relaxation time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paper.drawing import COLOURS, NAN, RED, TURQUOISE, Claim, Drawing, closed_at, draw_loop, force_axes, joins, panels
+from paper.drawing import pull_off, settings_of, zoom
+from paper.evolution import LAST, rim_last
+from paper.pool import Run, Runs
+from pgfmd.study.convergence import fit_power_law
+
+CURVATURES = ("flat", "200mm", "100mm", "50mm", "20mm", "100mm-layers")
+
+
+def curvature(runs: Runs) -> Drawing:
+    """Loops of both patterns for several macroscopic curvatures, and with printing layers."""
+    figure, axes = panels(2, height=3.4)
+    claims = []
+    patterns = {"curvature-tri": "triangular", "curvature-hex": "hexagonal"}
+    for axis, (study, title) in zip(axes[0], patterns.items(), strict=True):
+        found = {name: run for name in CURVATURES for run in runs.of(study) if run.name == name}
+        for (name, run), colour in zip(found.items(), COLOURS, strict=False):
+            label = "no curvature" if name == "flat" else name.replace("mm", " mm").replace("-layers", ", layers")
+            draw_loop(axis, run, colour, label, approach=False, ls=":" if "layers" in name else "-")
+            claims.append(Claim("pull-off force", f"{title}, {label}", pull_off(run), "mN"))
+            claims.append(Claim("saddles closed on the way in", f"{title}, {label}", _share(run, "saddle"), "%"))
+            if study == "curvature-hex":
+                settings, closed = f"{title}, {label}", closed_at(run.results, "saddle")
+                claims.append(Claim("force at contact in all saddles", settings, closed, "mN", "about 4", 3.5, 4.5))
+                claims.append(Claim(LAST, settings, rim_last(run), "", "the rim comes last", 1.05, 2.0))
+        load = next(iter(found.values())).preload if found else 0
+        force_axes(axis, f"{title}, {load:g} mN")
+        zoom(axis, found.values())
+        axis.legend(fontsize=7)
+    rims = ", ".join(f"{1e6 * 375e-6**2 / (2e-3 * r):.2g} µm ({r} mm)" for r in (200, 100, 50, 20))
+    settings = settings_of(next(iter(runs)))
+    caption = f"Way back for radii of the macroscopic curvature; the rim is higher than the axis by {rims}. {settings}."
+    return Drawing(figure, caption, claims)
+
+
+def _share(run: Run, kind: str) -> float:
+    found = joins(run.results, kind)
+    return 100 * len(found["site"]) / found["of"][0] if found["site"].size else 0.0
+
+
+LABELS = {"default": "ρ, τ", "alternative": "√2 ρ, 2.5 τ", "same-time": "√2 ρ, τ"}
+
+
+def ranges(runs: Runs) -> Drawing:
+    """Range of adhesion sqrt(2) times as large against a relaxation time 2.5 times as long."""
+    figure, axes = panels(1, height=3.4, width=5.2)
+    axis, claims = axes[0, 0], []
+    found = {name: run for name in LABELS if (run := runs.one("range", name))}
+    for (name, run), colour in zip(found.items(), COLOURS, strict=False):
+        draw_loop(axis, run, colour, LABELS[name], approach=name == "default")
+    force_axes(axis)
+    zoom(axis, found.values())
+    axis.legend()
+    default = found.get("default")
+    for name in ("alternative", "same-time"):
+        if default and name in found:
+            told = ("close", 0.9, 1.1) if name == "alternative" else ("", NAN, NAN)
+            other, label = found[name], LABELS[name]
+            ratio = pull_off(other) / pull_off(default)
+            claims.append(Claim("pull-off force over that of ρ, τ", label, ratio, "", *told))
+            away = 100 * _apart(other, default)
+            claims.append(Claim("rms difference of the way back, over the preload", label, away, "%"))
+            ratio = other.results.run["work_J"] / default.results.run["work_J"]
+            claims.append(Claim("work of the loop over that of ρ, τ", label, ratio, "", *told))
+    notes = "; ".join(f"{LABELS[name]}: {settings_of(run)}" for name, run in found.items())
+    return Drawing(figure, f"Way back from 40 mN at 1 µm/s. {notes}.", claims)
+
+
+def _apart(run: Run, other: Run) -> float:
+    """Root mean square of the difference of the forces of two ways back, over the preload."""
+    low = max(run.loop.displacement.min(), other.loop.displacement.min())
+    grid = np.linspace(low, 1e-6, 2000)
+    curves = []
+    for each in (run, other):
+        rows = each.loop.branches["retraction"]
+        curves.append(np.interp(grid, np.maximum.accumulate(each.loop.displacement[rows]), each.loop.force[rows]))
+    return float(np.sqrt(np.mean((curves[0] - curves[1]) ** 2)) / run.scene.drive.preload)
+
+
+def halved(runs: Runs) -> Drawing:
+    """The range of adhesion halved, once and twice; n grows fourfold each time."""
+    figure, axes = panels(2, height=3.2)
+    left, right = axes[0]
+    ordered = sorted(runs.of("halved"), key=lambda run: run.scene.grid.n)
+    coarsest = ordered[0].scene.adhesion.range
+    claims = []
+    rows = {"rule": ("τ by the rule", TURQUOISE), "same": ("same τ", RED)}
+    for word, (label, colour) in rows.items():
+        # A case without a word of its own belongs to both.
+        chosen = [run for run in ordered if word in run.name or "-" not in run.name]
+        for run, style in zip(chosen, (":", (0, (4, 2)), "-"), strict=False):
+            draw_loop(left, run, colour, f"n = {run.scene.grid.n}, {label}", approach=False, ls=style)
+            share = coarsest / run.scene.adhesion.range
+            claims.append(Claim("pull-off force", f"{label}, coarsest ρ over ρ = {share:.3g}", pull_off(run), "mN"))
+        sizes = [1e6 * run.scene.adhesion.range for run in chosen]
+        forces = [pull_off(run) for run in chosen]
+        right.plot(sizes, forces, "o-", color=colour, mfc="white", label=label)
+        if len(chosen) >= 3:
+            fit = fit_power_law(sizes, forces)
+            if fit.power < 5.5:
+                claims.append(Claim("power of ρ in the pull-off force, fitted", label, fit.power))
+    force_axes(left)
+    zoom(left, ordered)
+    left.legend(fontsize=6.5)
+    right.set(xlabel="range of adhesion ρ (µm)", ylabel="pull-off force (mN)", xlim=(0, None), ylim=(0, None))
+    right.legend()
+    caption = "Way back from 40 mN at 1 µm/s. " + "; ".join(settings_of(run) for run in ordered) + "."
+    return Drawing(figure, caption, claims)
