@@ -23,6 +23,7 @@ class CsvFile:
     Attributes:
         rows: lines in the file, without the header; the same on every rank.
         offered: rows handed in, also those that `every` left out.
+        skipped: whether the last of them was left out.
     """
 
     def __init__(self, path: str | Path, comm, columns: tuple[str, ...], every: int = 1):
@@ -34,14 +35,15 @@ class CsvFile:
         self._file = None
         self._digest = hashlib.sha256()
         self.rows = comm.bcast(on_root(comm, f"{self.path}: could not be opened", self._open))
-        self.offered = self.rows
+        self.offered, self.skipped = self.rows, False
 
-    def append(self, row: Any, force_write: bool = False) -> None:
+    def append(self, row: Any, force_write: bool = False, before: Any = None) -> None:
         """Write this row if its turn has come (each `every`-th, the first included) or `force_write` says so.
 
         Args:
             row: a dataclass with a field a column; the values of rank 0 are written, floats with all their digits.
             force_write: the same on every rank.
+            before: the last row, to be written first if it was left out and this one is written by force; or None.
 
         Raises:
             ResultError: on every rank, naming file and reason; the file then ends with the line before.
@@ -49,7 +51,8 @@ class CsvFile:
         turn = self.offered % self.every == 0
         self.offered += 1
         if turn or force_write:
-            self._hand_over([row])
+            self._hand_over([before, row] if force_write and self.skipped and before is not None else [row])
+        self.skipped = not (turn or force_write)
 
     def extend(self, rows: Sequence[Any]) -> None:
         """Write these rows, as many on every rank, in one go and whatever `every` is.
@@ -81,7 +84,7 @@ class CsvFile:
             ResultError: on every rank, if the file does not begin with the rows that were marked.
         """
         on_root(self._comm, f"{self.path}: could not be cut back", lambda: self._cut_to(mark))
-        self.rows, self.offered = mark["rows"], mark["offered"]
+        self.rows, self.offered, self.skipped = mark["rows"], mark["offered"], mark["skipped"]
 
     def close(self) -> None:
         """Close the file; nothing is lost without it."""
@@ -117,7 +120,9 @@ class CsvFile:
     def _mark(self) -> dict:
         os.fsync(self._file.fileno())
         size, digest = self._file.tell(), self._digest.hexdigest()
-        return {"rows": self.rows, "offered": self.offered, "bytes": size, "sha256": digest}
+        return {
+            "rows": self.rows, "offered": self.offered, "skipped": self.skipped, "bytes": size, "sha256": digest
+        }  # fmt: skip
 
     def _cut_to(self, mark: dict) -> None:
         if not begins_as_marked(self.path, mark):

@@ -84,7 +84,8 @@ class LoadSteps:
             state.step = self._next(trial, wanted if why else step, followed)
             return trial, "preload" if search.is_met(trial.force) else why
         raise RunError(
-            f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, d = {state.position:.6g} m, "
+            f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, "
+            f"d = {self.scheme.place(state):.6g} m, "
             f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. {self.scheme.cure}"
         )
 
@@ -92,7 +93,8 @@ class LoadSteps:
         """Time [s] in which the punch moves by one range of adhesion, about."""
         scheme = self.scheme
         # In contact, a spring has its share of the machine's way.
-        share = 1.0 + scheme.contact_stiffness * scheme.machine_compliance if state.contact_points else 1.0
+        shared = scheme.machine_compliance > 0.0 and state.contact_points > 0
+        share = 1.0 + scheme.contact_stiffness * scheme.machine_compliance if shared else 1.0
         return share * self.reach / phase.fastest
 
     def _shorter(

@@ -23,8 +23,9 @@ from pgfmd import kernels
 
 SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32", "float32"): 1e-6}
 """How far Phi may rise by rounding, relative to itself: by the precision of u and w, and of the corrections."""
-FIRST_SLIDE, MOST_SLIDE = 0.01, 400.0
-"""A saddle is left in steps of first this many ranges of adhesion, doubled up to this many times that."""
+SLIDES, MOST_SLIDE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), 4.0
+"""A saddle is left by first this many ranges of adhesion, by less where that leads upward, and by twice as much again and
+again, up to the last number, as long as that leads down."""
 
 
 @dataclass(frozen=True)
@@ -156,23 +157,27 @@ class NewtonSolver:
         """Moves u [m] and w [Pa] along a mode of negative curvature, to about the lowest Phi either way; by how much it
         fell [J].
 
-        mode [m] and its dual A^-1 mode [Pa]. A saddle is left that far that no descent leads back. Collective.
+        mode [m] and its dual A^-1 mode [Pa]. A saddle is left that far that no descent leads back. Where there is no lower
+        place either way, nothing moves, and traction and curvature are those of the surface as it is. Collective.
         """
         self._s[:], self._t[:] = mode, dual
-        largest = self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
-        unit = FIRST_SLIDE * self.law.range / largest
+        whole = self.law.range / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
         values = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
         start, best, best_step = values[2], -self._slack * abs(values[2]), 0.0
-        for sign in (1.0, -1.0):
-            step = sign * unit
-            while abs(step) <= MOST_SLIDE * unit:
-                values = self._evaluate(position, u, w, step, step * compliance, history, compliance)
-                if values[2] + values[3] - start >= best:
-                    break
-                best, best_step = values[2] + values[3] - start, step
-                step *= 2.0
-        kernels.move(u, w, self._s, self._t, best_step, best_step * compliance)
-        return -best * self.points.grid.cell_area if best_step else 0.0
+        for first in SLIDES:
+            for sign in (1.0, -1.0):
+                step = sign * first * whole
+                while abs(step) <= MOST_SLIDE * whole:
+                    values = self._evaluate(position, u, w, step, step * compliance, history, compliance)
+                    if values[2] + values[3] - start >= best:
+                        break
+                    best, best_step = values[2] + values[3] - start, step
+                    step *= 2.0
+            if best_step:
+                kernels.move(u, w, self._s, self._t, best_step, best_step * compliance)
+                return -best * self.points.grid.cell_area
+        self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+        return 0.0
 
     def _outcome(self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved) -> Outcome:
         area = self.points.grid.cell_area

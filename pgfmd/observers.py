@@ -30,18 +30,29 @@ class Observer:
 
 
 class Curve(Observer):
-    """Writes a row of `curve.csv`, and of `energy.csv` where energies are followed, for each accepted step."""
+    """Writes a row of `curve.csv`, and of `energy.csv` where energies are followed, for each accepted step.
+
+    A jump has a row before it and one after it, whatever rows `every` leaves out.
+    """
 
     def __init__(self, curve: CurveFile, energy: EnergyFile | None):
         self.files = [(curve, curve_row)] + ([(energy, energy_row)] if energy else [])
+        self.before: list = [None] * len(self.files)
+
+    def next_time(self, simulation) -> float:
+        """Asks for no time. Called before each step: what the rows are then is known after a restart as well."""
+        if self.files[0][0].every > 1 and simulation.state.started:
+            self.before = [row(simulation) for _, row in self.files]
+        return math.inf
 
     def observe(self, simulation, event) -> None:
         if event.kind in ("start", "step", "jump"):
             last = bool(simulation.state.finished)
-            for file, row in self.files:
+            for (file, row), before in zip(self.files, self.before, strict=True):
                 # The first step's row is there in any case: it tells a run from one that never began.
                 first = simulation.state.counters.steps == 1
-                file.append(row(simulation), force_write=first or last or event.kind != "step")
+                forced = first or last or event.kind != "step"
+                file.append(row(simulation), forced, before if event.kind == "jump" else None)
 
 
 def curve_row(simulation) -> CurveRow:

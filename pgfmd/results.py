@@ -216,7 +216,9 @@ def _table(path: Path, columns: tuple[str, ...], row: type) -> Any:
     whole = text[: text.rfind("\n") + 1]
     header, _, body = whole.partition("\n")
     if header != ",".join(columns):
-        raise ResultError(f"{path}: its first line is {header!r}, expected {','.join(columns)!r}")
+        raise ResultError(
+            f"{path}: its first line is {header!r}, expected {','.join(columns)!r}; a run of another version of pgfmd?"
+        )
     dtype = [(name, NUMPY_TYPES[entry.type]) for name, entry in zip(columns, dataclasses.fields(row), strict=True)]
     try:
         rows = np.loadtxt(io.StringIO(body), dtype, delimiter=",", ndmin=1) if body else np.empty(0, dtype)

@@ -108,7 +108,8 @@ def _summary(record: dict, directory: Path) -> list[str]:
         f"{record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
     )
     residual = record["energy_residual"]
-    if residual is not None and residual > UNBALANCED:
+    # Where nothing is lost, the residual is a share of nearly nothing.
+    if residual is not None and residual > UNBALANCED and (record["viscous_J"] or record["released_J"]):
         lines.append(
             f"The energy audit closes to {100 * residual:.2g} % of the loop's work: lower solver.accuracy before believing "
             "energies."

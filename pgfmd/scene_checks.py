@@ -239,6 +239,17 @@ def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
         yield draft.problem(name, f"E(infinity)/E(0) of at most {most:.3g} at this accuracy in single precision", _MIXED)
 
 
+def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
+    precision = draft["solver.precision"]
+    if draft["solver.scheme"] != "quasistatic" or precision == "double":
+        return
+    if draft["drive.control"] == "load":
+        # The soft spring is a thousand times longer than the punch goes.
+        yield draft.problem("solver.precision", "'double' under load control", "delete it")
+    elif precision == "single" and math.isfinite(draft["drive.machine_stiffness"]):
+        yield draft.problem("solver.precision", "'double' or 'mixed' where the machine has a spring", _MIXED)
+
+
 def _modulus_ratio(draft: Draft) -> float:
     model = draft["rheology.model"]
     if model == "elastic":
@@ -262,6 +273,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     gfmd_is_double,
     quasistatic_alone_has_a_machine,
     single_precision_is_enough,
+    springs_are_not_single,
     files_exist,
 )
 

@@ -101,7 +101,7 @@ class Simulation:
         state = self.state
         if why in ("duration", "preload"):
             if why == "preload":
-                state.preload_time, state.preload = state.time, state.force
+                state.preload_time, state.preload, state.preload_place = state.time, state.force, state.place
                 self._note(Event("preload"))
             state.phase += 1
             state.elapsed, state.phase_start, state.step = 0.0, state.position, 0.0
@@ -117,6 +117,7 @@ class Simulation:
         """Derives from the fields what rows of the curve and of the energy audit hold."""
         state, energies = self.state, self.state.energies
         self.scheme.measure(state)
+        state.place = self.punch_position
         if not math.isfinite(state.force + energies.adhesive + energies.residual + state.far_displacement):
             self._require_finite()
         if self.scheme.audit:
@@ -136,7 +137,7 @@ class Simulation:
         if where or not math.isfinite(state.force):
             raise RunError(
                 f"the surface is no longer finite in step {state.counters.steps} ({self.phase.name}, "
-                f"t = {state.time:.6g} s, d = {state.position:.6g} m): {where or f'force = {state.force}'}. What was "
+                f"t = {state.time:.6g} s, d = {self.punch_position:.6g} m): {where or f'force = {state.force}'}. What was "
                 f"written before is valid. {self.scheme.cure}"
             )
 

@@ -20,8 +20,10 @@ import scipy.linalg
 from pgfmd import kernels
 from pgfmd import stability_kernels as kernels_of_modes
 
-NOISE = 0.3
+NOISE = 1.0
 """Part of the noise in the first gradient of a search, relative to the mode (in the norm of A^-1)."""
+SOFT = 0.2
+"""Below this curvature a search goes on to its largest number of iterations: there may be modes yet softer close by."""
 INDEPENDENT = 1e-10
 """A direction whose part independent of the others is smaller than this is left out."""
 
@@ -43,8 +45,9 @@ class SoftMode:
     compliance: J, dimensionless.
     """
 
-    most_iterations, first_iterations = 12, 30
-    """Largest number of iterations of a search, and of the first one, which knows no mode."""
+    least_iterations, most_iterations, first_iterations = 6, 12, 30
+    """Least and largest number of iterations of a search, and of the first one, which knows no mode. (With 4, a mode that
+    had become the softest was missed in one step of a hundred.)"""
 
     def __init__(self, solver, compliance: float):
         self.solver, self.points, self.compliance = solver, solver.points, compliance
@@ -84,7 +87,8 @@ class SoftMode:
             kernels_of_modes.pull_of(k, mode, dual, mu, amount, g)
             solver.rough(g, z, self.compliance)
             count += 1
-            best = self._best(k, mode, dual, z, g, p, dp)
+            # One rank decides: libraries on other processors may round in other ways.
+            best = self.points.comm.bcast(self._best(k, mode, dual, z, g, p, dp))
             if best is None:
                 break
             mu, weights, error = best
@@ -92,7 +96,7 @@ class SoftMode:
             kernels_of_modes.recombine(*weights, dual, g, dp)
             amount = 0.0
             g[:] = 0.0
-            if mu < -1.0 or (count > 3 and mu - error > -1.0):
+            if mu < -1.0 or (count >= self.least_iterations and mu - error > SOFT - 1.0):
                 break
         return Curvature(1.0 + mu, error, count)
 
@@ -107,6 +111,8 @@ class SoftMode:
         """(mu, weights of x, z and p, error) of the lowest quotient in their span; None where it is x alone."""
         kernels_of_modes.quotients(k, x, dx, z, dz, p, dp, self.points.offset, self._rows)
         bend, norm = (_symmetric(values) for values in np.split(self._total(12), 2))
+        if not np.isfinite(bend + norm).all():
+            return None
         size = np.sqrt(np.maximum(np.diag(norm), 0.0))
         used = size > 0.0
         size[~used] = 1.0

@@ -51,7 +51,8 @@ class Counters:
 class State:
     """Time, programme, fields, history of the predictor, step controller, energies, counters.
 
-    time [s], position d [m], phase (index in the programme), elapsed [s] and phase_start [m]: time since and position
+    time [s], position d [m], place [m]: of the punch, after each step (the position, but for a machine's spring), and
+    where it met the preload; phase (index in the programme), elapsed [s] and phase_start [m]: time since and position
     at the start of the phase. displacement u [m] and load w [Pa] with u = G0 w; traction f [Pa]; branches phi_m [Pa],
     (N, size); images psi_m = G0 phi_m [m], (N, size), or (0, size) without the energy audit. `past_u`, `past_w`,
     `past_steps`: up to two earlier ends of steps, newest first, and the steps [s] that led away from
@@ -75,6 +76,8 @@ class State:
     images: np.ndarray
     position: float
     time: float = 0.0
+    place: float = 0.0
+    preload_place: float = 0.0
     phase: int = 0
     elapsed: float = 0.0
     phase_start: float = 0.0

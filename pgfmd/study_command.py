@@ -63,7 +63,9 @@ def study(
     sbatch_options: Annotated[
         str, typer.Option("--sbatch-options", metavar="TEXT", help='For sbatch, such as "--time=4:00:00".')
     ] = "",
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what is to be done; start nothing.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Start nothing, show what is to be done. With --slurm, writes its files.")
+    ] = False,
 ) -> None:
     """Run a grid of scenes, one folder a case, or go on with it; then its table and figures."""
     from dataclasses import replace

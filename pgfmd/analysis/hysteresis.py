@@ -113,4 +113,5 @@ def is_quasistatic(scene: dict) -> bool:
     quasi-static scheme with the relaxed modulus, or an elastic substrate."""
     solver, rheology = scene.get("solver", {}), scene.get("rheology", {})
     relaxed = solver.get("scheme") == "quasistatic" and solver.get("modulus", "relaxed") == "relaxed"
-    return relaxed or rheology.get("model") == "elastic"
+    # With inertia an elastic substrate dissipates, too.
+    return relaxed or (rheology.get("model") == "elastic" and solver.get("scheme") != "gfmd")

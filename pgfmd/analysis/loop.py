@@ -22,7 +22,8 @@ class Loop:
 
     name: what a legend calls it. time [s]; displacement [m], negative when the punch is pushed in; force [N], positive
     in compression; area [m^2] of contact and u_inf [m], NaN where they are not known; phase: part of the programme;
-    jump: rows at whose end the surface jumped. offset [m]: k of indentation = -displacement - k.
+    jump: rows at whose end the surface jumped; held: whether the punch goes up to a jump against the force before it (in
+    runs with time the jump comes at the end of its step, in quasi-static ones anywhere within it). offset [m]: k of indentation = -displacement - k.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Loop:
     phase: NDArray[np.str_]
     jump: NDArray[np.bool_]
     offset: float = 0.0
+    held: bool = True
 
     @classmethod
     def of(cls, results: Results, name: str = "") -> Self:
@@ -50,7 +52,11 @@ class Loop:
         jump = np.isin(time, _jump_times(results))
         offset = float(results.run.get("indentation_offset_m") or 0.0)
         phase = column(curve, "phase").astype(str)
-        return cls(name or results.directory.name, time, displacement, force, area, u_inf, phase, jump, offset)
+        scene = results.scene
+        slow = scene.get("solver", {}).get("scheme") == "quasistatic"
+        held = not slow or scene.get("drive", {}).get("control") == "load"
+        name = name or results.directory.name
+        return cls(name, time, displacement, force, area, u_inf, phase, jump, offset, held)
 
     @property
     def indentation(self) -> Array:

@@ -13,6 +13,10 @@ import numpy as np
 from pgfmd.analysis.loop import Loop
 from pgfmd.plots import landmarks
 
+UNEVEN, OVERSHOOT = 4.0, 0.25
+"""A parabola through three rows is trusted if neither step is so many times longer than the other, and if its vertex lies
+beyond the lowest row by no more than this share of the larger rise beside it."""
+
 
 @dataclass(frozen=True)
 class Dip:
@@ -76,10 +80,12 @@ def dip(loop: Loop, row: int) -> Dip:
         return alone
     left, right = (f[1] - f[0]) / (x[1] - x[0]), (f[2] - f[1]) / (x[2] - x[1])
     curvature = (right - left) / (x[2] - x[0])
-    if curvature <= 0.0:
+    if curvature <= 0.0 or max(abs(x[1] - x[0]), abs(x[2] - x[1])) > UNEVEN * min(abs(x[1] - x[0]), abs(x[2] - x[1])):
         return alone
     place = 0.5 * (x[0] + x[1]) - left / (2.0 * curvature)
     depth = f[1] + place * (left + curvature * (place - x[0]))
+    if f[1] - depth > OVERSHOOT * max(f[0] - f[1], f[2] - f[1]):
+        return alone
     when = float(np.interp(place, np.sort(x), loop.time[rows][np.argsort(x)]))
     return Dip(-float(depth), float(loop.displacement[row] + place), when)
 
@@ -87,7 +93,7 @@ def dip(loop: Loop, row: int) -> Dip:
 def forces_met(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
     """Forces [N] at the start and at the end of each step between rows, (rows - 1,), as the punch meets them."""
     before = loop.force[:-1]
-    return before, np.where(loop.jump[1:], before, loop.force[1:])
+    return before, np.where(loop.jump[1:] & loop.held, before, loop.force[1:])
 
 
 def net_work(loop: Loop) -> float:

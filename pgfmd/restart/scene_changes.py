@@ -72,6 +72,8 @@ def review(head: dict, scene, allow: Sequence[str], folder: Path) -> list[str]:
 def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:
     """Why a key must not have changed, or how it may; None if it may."""
     section = key.partition(".")[0]
+    if key in ("drive.control", "drive.machine_stiffness"):
+        return "the punch hangs on the old spring"
     if section == "drive":
         why = _drive_refusal(head, scene)
         if why:

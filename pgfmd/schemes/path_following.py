@@ -96,9 +96,7 @@ class PathFollowing:
         c = lagrange_weights(times, trial.step)
         forces = [state.force, *state.past_forces][:count]
         extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=True))
-        law, scale = self.solver.law, max(
-            self.solver.force_scale, abs(trial.force), -state.pull_off_force, -state.snap_in_force
-        )  # fmt: skip
+        law, scale = self.solver.law, self._scale(state, trial)
         local = kernels.largest_difference_near(
             *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.range
         )
@@ -107,6 +105,10 @@ class PathFollowing:
             moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
             tuple(times), trial.step,
         )  # fmt: skip
+
+    def _scale(self, state: State, trial: Trial) -> float:
+        """What changes of the force [N] are measured by: the largest so far, at least the preload."""
+        return max(self.solver.force_scale, abs(trial.force), -state.pull_off_force, -state.snap_in_force)
 
     def _move_on(self, state: State, trial: Trial) -> None:
         """Takes the state to the end of the trial step: surface and history, place and time, what a jump released."""

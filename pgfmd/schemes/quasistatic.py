@@ -19,9 +19,12 @@ import numpy as np
 
 from pgfmd import kernels
 from pgfmd.drive import Phase
+from pgfmd.errors import RunError
 from pgfmd.machine import SprungConvolution, total
 from pgfmd.newton import NewtonSolver, Outcome
+from pgfmd.schemes.energy_audit import SINGLE_NOISE
 from pgfmd.schemes.path_following import PathFollowing
+from pgfmd.schemes.spring_work import SpringWork
 from pgfmd.schemes.trial import Trial
 from pgfmd.soft_mode import SoftMode
 from pgfmd.state import State
@@ -32,20 +35,17 @@ EVENT_TOLERANCE = 2.5e-4
 """Largest tolerance of solves close to the preload."""
 PATIENCE = 2
 """Of CG (newton.py): for a relaxed surface it is slow, and one small move may be followed by larger ones."""
-MOST_SLIDES = 20
-"""Saddles on the way down from one instability at which a step is given up."""
-BENT, STRAIGHT = 4.0, 1e-2
-"""Error of the trapezoid that is reckoned with: this multiple of what the parabola makes of it, and at least this share
+MOST_SLIDES, QUIET_SLIDES = 20, 3
+"""Saddles on the way down from one instability at which a step is given up; and, of those in a row that are no higher than
+the noise of a solve, at which the equilibrium is taken for a minimum."""
+BENT, STRAIGHT = 1.0, 1e-2
+"""Error of the trapezoid that is reckoned with: this multiple of what the polynomial makes of it, and at least this share
 of half of the changes of force and place."""
-FREE = 1e-9
-"""A punch out of reach whose force is below this share of the preload hangs on its spring alone."""
-NEAREST_PAST = 0.2
-"""The work of a step takes the last step's start in, unless that was shorter than this share of the step: too close to
-tell how the force bends."""
-
-
+NOISE = 1e-13
+"""Rounding of a step's energies in double precision, as a share of those at stake."""
 class Quasistatic(PathFollowing):
-    """Load steps without time. `try_step` leaves the state alone; `accept` moves it on.
+    """Load steps without time. `try_step` leaves the state alone, but for the softest mode, of which it only looks for a
+    better one; `accept` moves it on.
 
     solver: NewtonSolver, its convolution that of the machine's spring too where there is one (`sprung`). compliance: J,
     of the relaxed body 1, of the instantaneous one E(0)/E(infinity). tolerance: of a step, in ranges of adhesion.
@@ -64,7 +64,7 @@ class Quasistatic(PathFollowing):
     ):  # fmt: skip
         super().__init__(solver, tolerance, (1.0,), far_weights)
         self.compliance, self.machine_compliance, self.contact_stiffness = compliance, spring, contact_stiffness
-        self.dead_load = dead_load
+        self.spring = SpringWork(spring, dead_load, solver.law.reach)
         solver.patience = PATIENCE
         # Without attraction the potential is convex: there is one equilibrium, and nothing to search.
         self.soft_mode = SoftMode(solver, compliance) if solver.law.attractive else None
@@ -84,10 +84,17 @@ class Quasistatic(PathFollowing):
 
     def start(self, state: State) -> float:
         """Brings the surface into balance with the punch at its first position, downhill from rest; returns the force
-        [N]."""
-        outcome = self._solve(state.position, state.displacement, state.load, 0.1 * self.tolerance, jump=True)
-        state.counters.newton_iterations += outcome.newton_iterations
-        state.counters.cg_iterations += outcome.cg_iterations
+        [N]. RunError if there is no balance."""
+        first, tolerance = Trial(0.0, state.position, None, converged=True), SHARPNESS * self.tolerance
+        u, w = state.displacement, state.load
+        outcome = self._solve(state.position, u, w, tolerance, jump=True)
+        self._take(first, outcome)
+        if first.converged and self.soft_mode:
+            self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False)
+        state.counters.newton_iterations += first.newton_iterations
+        state.counters.cg_iterations += first.cg_iterations
+        if not first.converged:
+            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.cure}")
         state.traction[:] = self.solver.traction
         force = self._force(state.load)
         state.energies.elastic = state.energies.elastic_start = self._elastic(state.displacement, state.load, force)
@@ -112,34 +119,39 @@ class Quasistatic(PathFollowing):
         self._take(trial, outcome)
         left = outcome.met_negative_curvature
         if trial.converged and self.soft_mode:
-            outcome, left = self._leave_saddles(state, trial, outcome, tolerance, jump, left)
+            outcome, left = self._leave_saddles(state, trial, (u, w), outcome, tolerance, jump, left)
         if not trial.converged:
             return trial
         trial.force = self._force(w)
         trial.forces.append(trial.force)
         self._stored = self._elastic(u, w, trial.force)
+        trial.flung = self.spring.dead_load and phase.velocity_end > 0.0 and self._is_free()
         trial.change = self._change(state, trial)
         trial.error = trial.change.elastic_error(self.law.attractive)
         gained = self._stored - state.energies.elastic + outcome.adhesive - state.energies.adhesive
-        plain = self._work(state, trial, bent=False)
+        plain = self.spring.work(state, trial)
         trial.potential_drop = plain - gained
-        trial.uncertainty = 0.5 * abs(trial.force - state.force) * abs(self.place(trial) - self.place(state))
+        # What the spring stores is known, wherever the jump was: of the machine's way, the jump's part of the force counts.
+        way, jumped = abs(self.spring.end(trial) - self.place(state)), abs(trial.force - state.force)
+        from_path = trial.change.force_distance * self._scale(state, trial) * abs(trial.position - state.position)
+        trial.uncertainty = 0.5 * min(jumped * way, from_path)
         # How far the trapezoid is off; where the force happens not to bend, the next order counts.
-        bend = abs(self._work(state, trial, bent=True) - plain)
+        smooth = self.spring.work(state, trial, smooth=True)
+        bend = abs(smooth - plain)
         bend = max(BENT * bend, STRAIGHT * trial.uncertainty)
         noise = self._noise(state, trial, tolerance)
         # A step that met nothing may have passed over a jump as well: a path of equilibria loses no energy.
         told = left or trial.error > self.tolerance or bool(state.past_steps)
-        trial.is_jump = bool(self.soft_mode) and told and trial.potential_drop > bend + noise
+        trial.is_jump = bool(self.soft_mode) and told and min(smooth, plain) - gained > bend + noise
         return trial
 
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
         energies = state.energies
-        work = self._work(state, trial, bent=not trial.is_jump)
+        work = self.spring.work(state, trial, smooth=not trial.is_jump)
         energies.work += work
         state.least_force = min(state.force, trial.force)
-        energies.work_of_separation += self._pulled(state, trial)
+        energies.work_of_separation += self.spring.pulled(state, trial)
         energies.elastic = self._stored
         self._move_on(state, trial)
 
@@ -166,10 +178,13 @@ class Quasistatic(PathFollowing):
         trial.cg_iterations += outcome.cg_iterations
         trial.converged = outcome.converged
 
-    def _leave_saddles(self, state: State, trial: Trial, outcome: Outcome, tolerance: float, jump: bool, left: bool):
+    def _leave_saddles(
+        self, state: State, trial: Trial, surface, outcome: Outcome, tolerance: float, jump: bool, left: bool
+    ) -> tuple[Outcome, bool]:
         """Confirms that the equilibrium is a minimum; goes on downhill along the soft mode where it is not, if that is
         wanted. Returns the last outcome, and whether an instability was met."""
-        u, w = self._u[0], self._w[0]
+        u, w = surface
+        noise, quiet = self._noise(state, trial, tolerance), 0
         for slide in range(MOST_SLIDES):
             seed = MOST_SLIDES * (state.counters.steps + 1) + slide
             curvature = self.soft_mode.search(state.soft_mode, state.soft_load, seed)
@@ -185,13 +200,19 @@ class Quasistatic(PathFollowing):
             if dropped == 0.0:
                 # Indifferent, to rounding: no lower place either way.
                 return outcome, left
-            left = True
             outcome = self._solve(trial.position, u, w, tolerance, jump)
             self._take(trial, outcome)
-            if not outcome.converged:
+            # Where points leave the range of adhesion the curvature jumps, and a saddle may be one within a hair only.
+            quiet = quiet + 1 if dropped < noise else 0
+            left |= quiet == 0
+            if not outcome.converged or quiet == QUIET_SLIDES:
                 return outcome, left
         trial.converged = False
         return outcome, left
+
+    def _is_free(self) -> bool:
+        """Whether nothing interacts at the surface of the last solve. Collective."""
+        return self.points.maximum_of(float(np.abs(self.solver.curvature).max(initial=0.0))) == 0.0
 
     def _force(self, load: np.ndarray) -> float:
         """Force on the punch [N] that the load asks for: with it, the spring's length is that of u and w."""
@@ -203,50 +224,19 @@ class Quasistatic(PathFollowing):
         stored = 0.5 * float(self.points.total_of(self._rows)[0]) * self.points.grid.cell_area / self.compliance
         return stored - 0.5 * self.machine_compliance * force**2
 
-    def place(self, where: State | Trial) -> float:
-        """Position d of the punch [m], at the end of its spring. A punch that a dead load flings away is followed until
-        it is out of reach: there is no end to its way."""
-        place = where.position + self.machine_compliance * where.force
-        return self.law.reach if self._is_flung(where, place) else place
-
-    def _is_flung(self, where: State | Trial, place: float) -> bool:
-        return self.dead_load and place > self.law.reach and abs(where.force) < FREE * self.solver.force_scale
-
-    def _work(self, state: State, trial: Trial, bent: bool) -> float:
-        """Work of the punch [J] over the step: by the trapezoid, or by the parabola through the last step's start too.
-
-        In a jump the machine stands still, and the spring works on the punch: that is the trapezoid as well.
-        """
-        start, end = self.place(state), self.place(trial)
-        last_force = trial.force
-        if self.dead_load and end == self.law.reach:
-            # The load is still there.
-            last_force = min(trial.force, state.force + (end - start) / self.machine_compliance)
-        work = -0.5 * (state.force + last_force) * (end - start)
-        if not bent or not state.past_steps or end == start:
-            return work
-        past_position = state.phase_start + trial.phase.displacement(state.elapsed - state.past_steps[0])
-        past_force = state.past_forces[0]
-        past = past_position + self.machine_compliance * past_force
-        if abs(start - past) < NEAREST_PAST * abs(end - start):
-            return work
-        slope, before = (trial.force - state.force) / (end - start), (state.force - past_force) / (start - past)
-        return work + (slope - before) / (end - past) * (end - start) ** 3 / 6.0
-
-    def _pulled(self, state: State, trial: Trial) -> float:
-        """Work [J] of a retracting punch where it pulls, the force being linear within the step."""
-        first, last = -state.force, -trial.force
-        if trial.phase.velocity_end <= 0.0 or max(first, last) <= 0.0:
-            return 0.0
-        share = 1.0 if min(first, last) >= 0.0 else max(first, last) / abs(last - first)
-        return 0.5 * share * (max(first, 0.0) + max(last, 0.0)) * (self.place(trial) - self.place(state))
+    def place(self, state: State) -> float:
+        """Position d of the punch [m], at the end of its spring (spring_work.py)."""
+        return self.spring.place(state)
 
     def _noise(self, state: State, trial: Trial, tolerance: float) -> float:
         """How far a step's energies may be off for the errors of its two equilibria [J]: they are minima, so these enter
         squared; and by rounding."""
         law, area = self.law, self.points.grid.cell_area
         interacting = math.pi**2 * law.work_of_adhesion * tolerance**2 * area * max(state.contact_points, 1)
-        return 1e-2 * interacting + 1e-13 * (self._stored + law.work_of_adhesion * self.points.total * area)
+        rounding = SINGLE_NOISE if self.solver.dtype == np.float32 else NOISE
+        at_stake = self._stored + law.work_of_adhesion * self.points.total * area
+        at_stake += 0.5 * self.machine_compliance * trial.force**2
+        return 1e-2 * interacting + rounding * at_stake
 
 
 def sprung(convolve, spring: float, compliance: float):

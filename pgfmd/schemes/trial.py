@@ -69,7 +69,8 @@ class Trial:
     error: see Change. energy_error: see EnergyAudit.error, zero where it bounds nothing. potential_drop [J]: by how
     much the stages' potentials fell from their starting points. forces [N]: on the punch, at the stages. The
     fields belong to the scheme and live until the next trial. uncertainty [J]: how far, for not knowing where within
-    the step the surface jumped, the energy that a quasi-static jump releases may be off.
+    the step the surface jumped, the energy that a quasi-static jump releases may be off. flung: whether a dead load has
+    pulled the punch off.
     """
 
     step: float
@@ -84,6 +85,7 @@ class Trial:
     potential_drop: float = 0.0
     is_jump: bool = False
     uncertainty: float = 0.0
+    flung: bool = False
     change: Change | None = None
     forces: list[float] = field(default_factory=list)
     weights: StepWeights | None = field(default=None, repr=False)

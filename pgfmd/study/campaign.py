@@ -137,7 +137,8 @@ class Campaign:
     def tell(self, standings: dict[str, Standing]) -> None:
         """Says what is there already."""
         counts = Counter(standing.state for standing in standings.values())
-        self.say(f"{len(self.cases)} cases in {self.out}: " + ", ".join(f"{counts[state]} {state}" for state in counts))
+        count = "1 case" if len(self.cases) == 1 else f"{len(self.cases)} cases"
+        self.say(f"{count} in {self.out}: " + ", ".join(f"{counts[state]} {state}" for state in counts))
 
     def conclude(self, failures: dict[str, str], stopped: str) -> None:
         """Raises Unfinished with what is not finished, why, and what to do."""

@@ -35,7 +35,7 @@ class SlurmError(PgfmdError):
 def submit(campaign: Campaign, ranks: int, jobs: int | None, name: str, options: str, dry_run: bool) -> None:
     """Writes OUT/cases.txt and OUT/array.sh for what is not finished, and submits that, each case a chain of jobs.
 
-    jobs: how many may run at once; options: further ones of sbatch. dry_run: only prints the command. Raises SlurmError
+    jobs: how many may run at once; options: further ones of sbatch. dry_run: submits nothing. Raises SlurmError
     where sbatch is missing or refuses, and where an array of this study is still in the queue.
     """
     if not dry_run and shutil.which("sbatch") is None:
@@ -46,6 +46,7 @@ def submit(campaign: Campaign, ranks: int, jobs: int | None, name: str, options:
     campaign.tell(standings)
     if not chosen:
         campaign.say("nothing to submit")
+        campaign.conclude({}, "")
         return
     make_folder(campaign.out)
     out = campaign.out.resolve()

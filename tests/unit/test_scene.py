@@ -373,6 +373,15 @@ def test_only_quasistatic_runs_have_a_machine_and_a_modulus_of_their_own(overrid
     scene_from_mapping(mapping(), [override, "solver.scheme=quasistatic"])
 
 
+@pytest.mark.parametrize(
+    ("spring", "precision"),
+    [("drive.control=load", "single"), ("drive.control=load", "mixed"), ("drive.machine_stiffness=1 kN/m", "single")],
+)
+def test_springs_are_too_long_for_coarse_numbers(spring, precision):
+    key, problem = only_problem(mapping(), "solver.scheme=quasistatic", spring, f"solver.precision={precision}")
+    assert key == "solver.precision" and "double" in problem.expected
+
+
 def test_a_load_is_controlled_by_no_spring_but_its_own():
     overrides = ("solver.scheme=quasistatic", "drive.control=load", "drive.machine_stiffness=38.1 kN/m")
     key, problem = only_problem(mapping(), *overrides)
