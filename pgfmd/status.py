@@ -139,7 +139,7 @@ def _describe(status: Status, found: Inventory) -> None:
     if valid is not None:
         state = valid.state
         status.steps, status.time_s, status.force_N = valid.steps, state["time"], state["force"]
-        status.displacement_m = state["place"]
+        status.displacement_m = _place(state)
         status.checkpoint = {
             "file": valid.path.name, "age_s": max(0.0, time.time() - valid.written), "bytes": valid.bytes,
             "steps": valid.steps, "time_s": state["time"],
@@ -213,7 +213,7 @@ def _row_of(valid: Checkpoint | None, tail: CurveTail | None, names: list[str]) 
         return row
     state = valid.state
     return CurveRow(
-        state["time"], state["place"], -state["place"], state["force"], 0.0, 0.0, state["last_step"],
+        state["time"], _place(state), -_place(state), state["force"], 0.0, 0.0, state["last_step"],
         names[state["phase"]],
     )  # fmt: skip
 
@@ -226,8 +226,14 @@ def _moment(status: Status, found: Inventory, scene, tail: CurveTail | None, row
     return Moment(
         row.phase, row.time, row.displacement, row.force, row.step, status.steps,
         stiffness=tail.stiffness if tail else None, dwell_steps=dwelt,
-        preload_time=state["preload_time"] if met else None, depth=-state["preload_place"] if met else None,
+        preload_time=state["preload_time"] if met else None,
+        depth=-state.get("preload_place", state["phase_start"]) if met else None,
     )  # fmt: skip
+
+
+def _place(state: dict) -> float:
+    """Where the punch is [m]; checkpoints of before there were springs know the position alone."""
+    return state.get("place", state["position"])
 
 
 @dataclass(frozen=True)
@@ -249,7 +255,7 @@ def _marks(found: Inventory, names: list[str]) -> list[Mark]:
 
 
 def _mark(wall: float, one: Checkpoint, names: list[str]) -> Mark:
-    return Mark(wall, one.steps, one.state["place"], names[one.state["phase"]])
+    return Mark(wall, one.steps, _place(one.state), names[one.state["phase"]])
 
 
 def _pace(marks: list[Mark], now: Mark) -> tuple[float | None, float | None]:

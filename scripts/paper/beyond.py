@@ -17,8 +17,10 @@ STEPS_PER_TAU = 20
 def broad(runs: Runs) -> Drawing:
     """Tack tests with a spectrum of eight decades, beside model 1."""
     loads = {"tri": (40.0, 60.0, 80.0), "hex": (5.0, 10.0)}
+    if not any(run.name.startswith("broad") for run in runs):
+        raise LookupError("no run with the broad spectrum is finished")
     figure, axes = panels(3, 2, height=5.6)
-    axes[1, 2].remove()
+    axes[1, 2].set_axis_off()
     claims, wide = [], []
     for line, (pattern, preloads) in zip(axes, loads.items(), strict=True):
         for axis, load in zip(line, preloads, strict=False):
@@ -36,7 +38,11 @@ def broad(runs: Runs) -> Drawing:
                         claims.append(Claim("over that of model 1", settings, pull_off(run) / pull_off(single)))
             force_axes(axis, f"{pattern}, {load:g} mN")
             zoom(axis, runs.of(f"dma-{pattern}", preload=load))
-    axes[0, 0].legend(fontsize=6.5)
+            if not axis.lines[1:]:
+                # Nothing but the line at force zero: none of its runs is there.
+                axis.set_axis_off()
+    handles, labels = max((axis.get_legend_handles_labels() for axis in axes.flat), key=lambda found: len(found[1]))
+    axes[1, 2].legend(handles, labels, loc="center")
     pairs = [(run, single) for run, single in wide if single]
     if pairs:
         cost, explicit = [], []
@@ -54,11 +60,14 @@ def broad(runs: Runs) -> Drawing:
 
 def free(runs: Runs) -> Drawing:
     """The punch alone on an infinite plane against the periodic cell, with and without its correction."""
+    if not any(run.name == "boundary-free" for run in runs):
+        raise LookupError("no run with a free boundary is finished")
     figure, axes = panels(2, height=3.3)
     claims = []
     for axis, pattern in zip(axes[0], ("tri", "hex"), strict=True):
         periodic, alone = (runs.one(f"free-{pattern}", f"boundary-{word}") for word in ("periodic", "free"))
         if not (periodic and alone):
+            axis.set_axis_off()
             continue
         fit = fit_cell_compliance(periodic.loop)
         corrected = corrected_simulation(periodic.loop, fit.stiffness)

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from paper.pool import Run
-from pgfmd.map_plots import new_figure
+from pgfmd.contact_sites import KINDS, contact_sites
+from pgfmd.map_plots import NEAR_LEVEL, new_figure
+from pgfmd.parts import topography_of
 from pgfmd.plots import GREY, RED, TURQUOISE
 from pgfmd.results import Results
 
@@ -140,6 +142,16 @@ def closed_at(results: Results, kind: str) -> float:
     if not found["of"].size or len(found["of"]) < found["of"][0]:
         return NAN
     return 1e3 * float(found["force [N]"].max())
+
+
+def near(run: Run, snapshot: int, kind: str) -> float:
+    """Share [%] of the sites of a kind whose gap is below 500 nm in a snapshot: what a camera takes for contact."""
+    sites = contact_sites(topography_of(run.scene.punch), run.scene.grid.length)
+    chosen = np.flatnonzero(sites.kind == KINDS.index(kind))
+    fields, gap = run.results.fields, run.results.frame("gap", snapshot)
+    x, y = np.asarray(fields["x"][:]), np.asarray(fields["y"][:])
+    columns, rows = (np.abs(line[:, None] - at[chosen]).argmin(axis=0) for line, at in ((x, sites.x), (y, sites.y)))
+    return 100.0 * float(np.mean(gap[rows, columns] < NEAR_LEVEL)) if chosen.size else 0.0
 
 
 def times_of(results: Results) -> np.ndarray:

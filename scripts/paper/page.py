@@ -39,12 +39,15 @@ def read_rows(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def keep(folder: Path, size: str, figure: str, drawing: Drawing, figures: Iterable[str]) -> None:
-    """Puts the rows and the caption of a figure at a size in place of older ones. figures: all names, in order."""
+def keep(
+    folder: Path, size: str, figure: str, drawing: Drawing | None, figures: Iterable[str], missing: str = ""
+) -> None:
+    """Puts the rows and the caption of a figure at a size in place of older ones. drawing: None if it can't be drawn.
+    figures: all names, in order; missing: about the runs that are not there."""
     order = list(figures)
     old = [row for row in read_rows(folder) if row["figure"] in order]
     rows = [row for row in old if (row["size"], row["figure"]) != (size, figure)]
-    rows += rows_of(size, figure, drawing.claims)
+    rows += rows_of(size, figure, drawing.claims if drawing else ())
     # Stable: within a figure the order is that of its claims.
     rows.sort(key=lambda row: (order.index(row["figure"]), row["size"]))
     with (folder / "numbers.csv").open("w", encoding="utf-8", newline="") as file:
@@ -52,13 +55,21 @@ def keep(folder: Path, size: str, figure: str, drawing: Drawing, figures: Iterab
         writer.writeheader()
         writer.writerows(rows)
     captions = read_captions(folder)
-    captions[f"{figure}-{size}"] = drawing.caption
+    key = f"{figure}-{size}"
+    captions.pop(key, None)
+    captions.pop(f"{key}-missing", None)
+    if drawing:
+        captions[key] = drawing.caption
+    else:
+        (folder / f"{key}.png").unlink(missing_ok=True)
+    if missing:
+        captions[f"{key}-missing"] = missing
     text = json.dumps(dict(sorted(captions.items())), indent=1, ensure_ascii=False)
     (folder / "captions.json").write_text(text + "\n", encoding="utf-8")
 
 
 def read_captions(folder: Path) -> dict[str, str]:
-    """Captions by "figure-size"."""
+    """Captions by "figure-size", and by "figure-size-missing" about the runs that it lacks."""
     path = folder / "captions.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
@@ -75,7 +86,8 @@ def verdict(row: dict[str, str]) -> str:
     bound, word = (low, "below") if ours < low else (high, "above")
     if bound <= 0.0 or abs(ours / bound) > 10:
         return word
-    return f"{100 * abs(ours / bound - 1):.2g}\N{NO-BREAK SPACE}% {word}"
+    # Two digits, but never an exponent.
+    return f"{float(f'{100 * abs(ours / bound - 1):.2g}'):g}\N{NO-BREAK SPACE}% {word}"
 
 
 def table(rows: list[dict[str, str]]) -> str:
@@ -100,14 +112,21 @@ def table(rows: list[dict[str, str]]) -> str:
 
 def block(figure: str, folder: Path) -> str:
     """What the page shows of a figure: its pictures, the larger size first, with captions, and its table."""
-    captions, parts = read_captions(folder), []
+    captions, parts, shown = read_captions(folder), [], set()
     for size in reversed(SHOWN):
-        if (folder / f"{figure}-{size}.png").exists():
+        path = folder / f"{figure}-{size}.png"
+        # A figure that needs no run is the same at all sizes.
+        if path.exists() and (picture := path.read_bytes()) not in shown:
+            shown.add(picture)
             caption = captions.get(f"{figure}-{size}", "")
             parts.append(f"![{figure}, {SHOWN[size]}](figures/paper/{figure}-{size}.png)\n\n*{caption}*")
     rows = [row for row in read_rows(folder) if row["figure"] == figure and row["size"] in SHOWN]
     if rows:
         parts.append(table(rows))
+    for size, word in SHOWN.items():
+        if told := captions.get(f"{figure}-{size}-missing"):
+            command = f"python scripts/paper/run.py {figure} --size {size}"
+            parts.append(f"Not run here ({word}): {told}. `{command}` runs them.")
     return "\n\n".join(parts)
 
 

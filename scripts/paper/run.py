@@ -14,6 +14,7 @@ as it is, what was stopped goes on. Figures, numbers.csv and the page are those 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 
@@ -23,11 +24,15 @@ from matplotlib import rc_context  # noqa: E402
 
 from paper import ROOT, page  # noqa: E402
 from paper.drawing import settings_of  # noqa: E402
-from paper.pool import SIZES, Pool, Run  # noqa: E402
+from paper.pool import SIZES, Entry, Pool, Run  # noqa: E402
 from paper.registry import FIGURES, STUDIES  # noqa: E402
-from pgfmd.errors import PgfmdError  # noqa: E402
+from pgfmd.errors import PgfmdError, SceneError  # noqa: E402
+from pgfmd.estimate import effort_of  # noqa: E402
 from pgfmd.plots import STYLE  # noqa: E402
+from pgfmd.scene import load_scene  # noqa: E402
+from pgfmd.storage import RUN_FILE, SCENE_FILE  # noqa: E402
 from pgfmd.study.campaign import Campaign, Unfinished, Wishes  # noqa: E402
+from pgfmd.study.standing import COMPLETE  # noqa: E402
 from pgfmd.study_command import say  # noqa: E402
 
 
@@ -69,13 +74,46 @@ def show(pool: Pool, names: list[str]) -> None:
             print(f"    {own[0]}{shared}: {run.preload:g} mN, {run.speed:g} um/s, {settings_of(run)}")
 
 
+def complete_of(campaign: Campaign) -> set[str]:
+    """The names of the runs that are complete and of the scenes of their cases, whichever version has made them."""
+    found = set()
+    for case in campaign.cases:
+        folder = campaign.folder(case)
+        try:
+            record = json.loads((folder / RUN_FILE).read_text(encoding="utf-8"))
+            scene = load_scene(folder / SCENE_FILE)
+        except (OSError, ValueError, SceneError):
+            # Not begun, still under way, or written by a version that had other keys.
+            continue
+        told = {"title": "", "output": case.scene.output}
+        same = scene.model_copy(update=told).to_toml() == case.scene.model_copy(update=told).to_toml()
+        if same and record.get("finished") == COMPLETE:
+            found.add(case.name)
+    return found
+
+
+def told_of(missing: list[Entry], total: int) -> str:
+    """About runs that are not there: which of how many they are, and what they are expected to cost."""
+    if not missing:
+        return ""
+    efforts = [effort_of(entry.case().scene) for entry in missing]
+    pairs, hours = sum(each.pairs for each in efforts), sum(each.seconds for each in efforts) / 3600
+    time = f"{hours:.1g} h" if hours >= 0.1 else f"{max(60 * hours, 1):.0f} min"
+    names = ", ".join(f"`{entry.owner}`" for entry in missing)
+    if len(missing) > 4:
+        names = f"{len(missing)} of {total} runs"
+    return f"{names}; expected: {pairs:.1g} transform pairs, {time} on one rank, within a factor of 3"
+
+
 def draw(name: str, pool: Pool, out: Path, finished: set[str], folder: Path) -> bool:
     """Draws a figure from the finished runs into the folder; tells why not where there are too few."""
     figure = FIGURES[name]
     runs = pool.runs(figure.studies, out, finished)
-    missing = [entry.owner for entry in pool.chosen(figure.studies) if entry.owner not in finished]
+    chosen = pool.chosen(figure.studies)
+    missing = told_of([entry for entry in chosen if entry.owner not in finished], len(chosen))
     if figure.studies and not runs:
         say(f"{name}: not drawn, none of its runs is finished")
+        page.keep(folder, pool.size, name, None, FIGURES, missing)
         return False
     try:
         with rc_context(STYLE):
@@ -85,13 +123,14 @@ def draw(name: str, pool: Pool, out: Path, finished: set[str], folder: Path) -> 
             drawing.figure.savefig(path, dpi=120, metadata={"Software": None})
     except LookupError as error:
         say(f"{name}: not drawn: {error}")
+        page.keep(folder, pool.size, name, None, FIGURES, missing)
         return False
     finally:
         for run in runs:
             if "results" in run.__dict__:
                 run.results.close()
-    page.keep(folder, pool.size, name, drawing, FIGURES)
-    say(f"{path}" + (f", without {', '.join(missing)}" if missing else ""))
+    page.keep(folder, pool.size, name, drawing, FIGURES, missing)
+    say(f"{path}" + (f", without {missing}" if missing else ""))
     for claim in drawing.claims:
         told = f"   paper: {claim.told}" if claim.told else ""
         say(f"    {claim.what}, {claim.settings}: {claim.ours:.4g} {claim.unit}{told}")
@@ -115,7 +154,7 @@ def main(texts: list[str] | None = None) -> int:
         except Unfinished as error:
             say(str(error))
             code = error.exit_code
-    finished = {name for name, standing in campaign.standings().items() if standing.complete}
+    finished = complete_of(campaign)
     # What an extra key has changed is nothing for the documentation either.
     in_docs = wanted.size in page.SHOWN and not wanted.extra
     folder = page.FOLDER if in_docs else wanted.out / "figures"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from paper.drawing import COLOURS, Claim, Drawing, closed_at, draw_loop, force_axes, joins, panels, pull_off
+from paper.drawing import COLOURS, GREY, Claim, Drawing, closed_at, draw_loop, force_axes, joins, panels, pull_off
 from paper.drawing import settings_of, zoom
 from paper.pool import Run, Runs
 from pgfmd.analysis.bulges import bulges
@@ -15,9 +15,14 @@ TRI_PULL_OFF = {40.0: ("2.5 ± 0.5", 2.0, 3.0), 80.0: ("up to 14 ± 2", 12.0, 16
 MODELS = {"model-1": "model 1", "model-2": "model 2", "model-3": "model 3", "quasi-static": "quasi-static"}
 
 
-def colour_of(runs: list[Run]) -> dict[float, Any]:
-    """A colour for each speed."""
-    return dict(zip(sorted({run.speed for run in runs}), COLOURS, strict=False))
+SPEED_COLOURS = dict(zip((1.0, 25.0, 5.0, 0.5), COLOURS, strict=False))
+"""A colour for each speed [um/s], the same in all figures."""
+
+
+def legend_above(figure: Any, axis: Any) -> None:
+    """One legend above all panels: within them there is no free place."""
+    handles, labels = axis.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=max(len(labels), 1))
 
 
 def minima(run: Run) -> int:
@@ -25,19 +30,23 @@ def minima(run: Run) -> int:
     return len(bulges(run.loop))
 
 
+def covered(run: Run) -> float:
+    """Contact area at the preload [% of the punch's]."""
+    return 100 * float(run.loop.area[run.loop.preload_row]) / (np.pi * run.scene.punch.radius**2)
+
+
 def tri(runs: Runs) -> Drawing:
     """Retraction from 40, 60 (and 50) and 80 mN at four speeds, triangular pattern, as in FIG FDtri."""
     figure, axes = panels(3, height=3.3)
-    colours = colour_of(runs.of("tri"))
     for axis, loads in zip(axes[0], ((40.0,), (60.0, 50.0), (80.0,)), strict=True):
         for run in runs.of("tri"):
             if run.preload in loads:
                 dotted = {"ls": ":"} if run.preload == 50.0 else {"label": f"{run.speed:g} µm/s"}
-                draw_loop(axis, run, colours[run.speed], approach=run.preload == loads[0], **dotted)
+                draw_loop(axis, run, SPEED_COLOURS.get(run.speed, GREY), approach=run.preload == loads[0], **dotted)
         force_axes(axis, f"{loads[0]:g} mN" + (", dotted 50 mN" if len(loads) > 1 else ""))
         # The way back near zero force is what the figure is about.
         zoom(axis, [run for run in runs.of("tri") if run.preload in loads])
-    axes[0, 0].legend(loc="lower right")
+    legend_above(figure, axes[0, 0])
     claims = []
     for load in (40.0, 50.0, 60.0, 80.0):
         told, low, high = TRI_PULL_OFF.get(load, ("", np.nan, np.nan))
@@ -53,6 +62,12 @@ def tri(runs: Runs) -> Drawing:
         full, told = closed_at(run.results, "valley"), "a little before 60"
         claims.append(Claim("force at full contact (all valleys)", "80 mN, 1 µm/s", full, "mN", told, 55, 60))
         claims.append(Claim("force at contact in all saddles", "80 mN, 1 µm/s", closed_at(run.results, "saddle"), "mN"))
+    for load in (60.0, 80.0):
+        run = runs.one("tri", preload=load, speed=1.0)
+        if run:
+            settings = f"{load:g} mN, 1 µm/s"
+            area = covered(run)
+            claims.append(Claim("contact area at the preload, of the punch", settings, area, "%", "full", 95, 100))
     for load, speed, told, count in ((40.0, 0.5, "2", 2), (80.0, 25.0, "1", 1)):
         run = runs.one("tri", preload=load, speed=speed)
         if run:
@@ -77,7 +92,7 @@ def rheology(runs: Runs) -> Drawing:
                 draw_loop(axis, run, "black" if run.quasistatic else colour, label, approach=name == "model-1")
         force_axes(axis, f"{load:g} mN")
         zoom(axis, runs.of("rheology", preload=load))
-    axes[0, 0].legend(loc="lower right")
+    legend_above(figure, axes[0, 0])
     for name, label in MODELS.items():
         told = ("0.7", 0.65, 0.75) if name == "quasi-static" else ("", np.nan, np.nan)
         found = {run.preload: run for run in runs.of("rheology", name)}
@@ -100,15 +115,14 @@ def rheology(runs: Runs) -> Drawing:
 def hexagonal(runs: Runs) -> Drawing:
     """Tack tests to 1, 5 and 10 mN at 1 and 25 um/s, hexagonal pattern, as in FIG FDhex."""
     figure, axes = panels(3, height=3.3)
-    viscous = runs.of("hex", quasistatic=False)
-    colours = colour_of(viscous)
     still = runs.one("hex", quasistatic=True)
     claims = []
     for axis, load in zip(axes[0], (1.0, 5.0, 10.0), strict=True):
         for run in runs.of("hex", preload=load, quasistatic=False):
-            draw_loop(axis, run, colours[run.speed], f"{run.speed:g} µm/s", approach=False)
+            colour = SPEED_COLOURS.get(run.speed, GREY)
+            draw_loop(axis, run, colour, f"{run.speed:g} µm/s", approach=False)
             rows, x, y = run.loop.branches["approach"], 1e6 * run.loop.indentation, 1e3 * run.loop.force
-            axis.plot(x[rows], y[rows], color=colours[run.speed], ls=(0, (3, 2)), lw=0.8)
+            axis.plot(x[rows], y[rows], color=colour, ls=(0, (3, 2)), lw=0.8)
             settings = f"{load:g} mN, {run.speed:g} µm/s"
             told = ("about 7", 6.5, 7.5) if load > 1 and run.speed == 25 else ("", np.nan, np.nan)
             claims.append(Claim("pull-off force", settings, pull_off(run), "mN", *told))
@@ -116,7 +130,7 @@ def hexagonal(runs: Runs) -> Drawing:
         if still and load == still.preload:
             draw_loop(axis, still, "black", "quasi-static", approach=False, lw=0.9)
         force_axes(axis, f"{load:g} mN")
-    axes[0, 0].legend(loc="lower right")
+    legend_above(figure, axes[0, 0])
     if still:
         claims.append(Claim("pull-off force", "quasi-static", pull_off(still), "mN", "1.2", 1.15, 1.25))
         jumped, what = _first_jump(still), "tension right after the jump into contact"
