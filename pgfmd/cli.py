@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -110,40 +110,13 @@ def check(
     from pgfmd.check import report
     from pgfmd.parts import confirm
     from pgfmd.scene import load_scene
+    from pgfmd.sections import show
 
     loaded = load_scene(scene, all_changes(changes, overrides))
     confirm(loaded, scene, ranks)
-    _show(report(loaded, ranks))
-
-
-def _show(report: Any) -> None:
-    """A report as tables; plain text where the output is not a terminal."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
-    if report.title:
-        console.print(report.title, style="bold", markup=False)
-    for title, lines in report.sections.items():
-        table = Table(box=None, pad_edge=False, show_header=False, title=title)
-        table.title_justify, table.title_style = "left", "bold"
-        for _ in range(4):
-            table.add_column(overflow="fold")
-        for line in lines:
-            value = f"{line.value:.6g}" if isinstance(line.value, float) else str(line.value)
-            table.add_row(*(_escaped(text) for text in (line.name, value, line.unit, line.note)))
-        console.print()
-        console.print(table)
-    console.print()
-    for kind, style, texts in (("warning", "yellow", report.warnings), ("note", "", report.remarks)):
-        for text in texts:
-            console.print(f"{kind}: {text}", style=style, markup=False, soft_wrap=not console.is_terminal)
-
-
-def _escaped(text: str) -> Any:
-    from rich.text import Text
-
-    return Text(text)
+    found = report(loaded, ranks)
+    notes = [("warning", "yellow", text) for text in found.warnings] + [("note", "", text) for text in found.remarks]
+    show(found.title, found.sections, notes, digits=6)
 
 
 @app.command()

@@ -86,7 +86,7 @@ class Controller:
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=last_resort)
             # Without attraction nothing jumps: what kept the step from being taken was a loose solve before it.
             trial.is_jump = last_resort and limits.attractive and trial.converged and _jumped(trial, refused)
-            self._count(state, trial)
+            state.counters.take(trial)
             if not trial.converged or not (last_resort or trial.error <= limits.tolerance):
                 if last_resort:
                     break
@@ -133,11 +133,6 @@ class Controller:
         by_error = min(by_error, self.limits.largest(phase) / trial.step)
         by_energy = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
         return min(by_error, max(by_energy, by_error / ENERGY_CUT[self.scheme.order]))
-
-    @staticmethod
-    def _count(state: State, trial) -> None:
-        state.counters.newton_iterations += trial.newton_iterations
-        state.counters.cg_iterations += trial.cg_iterations
 
     @staticmethod
     def _stuck(state: State, phase: Phase, step: float) -> str:

@@ -119,7 +119,7 @@ class EventRow:
 
 @dataclass(frozen=True)
 class PatchRow:
-    """A connected patch of contact in a snapshot: SI units, force positive in compression, sites by their kinds."""
+    """A patches.Patch of a snapshot, in the order of its fields."""
 
     snapshot: int
     time: float

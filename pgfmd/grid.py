@@ -110,6 +110,13 @@ class PunchPoints:
             y[here] = self.grid.coordinate(self.block_start + self.row_start + row)
         return x, y
 
+    def coordinate_of(self, point: int) -> tuple[float, float]:
+        """x and y [m] of one local point, by its index in a point vector."""
+        row = int(np.searchsorted(self.offset, point, side="right")) - 1
+        column = self.first[row] + point - self.offset[row]
+        x, y = (self.grid.coordinate(self.block_start + index) for index in (column, self.row_start + row))
+        return float(x), float(y)
+
     def inside(self) -> np.ndarray:
         """Which of the local rows' points are under the punch, (rows, nb) bool."""
         column = np.arange(self.nb)

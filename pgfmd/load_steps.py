@@ -59,8 +59,7 @@ class LoadSteps:
         for _ in range(self.largest_try_count):
             follow = step <= followed * (1.0 + 1e-9)
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=follow)
-            state.counters.newton_iterations += trial.newton_iterations
-            state.counters.cg_iterations += trial.cg_iterations
+            state.counters.take(trial)
             shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest)
             if shorter is not None:
                 if step <= finest and not trial.converged:

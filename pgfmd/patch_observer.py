@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -27,10 +27,9 @@ class PatchTable:
     def __call__(self, snapshot: int, frame: Frame, gap: np.ndarray) -> None:
         """snapshot: its number; gap [m]: of the frame, (size,)."""
         self.file.extend([
-            PatchRow(snapshot, frame.time, patch.number, patch.area, patch.force, patch.x, patch.y, patch.summits,
-                     patch.saddles, patch.valleys, patch.kind, patch.nearest)
+            PatchRow(snapshot, frame.time, *astuple(patch))
             for patch in patches_of(self.points, gap, frame.traction, self.places, self.periodic)
-        ])  # fmt: skip
+        ])
 
 
 @dataclass(frozen=True)
@@ -130,5 +129,5 @@ class ContactWatch(Observer):
         most = points.maximum_of(float(changed.max(initial=0.0)))
         # Mirror images differ by rounding.
         here = np.flatnonzero(changed >= (1.0 - SAME) * most)[:1]
-        place = tuple(float(line[here[0]]) for line in points.coordinates()) if here.size else None
+        place = points.coordinate_of(int(here[0])) if here.size else None
         return next(found for found in points.comm.allgather(place) if found is not None)

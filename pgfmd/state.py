@@ -46,6 +46,11 @@ class Counters:
     transform_pairs: int = 0
     jumps: int = 0
 
+    def take(self, solved) -> None:
+        """Adds the iterations of a Trial, or of the Outcome of a single solve."""
+        self.newton_iterations += solved.newton_iterations
+        self.cg_iterations += solved.cg_iterations
+
 
 @dataclass
 class State:

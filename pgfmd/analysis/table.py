@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
+from pgfmd import sections
 from pgfmd.storage import plain
 
 SUFFIXES = {"N": "N", "m": "m", "J": "J", "s": "s", "N/m": "N_per_m", "m^2": "m2", "J/m^2": "J_per_m2", "Pa": "Pa"}
@@ -60,26 +61,5 @@ class Table:
 
 
 def show(table: Table) -> None:
-    """Print on standard output; plain text where that is not a terminal."""
-    import sys
-
-    import rich.table
-    from rich.console import Console
-    from rich.text import Text
-
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
-    if table.title:
-        console.print(table.title, style="bold", markup=False)
-    for title, rows in table.sections.items():
-        lines = rich.table.Table(box=None, pad_edge=False, show_header=False, title=title)
-        lines.title_justify, lines.title_style = "left", "bold"
-        for _ in range(4):
-            lines.add_column(overflow="fold")
-        for row in rows:
-            value = f"{row.value:.5g}" if isinstance(row.value, float) else "-" if row.value is None else str(row.value)
-            lines.add_row(*(Text(text) for text in (row.name, value, row.unit, row.note)))
-        console.print()
-        console.print(lines)
-    console.print()
-    for text in table.remarks:
-        console.print(f"note: {text}", markup=False, soft_wrap=not console.is_terminal)
+    """Print on standard output."""
+    sections.show(table.title, table.sections, [("note", "", text) for text in table.remarks], digits=5)

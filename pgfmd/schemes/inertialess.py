@@ -85,8 +85,7 @@ class Inertialess(PathFollowing):
         outcome = solver.solve(
             state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance
         )
-        state.counters.newton_iterations += outcome.newton_iterations
-        state.counters.cg_iterations += outcome.cg_iterations
+        state.counters.take(outcome)
         state.traction[:] = solver.traction
         if self.audit:
             kernels.dot(state.traction, state.displacement, self.points.offset, self._rows)

@@ -43,6 +43,8 @@ BENT, STRAIGHT = 1.0, 1e-2
 of half of the changes of force and place."""
 NOISE = 1e-13
 """Rounding of a step's energies in double precision, as a share of those at stake."""
+
+
 class Quasistatic(PathFollowing):
     """Load steps without time. `try_step` leaves the state alone, but for the softest mode, of which it only looks for a
     better one; `accept` moves it on.
@@ -91,8 +93,7 @@ class Quasistatic(PathFollowing):
         self._take(first, outcome)
         if first.converged and self.soft_mode:
             self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False)
-        state.counters.newton_iterations += first.newton_iterations
-        state.counters.cg_iterations += first.cg_iterations
+        state.counters.take(first)
         if not first.converged:
             raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.cure}")
         state.traction[:] = self.solver.traction
