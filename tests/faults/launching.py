@@ -1,6 +1,7 @@
 """What tests of whole processes share: an environment in which mpirun works anywhere, whatever has started the tests."""
 
 import os
+from pathlib import Path
 
 LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
 ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)} | {
@@ -11,3 +12,9 @@ ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.sta
     # Shorter than in scripts/environment, for tests that end in another code than 0.
     "OMPI_MCA_odls_base_sigkill_timeout": "1",
 }
+
+
+def held_at(step: int) -> dict[str, str]:
+    """The environment of runs that wait at that step of theirs until a signal has come to every rank."""
+    path = [str(Path(__file__).with_name("held")), *filter(None, [ENVIRONMENT.get("PYTHONPATH")])]
+    return ENVIRONMENT | {"HELD_AT_STEP": str(step), "PYTHONPATH": os.pathsep.join(path)}

@@ -222,7 +222,7 @@ def test_an_interruption_ends_cleanly(number, ranks, tmp_path):
 
 def test_an_interrupted_run_leaves_whole_rows(tmp_path):
     process = subprocess.Popen(
-        [*PGFMD, "run", "tri-tack", "grid.n=128", "solver.accuracy=1e-4"],
+        [*PGFMD, "run", "tri-tack", "grid.n=128", "solver.accuracy=1e-8"],
         cwd=tmp_path, env=ENVIRONMENT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
     curve = tmp_path / "out" / "tri-tack" / "curve.csv"

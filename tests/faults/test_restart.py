@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from launching import ENVIRONMENT
+from launching import ENVIRONMENT, held_at
 
 from pgfmd import launch
 from pgfmd.restart.checkpoint_layout import read_head
@@ -18,6 +18,8 @@ from pgfmd.restart.sameness import differences
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 
 SCENE = ["tri-tack", "grid.n=48", "solver.accuracy=1e-4", "drive.preload=10 mN", 'output.snapshots=["2 s"]']
+LASTING = ["grid.n=128", "solver.accuracy=1e-8"]
+"""Makes of it one of some minutes, which outlives whatever the tests do meanwhile."""
 RESUMABLE = 75
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
@@ -45,7 +47,7 @@ def undisturbed(tmp_path_factory):
 
 def interrupted(run: list[str], folder: Path, number: int, rows: int = 150) -> subprocess.CompletedProcess:
     """A run that is sent a signal when it has written some rows; it must end by itself."""
-    process = subprocess.Popen(run, env=ENVIRONMENT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process = subprocess.Popen(run, env=held_at(rows), text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     try:
         wait_for_rows(folder, rows, process)
         process.send_signal(number)
@@ -94,7 +96,7 @@ def test_a_signal_stops_a_run_which_then_goes_on_to_the_same_bits(number, ranks,
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=lambda number: number.name)
 def test_mpirun_passes_on_its_own_end_in_time_for_a_checkpoint(number, tmp_path):
     """Late, and always as TERM; its exit code is its own. So the run is a long one, and is stopped in the end."""
-    long = [*command(tmp_path, 2), "solver.accuracy=1e-6"]
+    long = [*command(tmp_path, 2), *LASTING]
     stopped = interrupted(long, tmp_path, number)
     assert stopped.stderr.count("pgfmd: stopped by TERM after step ") == stopped.stderr.count("pgfmd:") == 1
     assert stopped.returncode not in (0, RESUMABLE)
@@ -138,7 +140,7 @@ def test_signals_before_the_first_step_and_after_the_last_end_nothing(tmp_path, 
 
 def test_usr2_saves_and_the_run_goes_on(tmp_path, undisturbed):
     process = subprocess.Popen(
-        command(tmp_path, 1, "--checkpoint-every", "off"), env=ENVIRONMENT, text=True, stdout=subprocess.PIPE
+        command(tmp_path, 1, "--checkpoint-every", "off"), env=held_at(150), text=True, stdout=subprocess.PIPE
     )
     try:
         wait_for_rows(tmp_path, 150, process)
@@ -171,8 +173,7 @@ def test_a_limit_that_leaves_no_time_to_step_is_an_error(tmp_path):
 
 
 def test_a_second_run_is_refused_and_the_first_unharmed(tmp_path):
-    # One that lasts.
-    first = subprocess.Popen([*command(tmp_path, 1), "solver.accuracy=1e-5"], env=ENVIRONMENT, stdout=subprocess.PIPE)
+    first = subprocess.Popen([*command(tmp_path, 1), *LASTING], env=ENVIRONMENT, stdout=subprocess.PIPE)
     try:
         wait_for_rows(tmp_path, 20, first)
         second = finish(tmp_path)

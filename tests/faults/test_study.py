@@ -13,7 +13,8 @@ from pgfmd import launch
 from pgfmd.restart.sameness import differences
 
 # Ranks that wait leave their core to others: cores are few where tests run.
-ENVIRONMENT = launching.ENVIRONMENT | {"OMPI_MCA_mpi_yield_when_idle": "1"}
+YIELDING = {"OMPI_MCA_mpi_yield_when_idle": "1"}
+ENVIRONMENT = launching.ENVIRONMENT | YIELDING
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 
 SCENE = ["tri-tack", "grid.n=32", "solver.accuracy=1e-3", 'output.snapshots=["2 s"]']
@@ -35,10 +36,10 @@ for name, preload in {CASES}.items():
 """
 
 
-def study(folder, *options):
-    command = [sys.executable, "-m", "pgfmd.cli", "study", "study.toml", "--out", "out", *options]
+def study(folder, environment=ENVIRONMENT):
+    command = [sys.executable, "-m", "pgfmd.cli", "study", "study.toml", "--out", "out"]
     return subprocess.Popen(
-        command, cwd=folder, env=ENVIRONMENT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        command, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
 
 
@@ -49,7 +50,7 @@ def rows(folder):
 
 def test_an_interrupted_study_goes_on_to_the_same_bits(tmp_path):
     (tmp_path / "study.toml").write_text(STUDY)
-    process = study(tmp_path)
+    process = study(tmp_path, launching.held_at(15) | YIELDING)
     try:
         latest = time.monotonic() + 60.0
         while rows(tmp_path / "out" / FIRST) < 15:
