@@ -6,8 +6,8 @@
 
 from __future__ import annotations
 
-import math
 import json
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,8 +16,8 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from pgfmd.scene import shipped_scenes
-from pgfmd.scene_fields import limits_text, written
-from pgfmd.scene_model import PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from pgfmd.scene.fields import limits_text, written
+from pgfmd.scene.model import PATTERNS, RHEOLOGIES, SECTIONS, Keys
 from pgfmd.units import DIMENSIONS
 
 PAGE = Path(__file__).parent / "reference" / "scene.md"

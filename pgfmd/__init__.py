@@ -19,7 +19,7 @@ _HOMES = {
     "load": "results",
     "load_scene": "scene",
     "run_scene": "runner",
-    "plot_results": "plots",
+    "plot_results": "plots.folder",
     "analyse": "analysis.summary",
     "PgfmdError": "errors",
 }

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from pgfmd import parts
-from pgfmd.controller import Controller, StepLimits
-from pgfmd.far_field import far_weights
-from pgfmd.grid import Grid, PunchPoints
-from pgfmd.newton import NewtonSolver
-from pgfmd.schemes.inertialess import Inertialess
-from pgfmd.simulation import Simulation
-from pgfmd.transform import Convolution, Plane, free_multiplier, periodic_multiplier
+from . import parts
+from .schemes.inertialess import Inertialess
+from .solver.controller import Controller, StepLimits
+from .solver.far_field import far_weights
+from .solver.grid import Grid, PunchPoints
+from .solver.newton import NewtonSolver
+from .solver.simulation import Simulation
+from .solver.transform import Convolution, Plane, free_multiplier, periodic_multiplier
 
 STEP_SHARE = 0.7
 """Tolerance of a step's error, in ranges of adhesion, for a `solver.accuracy` of 1. With 0.5,
@@ -77,8 +77,8 @@ def _inertialess(scene, comm):
 def _quasistatic(scene, comm):
     """Scheme and controller of infinitely slow loading."""
     # Nothing of it is of use to other schemes.
-    from pgfmd.load_steps import LoadSteps
-    from pgfmd.schemes.quasistatic import Quasistatic, sprung
+    from .schemes.quasistatic import Quasistatic, sprung
+    from .solver.load_steps import LoadSteps
 
     compliance, spring = parts.quasistatic_compliance(scene), parts.machine_compliance(scene)
     solver = _solver(scene, comm, lambda convolve: sprung(convolve, spring, compliance))
@@ -92,8 +92,8 @@ def _quasistatic(scene, comm):
 def _gfmd(scene, comm):
     """Scheme and controller of the paper's method."""
     # Its kernels and its transform are of no use to other schemes.
-    from pgfmd.fixed_steps import FixedSteps
-    from pgfmd.schemes.gfmd import Gfmd
+    from .schemes.gfmd import Gfmd
+    from .solver.fixed_steps import FixedSteps
 
     plane = Plane(comm, scene.grid.n)
     slab = (plane.row_start, plane.real.shape[0])

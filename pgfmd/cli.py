@@ -8,18 +8,16 @@ from typing import Annotated
 
 import typer
 
-from pgfmd import (
-    __version__,
-    analysis_command,
-    bench_command,
-    fit_command,
-    launch,
-    run_command,
-    status_command,
-    study_command,
-)
-from pgfmd.errors import PgfmdError, Problem, ResultError, SceneError
-from pgfmd.run_command import Changes, Overrides, SceneName, all_changes
+from . import __version__
+from .commands import analysis as analysis_command
+from .commands import bench as bench_command
+from .commands import fit_prony as fit_command
+from .commands import run as run_command
+from .commands import status as status_command
+from .commands import study as study_command
+from .commands.run import Changes, Overrides, SceneName, all_changes
+from .errors import PgfmdError, Problem, ResultError, SceneError
+from .host import launch
 
 app = typer.Typer(
     help="Tack tests of a corrugated punch on a viscoelastic, adhesive substrate. Start with: pgfmd init tri-tack",
@@ -84,7 +82,7 @@ def init(
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file of this name.")] = False,
 ) -> None:
     """Write a commented scene, NAME.toml, into the current folder."""
-    from pgfmd.scene import shipped_text
+    from .scene import shipped_text
 
     text = shipped_text(name)
     path = Path(f"{name}.toml")
@@ -107,10 +105,10 @@ def check(
     ranks: Annotated[int, typer.Option("--ranks", "-n", min=1, help="Number of ranks of the planned run.")] = 1,
 ) -> None:
     """Show what a scene means: SI values, scales, cost, warnings."""
-    from pgfmd.check import report
-    from pgfmd.parts import confirm
-    from pgfmd.scene import load_scene
-    from pgfmd.sections import show
+    from .commands.check import report
+    from .parts import confirm
+    from .scene import load_scene
+    from .sections import show
 
     loaded = load_scene(scene, all_changes(changes, overrides))
     confirm(loaded, scene, ranks)
@@ -122,7 +120,7 @@ def check(
 @app.command()
 def plot(directory: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that a run wrote to.")]) -> None:
     """Draw curves, maps and energies of a results folder as PNG files in it."""
-    from pgfmd.plots import plot_results
+    from .plots.folder import plot_results
 
     for path in plot_results(directory):
         print(path)
@@ -136,9 +134,9 @@ def plot_rheology(
     out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = None,
 ) -> None:
     """Draw modulus and creep of a scene's elastomer, and what the paper's auxiliary masses make of them."""
-    from pgfmd.parts import series_of
-    from pgfmd.rheology_plots import plot_rheology as draw
-    from pgfmd.scene import load_scene
+    from .parts import series_of
+    from .plots.rheology import plot_rheology as draw
+    from .scene import load_scene
 
     loaded = load_scene(scene, all_changes(changes, overrides))
     series = series_of(loaded.rheology)
@@ -163,7 +161,7 @@ app.command()(study_command.converge)
 @app.command()
 def doctor() -> None:
     """Check MPI, FFTW, HDF5 and the rest, and say how to cure what fails."""
-    from pgfmd.doctor import examine
+    from .host.doctor import examine
 
     fine = True
     for finding in examine():

@@ -10,16 +10,16 @@ import math
 import numpy as np
 import scipy.fft
 
-from pgfmd.cohesion import LAWS, CohesiveLaw
-from pgfmd.drive import Drive
-from pgfmd.errors import Problem, SceneError
-from pgfmd.film import Film
-from pgfmd.free_kernel import FreeFilm, FreeHalfSpace
-from pgfmd.grid import Grid
-from pgfmd.halfspace import HalfSpace, TabulatedCompliance
-from pgfmd.inertia import Inertia, contact_stiffness, inertia_of, instability
-from pgfmd.rheology import PronySeries
-from pgfmd.topography import Topography
+from .errors import Problem, SceneError
+from .physics.cohesion import LAWS, CohesiveLaw
+from .physics.drive import Drive
+from .physics.film import Film
+from .physics.free_kernel import FreeFilm, FreeHalfSpace
+from .physics.halfspace import HalfSpace, TabulatedCompliance
+from .physics.inertia import Inertia, contact_stiffness, inertia_of, instability
+from .physics.rheology import PronySeries
+from .physics.topography import Topography
+from .solver.grid import Grid
 
 SOFT_MACHINE = 1e-4
 """Load control: stiffness of the machine's spring, relative to that of the contact of the whole punch."""

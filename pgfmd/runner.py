@@ -6,23 +6,24 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pgfmd import launch, storage
-from pgfmd.assemble import assemble
-from pgfmd.errors import RunError
-from pgfmd.fields_layout import Layout
-from pgfmd.outputs import Outputs
-from pgfmd.record import record_of, versions
-from pgfmd.restart import resume
-from pgfmd.restart.checkpoints import Checkpoints
-from pgfmd.restart.disk_space import require_space
-from pgfmd.restart.history import History
-from pgfmd.restart.keeper import Keeper, Stopped, Timing
-from pgfmd.restart.packing import arrays_of, unpack
-from pgfmd.restart.scene_changes import contents_of, review
-from pgfmd.run_lock import RunLock
-from pgfmd.scene import load_scene
-from pgfmd.simulation import STOPPED_STEPS
-from pgfmd.stop_signals import StopSignals
+from .assemble import assemble
+from .errors import RunError
+from .files import storage
+from .files.fields_layout import Layout
+from .files.packing import arrays_of, unpack
+from .host import launch
+from .host.run_lock import RunLock
+from .host.stop_signals import StopSignals
+from .output.outputs import Outputs
+from .output.record import record_of, versions
+from .restart import resume
+from .restart.checkpoints import Checkpoints
+from .restart.disk_space import require_space
+from .restart.history import History
+from .restart.keeper import Keeper, Stopped, Timing
+from .restart.scene_changes import contents_of, review
+from .scene import load_scene
+from .solver.simulation import STOPPED_STEPS
 
 LEAST_STEPS = 2
 """Steps that a process must have made before its limit of time to call that progress."""

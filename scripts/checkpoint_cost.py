@@ -22,8 +22,8 @@ from pathlib import Path
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble
+from pgfmd.files.packing import arrays_of, numbers_of, unpack
 from pgfmd.restart.checkpoints import Checkpoints
-from pgfmd.restart.packing import arrays_of, numbers_of, unpack
 from pgfmd.scene import load_scene
 
 SPECTRUM = ["rheology.model=geometric", "rheology.relaxation_time=40 us", "rheology.elements=20", "rheology.time_ratio=2",

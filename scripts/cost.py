@@ -15,7 +15,7 @@ import time
 
 import numpy as np
 
-from pgfmd import launch
+from pgfmd.host import launch
 
 
 class ForceCurve:

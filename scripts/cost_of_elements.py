@@ -15,9 +15,9 @@ import time
 from collections.abc import Callable, Iterator
 
 from pgfmd.assemble import assemble
+from pgfmd.benchmark.work_precision import Row
 from pgfmd.scene import load_scene
-from pgfmd.simulation import Simulation
-from pgfmd.work_precision import Row
+from pgfmd.solver.simulation import Simulation
 
 SCENE = "tri-tack"
 ALIKE = (

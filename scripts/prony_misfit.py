@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pgfmd.prony_fit import fit_series, ladder, weights_of
+from pgfmd.characterisation.prony_fit import fit_series, ladder, weights_of
 
 EXPONENT = 0.5
 DECADES = (8, 10)

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 from mpi4py import MPI
 
-from pgfmd import launch
 from pgfmd.errors import PgfmdError
-from pgfmd.simulation import FINISHED, STOPPED_PRELOAD
+from pgfmd.host import launch
+from pgfmd.solver.simulation import FINISHED, STOPPED_PRELOAD
 
 LARGEST_RESIDUAL = 0.02
 """Of the energy audit, relative to the work of the loop, at accuracy FINE or finer."""

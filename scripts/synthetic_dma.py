@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pgfmd.rheology import PronySeries
-from pgfmd.temperature_shift import WLF
+from pgfmd.characterisation.temperature_shift import WLF
+from pgfmd.physics.rheology import PronySeries
 
 STATIC_MODULUS = 2e6
 SERIES = PronySeries.geometric(1000, 1e-7, elements=20, time_ratio=3, exponent=0.5)

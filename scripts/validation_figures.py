@@ -19,11 +19,11 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from matplotlib import rc_context
-
-from pgfmd.plots import STYLE
 from validation import ROOT, flat, numbers, response, schemes, spheres, waves
 from validation.choice import chosen
 from validation.drawing import Line, number, shown
+
+from pgfmd.plots.folder import STYLE
 
 PAGE = ROOT / "docs" / "validation.md"
 FOLDER = ROOT / "docs" / "figures" / "validation"

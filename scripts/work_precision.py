@@ -31,10 +31,10 @@ from pathlib import Path
 from cost_of_elements import gfmd_steps, replayed
 from work_precision_report import draw, fill_page
 
-from pgfmd import launch
-from pgfmd.curve_errors import Curve, richardson
+from pgfmd.benchmark.curve_errors import Curve, richardson
+from pgfmd.benchmark.work_precision import Laboratory, Row, Setting, explicit, implicit, row_of, study
+from pgfmd.host import launch
 from pgfmd.scene import load_scene
-from pgfmd.work_precision import Laboratory, Row, Setting, explicit, implicit, row_of, study
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 SCENE = "tri-tack"

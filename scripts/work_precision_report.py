@@ -9,9 +9,9 @@ from pathlib import Path
 from matplotlib import rc_context
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from pgfmd.curve_errors import cost_at
-from pgfmd.map_plots import new_figure
-from pgfmd.plots import STYLE
+from pgfmd.benchmark.curve_errors import cost_at
+from pgfmd.plots.folder import STYLE
+from pgfmd.plots.maps import new_figure
 
 MEASURES = {
     "force_error": "force curve",

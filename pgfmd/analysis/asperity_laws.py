@@ -16,9 +16,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from pgfmd.analysis.crack_law import CrackLaw
-from pgfmd.analysis.loop import Array, Loop
 from pgfmd.reference import jkr
+
+from .crack_law import CrackLaw
+from .loop import Array, Loop
 
 LEAST_RADIUS = 1e-3
 """A contact whose radius has shrunk to this part of the JKR radius at zero load is open."""

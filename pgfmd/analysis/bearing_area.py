@@ -21,15 +21,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pgfmd.analysis.asperity_laws import JkrAsperity, MeasuredAsperity, ViscoelasticAsperity
-from pgfmd.analysis.crack_law import CrackLaw
-from pgfmd.analysis.loop import Array, Loop
-from pgfmd.analysis.scene_differences import differences
-from pgfmd.analysis.summits import Summits
 from pgfmd.errors import ResultError
 from pgfmd.parts import law_of, series_of
 from pgfmd.results import Results
 from pgfmd.units import parse_quantity
+
+from .asperity_laws import JkrAsperity, MeasuredAsperity, ViscoelasticAsperity
+from .crack_law import CrackLaw
+from .loop import Array, Loop
+from .scene_differences import differences
+from .summits import Summits
 
 APPROACH_ROWS, RETRACTION_ROWS = 801, 2001
 SAME_RADIUS = 1e-3

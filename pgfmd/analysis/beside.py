@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from pgfmd.analysis.bearing_area import Prediction, asperity_remarks, laws_of, predict
-from pgfmd.analysis.measures import Measures, measure
-from pgfmd.analysis.summits import summits_of
-from pgfmd.analysis.table import Table
 from pgfmd.errors import ResultError
+from pgfmd.files.storage import SCENE_FILE
 from pgfmd.results import Results
 from pgfmd.scene import load_scene
-from pgfmd.storage import SCENE_FILE
+
+from .bearing_area import Prediction, asperity_remarks, laws_of, predict
+from .measures import Measures, measure
+from .summits import summits_of
+from .table import Table
 
 SECTION = "Bearing-area model"
 

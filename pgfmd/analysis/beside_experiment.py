@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from pgfmd.analysis.comparison import Overlay, renamed
-from pgfmd.analysis.experiment import read_experiment
-from pgfmd.analysis.loop import Loop
-from pgfmd.analysis.table import Table
 from pgfmd.errors import ResultError
 from pgfmd.results import load
+
+from .comparison import Overlay, renamed
+from .experiment import read_experiment
+from .loop import Loop
+from .table import Table
 
 
 def load_loops(

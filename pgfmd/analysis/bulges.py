@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import find_peaks
 
-from pgfmd.analysis.loop import Loop
-from pgfmd.analysis.low_pass import PAPER_RESOLUTION, low_pass
+from .loop import Loop
+from .low_pass import PAPER_RESOLUTION, low_pass
 
 PROMINENCE = 0.02
 """A minimum counts if it is deeper than this share of the range of forces below the larger of zero and its load."""

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.analysis.compliance import (
+from .compliance import (
     PAPER_MACHINE_STIFFNESS,
     CellCompliance,
     corrected_experiment,
     corrected_simulation,
     fit_cell_compliance,
 )
-from pgfmd.analysis.loop import Loop
-from pgfmd.analysis.low_pass import filtered
-from pgfmd.analysis.measures import Measures, measure
+from .loop import Loop
+from .low_pass import filtered
+from .measures import Measures, measure
 
 FIT_LEVELS = (0.2, 0.9)
 """Forces of the loading branch, as shares of the smaller preload, over which a measured zero is fitted."""

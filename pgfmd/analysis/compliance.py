@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.analysis.loop import Loop
+from .loop import Loop
 
 PAPER_MACHINE_STIFFNESS = 38.1e3
 """k_M [N/m] of the paper's setup."""

@@ -27,8 +27,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pgfmd.analysis.loop import Array
-from pgfmd.rheology import PronySeries
+from pgfmd.physics.rheology import PronySeries
+
+from .loop import Array
 
 DECADES = 6
 """How far the table goes below the longest and above the shortest retardation time."""

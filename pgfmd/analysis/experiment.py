@@ -16,9 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pgfmd.analysis.loop import Array, Loop
-from pgfmd.dma import MeasurementError
+from pgfmd.characterisation.dma import MeasurementError
 from pgfmd.units import UnitError, parse_quantity
+
+from .loop import Array, Loop
 
 NAMES = {
     "indentation": ("indentation", "depth", "penetration"),

@@ -15,11 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.analysis.loop import Loop
-from pgfmd.analysis.measures import net_work
-from pgfmd.analysis.scene_differences import differences
-from pgfmd.plots import column
+from pgfmd.plots.folder import column
 from pgfmd.results import Results
+
+from .loop import Loop
+from .measures import net_work
+from .scene_differences import differences
 
 SAME_SECTIONS = ("punch", "substrate", "adhesion", "drive", "grid")
 NO_TIME = ("speed", "retract_speed", "turn_time", "dwell")

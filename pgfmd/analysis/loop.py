@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgfmd.errors import ResultError
-from pgfmd.plots import branches, column
+from pgfmd.plots.folder import branches, column
 from pgfmd.results import Results
 
 Array = NDArray[np.float64]

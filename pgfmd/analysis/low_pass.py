@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 from scipy.ndimage import convolve1d
 
-from pgfmd.analysis.loop import Array, Loop
+from .loop import Array, Loop
 
 PAPER_RESOLUTION = 1e-7
 """[m]: the resolution to which the paper filters its measured curves."""

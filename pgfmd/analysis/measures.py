@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.analysis.loop import Loop
-from pgfmd.plots import landmarks
+from pgfmd.plots.folder import landmarks
+
+from .loop import Loop
 
 UNEVEN, OVERSHOOT = 4.0, 0.25
 """A parabola through three rows is trusted if neither step is so many times longer than the other, and if its vertex lies

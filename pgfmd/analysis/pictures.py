@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.analysis.bulges import Bulge
-from pgfmd.analysis.compliance import CellCompliance
-from pgfmd.analysis.hysteresis import Audit, Twin
-from pgfmd.analysis.loop import Loop
 from pgfmd.errors import ResultError
-from pgfmd.map_plots import new_figure, signed
-from pgfmd.plots import GREY, RED, STYLE, TURQUOISE, energy_unit
+from pgfmd.plots.folder import GREY, RED, STYLE, TURQUOISE, energy_unit
+from pgfmd.plots.maps import new_figure, signed
+
+from .bulges import Bulge
+from .compliance import CellCompliance
+from .hysteresis import Audit, Twin
+from .loop import Loop
 
 COLOURS = (TURQUOISE, RED, "#d18f00", "#6a4c93", "#4a7c2a", "#8a5a44")
 DASHES = (0, (4, 2))

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.analysis.loop import Loop
-from pgfmd.contact_sites import KINDS
-from pgfmd.plots import column
+from pgfmd.physics.contact_sites import KINDS
+from pgfmd.plots.folder import column
 from pgfmd.results import Results
+
+from .loop import Loop
 
 
 @dataclass(frozen=True)

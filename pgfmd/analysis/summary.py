@@ -9,20 +9,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pgfmd.analysis import pictures
-from pgfmd.analysis.bulges import Bulge, bulges
-from pgfmd.analysis.compliance import CellCompliance, fit_cell_compliance
-from pgfmd.analysis.contact_stiffness import stiffness_table, unloading_stiffness
-from pgfmd.analysis.hysteresis import Audit, Twin, audit_of, is_quasistatic, twin_of
-from pgfmd.analysis.loop import Loop
-from pgfmd.analysis.low_pass import PAPER_RESOLUTION, filtered
-from pgfmd.analysis.measures import Measures, measure
-from pgfmd.analysis.site_loads import site_loads
-from pgfmd.analysis.table import Table
-from pgfmd.analysis.tabor import effective_tabor
 from pgfmd.errors import ResultError
+from pgfmd.files.storage import write_atomically
 from pgfmd.results import Results, load
-from pgfmd.storage import write_atomically
+
+from . import pictures
+from .bulges import Bulge, bulges
+from .compliance import CellCompliance, fit_cell_compliance
+from .contact_stiffness import stiffness_table, unloading_stiffness
+from .hysteresis import Audit, Twin, audit_of, is_quasistatic, twin_of
+from .loop import Loop
+from .low_pass import PAPER_RESOLUTION, filtered
+from .measures import Measures, measure
+from .site_loads import site_loads
+from .table import Table
+from .tabor import effective_tabor
 
 RECORD_FILE = "analysis.json"
 BLURRED = 0.05
@@ -118,7 +119,7 @@ def analyse(
         _add_tabor(table, results, found, other)
         predictions = []
         if bearing_area or single is not None:
-            from pgfmd.analysis.beside import add_bearing_area
+            from .beside import add_bearing_area
 
             predictions = add_bearing_area(table, results, found, single)
         twin_loop = Loop.of(other) if other else None
@@ -229,8 +230,8 @@ def _add_tabor(table: Table, results: Results, found: Measures, twin: Results | 
     if not is_quasistatic(source.scene):
         table.remarks.append("the effective Tabor number needs a quasi-static pull-off: give --twin")
         return
+    from pgfmd.files.storage import SCENE_FILE
     from pgfmd.scene import load_scene
-    from pgfmd.storage import SCENE_FILE
 
     scene = load_scene(source.directory / SCENE_FILE)
     if scene.punch.radius is None or pull_off is None or scene.adhesion.law != "cosine":

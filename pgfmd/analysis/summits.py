@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import center_of_mass, label, minimum_filter
 
-from pgfmd.analysis.loop import Array
-from pgfmd.contact_sites import KINDS, SUMMIT, contact_sites
-from pgfmd.grid import Grid
 from pgfmd.parts import topography_of
-from pgfmd.topography import Topography
+from pgfmd.physics.contact_sites import KINDS, SUMMIT, contact_sites
+from pgfmd.physics.topography import Topography
+from pgfmd.solver.grid import Grid
+
+from .loop import Array
 
 FINE = 400
 """Parts of a wavelength over which curvatures are taken where the face is a formula."""

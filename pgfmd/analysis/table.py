@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pgfmd import sections
-from pgfmd.storage import plain
+from pgfmd.files.storage import plain
 
 SUFFIXES = {"N": "N", "m": "m", "J": "J", "s": "s", "N/m": "N_per_m", "m^2": "m2", "J/m^2": "J_per_m2", "Pa": "Pa"}
 """How a unit is written at the end of a record's key."""

@@ -5,20 +5,7 @@ an indentation is positive when the punch is pushed in, a traction on the elasto
 `contact_modulus` is E* = E/(1 - nu^2), `work_of_adhesion` is the paper's gamma (J/m^2).
 """
 
-from pgfmd.reference import (
-    corrugation,
-    film,
-    flat_punch,
-    hertz,
-    jkr,
-    maugis,
-    power_law,
-    prony,
-    sinusoid,
-    tabor,
-    ting,
-    wavy,
-)
+from . import corrugation, film, flat_punch, hertz, jkr, maugis, power_law, prony, sinusoid, tabor, ting, wavy
 
 __all__ = [
     "corrugation",

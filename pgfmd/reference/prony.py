@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgfmd.rheology import CreepSeries, PronySeries
+from pgfmd.physics.rheology import CreepSeries, PronySeries
 
 
 def creep(time: ArrayLike, traction: float, compliance: float, series: CreepSeries) -> NDArray:

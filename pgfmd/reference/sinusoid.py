@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgfmd.rheology import CreepSeries, PronySeries
+from pgfmd.physics.rheology import CreepSeries, PronySeries
 
 
 def contact_relaxation(coupling: float, creep: CreepSeries) -> PronySeries:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import dawsn
 
-from pgfmd.rheology import PronySeries
+from pgfmd.physics.rheology import PronySeries
 
 # Below this t/tau, y - D(y) cancels; there so many terms of its series are exact to rounding.
 SERIES_LIMIT = 1.0

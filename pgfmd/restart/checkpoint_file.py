@@ -13,12 +13,13 @@ import h5py
 import numpy as np
 
 from pgfmd.errors import RunError
-from pgfmd.finite import lines_of, not_finite_on
-from pgfmd.hdf5 import open_serial
-from pgfmd.restart import checkpoint_layout
-from pgfmd.restart.checkpoint_layout import Damaged, Entry, compare_sums
-from pgfmd.restart.checksum import block_sums
-from pgfmd.storage import agree, attempt, bring_to_disk, on_root
+from pgfmd.files.checksum import block_sums
+from pgfmd.files.hdf5 import open_serial
+from pgfmd.files.storage import agree, attempt, bring_to_disk, on_root
+from pgfmd.solver.finite import lines_of, not_finite_on
+
+from . import checkpoint_layout
+from .checkpoint_layout import Damaged, Entry, compare_sums
 
 PIECE_BYTES = 2**20
 """Most that a rank hands to one collective write: MPI-IO keeps copies of what is under way."""

@@ -19,9 +19,9 @@ from typing import Any
 import h5py
 import numpy as np
 
-from pgfmd.hdf5 import open_serial
-from pgfmd.restart.checksum import block_sums
-from pgfmd.storage import reason, secure_space
+from pgfmd.files.checksum import block_sums
+from pgfmd.files.hdf5 import open_serial
+from pgfmd.files.storage import reason, secure_space
 
 FORMAT = 1
 HEAD = "head"

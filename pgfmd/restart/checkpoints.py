@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.restart import checkpoint_file
-from pgfmd.restart.checkpoint_layout import Damaged
-from pgfmd.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, bring_to_disk, on_root
+from pgfmd.files.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, bring_to_disk, on_root
+
+from . import checkpoint_file
+from .checkpoint_layout import Damaged
 
 UNFINISHED = ".tmp"
 

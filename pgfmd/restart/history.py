@@ -6,7 +6,7 @@ import socket
 import time
 from dataclasses import asdict, dataclass, field
 
-from pgfmd import batch
+from pgfmd.host import batch
 
 
 @dataclass

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pgfmd.errors import PgfmdError
-from pgfmd.restart.checkpoints import Checkpoints, Saved
-from pgfmd.restart.history import History
-from pgfmd.restart.packing import arrays_of, numbers_of
-from pgfmd.stop_signals import PATIENCE, StopSignals
+from pgfmd.files.packing import arrays_of, numbers_of
+from pgfmd.host.stop_signals import PATIENCE, StopSignals
+
+from .checkpoints import Checkpoints, Saved
+from .history import History
 
 OUT_OF_TIME = -1
 """In the place of the number of a signal: the limit of time is near."""

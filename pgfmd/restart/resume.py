@@ -10,12 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pgfmd import storage
-from pgfmd.curve_tail import count_ends
 from pgfmd.errors import ResultError
-from pgfmd.restart.checkpoint_layout import Damaged, read_head
-from pgfmd.restart.scene_changes import contents_of, require_known, review
-from pgfmd.simulation import STOPPED_STEPS
+from pgfmd.files import storage
+from pgfmd.files.curve_tail import count_ends
+from pgfmd.solver.simulation import STOPPED_STEPS
+
+from .checkpoint_layout import Damaged, read_head
+from .scene_changes import contents_of, require_known, review
 
 FAILED = "failed"
 """What `run.json` calls a run that could not go on; it has a checkpoint from before."""

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import h5py
 
-from pgfmd import storage
-from pgfmd.hdf5 import open_serial
-from pgfmd.restart.checkpoint_layout import HEAD, examine
+from pgfmd.files import storage
+from pgfmd.files.hdf5 import open_serial
+
+from .checkpoint_layout import HEAD, examine
 
 
 def differences(one: Path, other: Path) -> list[str]:

@@ -11,11 +11,11 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from pgfmd.drive import PRELOAD
 from pgfmd.errors import Problem, SceneError
 from pgfmd.parts import drive_of
+from pgfmd.physics.drive import PRELOAD
 from pgfmd.scene import parse_scene
-from pgfmd.scene_model import SECTIONS
+from pgfmd.scene.model import SECTIONS
 
 UNIMPORTANT = ("title", "output.directory")
 CHANGEABLE = ("output.every", "output.snapshots", "solver.accuracy", "solver.max_steps")

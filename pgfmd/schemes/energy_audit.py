@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pgfmd import kernels
-from pgfmd.extrapolation import integral
-from pgfmd.retardation import StepWeights, Tableau
-from pgfmd.rheology import CreepSeries
-from pgfmd.schemes.trial import Trial
-from pgfmd.state import Energies, State
+from pgfmd.physics.rheology import CreepSeries
+from pgfmd.solver import kernels
+from pgfmd.solver.extrapolation import integral
+from pgfmd.solver.retardation import StepWeights, Tableau
+from pgfmd.solver.state import Energies, State
+from pgfmd.solver.trial import Trial
 
 FINE, ENERGY_SHARE, LEAST_SHARE = 1.5e-3, 7.0, 1e-3
 """From this tolerance on, the audit's residual of a step is bounded too: by this multiple of the tolerance, but no less

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pgfmd import gfmd_kernels as kernels
-from pgfmd.drive import Phase
-from pgfmd.far_field import FarPoints
-from pgfmd.inertia import Inertia
-from pgfmd.rheology import PronySeries
-from pgfmd.state import State
+from pgfmd.physics.drive import Phase
+from pgfmd.physics.inertia import Inertia
+from pgfmd.physics.rheology import PronySeries
+from pgfmd.solver import gfmd_kernels as kernels
+from pgfmd.solver.far_field import FarPoints
+from pgfmd.solver.state import State
 
 
 class Gfmd:

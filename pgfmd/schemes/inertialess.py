@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from pgfmd import kernels
-from pgfmd.drive import Phase
-from pgfmd.newton import NewtonSolver
-from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, step_weights
-from pgfmd.rheology import CreepSeries
-from pgfmd.schemes.energy_audit import EnergyAudit, tension_of, work_of
-from pgfmd.schemes.path_following import PathFollowing
-from pgfmd.schemes.trial import Trial
-from pgfmd.state import State
+from pgfmd.physics.drive import Phase
+from pgfmd.physics.rheology import CreepSeries
+from pgfmd.solver import kernels
+from pgfmd.solver.newton import NewtonSolver
+from pgfmd.solver.retardation import IMPLICIT_EULER, SDIRK2, step_weights
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import Trial
+
+from .energy_audit import EnergyAudit, tension_of, work_of
+from .path_following import PathFollowing
 
 LOOSEST_TOLERANCE = 2e-2
 """Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""

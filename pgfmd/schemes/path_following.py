@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pgfmd import kernels
-from pgfmd.drift import ROUNDING, SINGLE_ROUNDING, Drift
-from pgfmd.extrapolation import lagrange_weights
-from pgfmd.newton import NewtonSolver
-from pgfmd.schemes.trial import Change, Trial
-from pgfmd.state import State
+from pgfmd.solver import kernels
+from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
+from pgfmd.solver.extrapolation import lagrange_weights
+from pgfmd.solver.newton import NewtonSolver
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import Change, Trial
 
 DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""

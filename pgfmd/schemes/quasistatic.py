@@ -17,17 +17,18 @@ import math
 
 import numpy as np
 
-from pgfmd import kernels
-from pgfmd.drive import Phase
 from pgfmd.errors import RunError
-from pgfmd.machine import SprungConvolution, total
-from pgfmd.newton import NewtonSolver, Outcome
-from pgfmd.schemes.energy_audit import SINGLE_NOISE
-from pgfmd.schemes.path_following import PathFollowing
-from pgfmd.schemes.spring_work import SpringWork
-from pgfmd.schemes.trial import Trial
-from pgfmd.soft_mode import SoftMode
-from pgfmd.state import State
+from pgfmd.physics.drive import Phase
+from pgfmd.solver import kernels
+from pgfmd.solver.machine import SprungConvolution, total
+from pgfmd.solver.newton import NewtonSolver, Outcome
+from pgfmd.solver.soft_mode import SoftMode
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import Trial
+
+from .energy_audit import SINGLE_NOISE
+from .path_following import PathFollowing
+from .spring_work import SpringWork
 
 SHARPNESS = 0.25
 """Share of the tolerance to which equilibria are solved: a step's only error is its solve's."""

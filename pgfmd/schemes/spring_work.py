@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.extrapolation import integral
-from pgfmd.schemes.trial import Trial
-from pgfmd.state import State
+from pgfmd.solver.extrapolation import integral
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import Trial
 
 NEAREST_PAST = 0.2
 """The work of a step takes the last steps' starts in, as far as these steps were no shorter than this share of it: they

@@ -9,12 +9,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pgfmd import storage
 from pgfmd.errors import PgfmdError, ResultError
-from pgfmd.study.cases import Case
-from pgfmd.study.pool import STOPPED, Ending, Pool, Task
-from pgfmd.study.standing import CHANGED, DAMAGED, FAILED, FINISHED, RUNNING, Standing, standing_of
-from pgfmd.study.study_file import StudyError, did_you_mean
+from pgfmd.files import storage
+
+from .cases import Case
+from .pool import STOPPED, Ending, Pool, Task
+from .standing import CHANGED, DAMAGED, FAILED, FINISHED, RUNNING, Standing, standing_of
+from .study_file import StudyError, did_you_mean
 
 CURES = {
     FAILED: "go on with --retry, and with --allow KEY if the study's keys have changed since",
@@ -83,7 +84,7 @@ class Campaign:
 
     def make_way(self, cases: Sequence[Case], standings: dict[str, Standing]) -> None:
         """Moves aside what is in the folders of changed and damaged cases that are to begin anew. ResultError."""
-        from pgfmd.run_lock import RunLock
+        from pgfmd.host.run_lock import RunLock
 
         for case in cases:
             if standings[case.name].state in (CHANGED, DAMAGED):

@@ -11,8 +11,9 @@ from typing import Any
 from pgfmd.errors import Problem, SceneError
 from pgfmd.parts import confirm
 from pgfmd.scene import Scene, load_scene
-from pgfmd.study.study_file import Axis, Study, StudyError
-from pgfmd.study.values import override_of, slug
+
+from .study_file import Axis, Study, StudyError
+from .values import override_of, slug
 
 LONGEST_NAME = 150
 MOST_NAMED = 3

@@ -11,14 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd import storage
 from pgfmd.errors import ResultError
-from pgfmd.map_plots import new_figure
-from pgfmd.plots import GREY, RED, STYLE, TURQUOISE
-from pgfmd.study.convergence import Fit, disagreement, doubts, finest_limit, fit_power_law, local_powers
-from pgfmd.study.refinement import ACCURACY, FEWEST, MEASURES, Levels, expected_power
-from pgfmd.study.table import Row
-from pgfmd.study.values import handy
+from pgfmd.files import storage
+from pgfmd.plots.folder import GREY, RED, STYLE, TURQUOISE
+from pgfmd.plots.maps import new_figure
+
+from .convergence import Fit, disagreement, doubts, finest_limit, fit_power_law, local_powers
+from .refinement import ACCURACY, FEWEST, MEASURES, Levels, expected_power
+from .table import Row
+from .values import handy
 
 JSON_FILE, PICTURE = "converge.json", "converge.png"
 LEVELS_TO_FIT_POWER = 4

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.map_plots import new_figure
-from pgfmd.plots import STYLE, branches, column
+from pgfmd.plots.folder import STYLE, branches, column
+from pgfmd.plots.maps import new_figure
 from pgfmd.results import load
-from pgfmd.study.cases import short_names
-from pgfmd.study.study_file import Axis
-from pgfmd.study.table import Row
-from pgfmd.study.values import handy, unit_of
+
+from .cases import short_names
+from .study_file import Axis
+from .table import Row
+from .values import handy, unit_of
 
 CURVES, MEASURES = "curves.png", "measures.png"
 STYLES = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))

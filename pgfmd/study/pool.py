@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from pgfmd.errors import PgfmdError, ResultError
-from pgfmd.storage import reason
+from pgfmd.files.storage import reason
 
 STOPPED = 75
 """Exit code of a run that stopped with a checkpoint."""

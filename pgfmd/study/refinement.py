@@ -11,11 +11,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pgfmd.errors import Problem, SceneError
-from pgfmd.estimate import PROGRAM_BYTES, memory_of
+from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
 from pgfmd.parts import confirm
 from pgfmd.scene import load_scene
-from pgfmd.study.cases import Case
-from pgfmd.study.study_file import Axis
+
+from .cases import Case
+from .study_file import Axis
 
 RHO, N, ACCURACY = "rho", "n", "accuracy"
 HYSTERESIS_POWER = 1.0 / 3.0

@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pgfmd
-from pgfmd import storage
-from pgfmd.batch import asked
 from pgfmd.errors import PgfmdError, ResultError
-from pgfmd.study.campaign import Campaign, make_folder
-from pgfmd.study.cases import Case
-from pgfmd.study.values import slug
+from pgfmd.files import storage
+from pgfmd.host.batch import asked
+
+from .campaign import Campaign, make_folder
+from .cases import Case
+from .values import slug
 
 CASES, SCRIPT, SUBMITTED = "cases.txt", "array.sh", "submitted.txt"
 TEMPLATE = "jobs/slurm-array.sh"
@@ -94,7 +95,7 @@ def script_text(home: Path, out: Path, ranks: int, megabytes: int, name: str) ->
 
 def memory_per_rank(cases: Sequence[Case], ranks: int) -> int:
     """Memory [MB] to ask for per rank: what the largest case is expected to take, and half as much again."""
-    from pgfmd.estimate import PROGRAM_BYTES, memory_of
+    from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
 
     largest = max(memory_of(case.scene, ranks).peak for case in cases)
     return math.ceil(SPARE * (largest + PROGRAM_BYTES) / 1e6)

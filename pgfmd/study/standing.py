@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pgfmd import storage
 from pgfmd.errors import ResultError, SceneError
-from pgfmd.study.cases import Case
+from pgfmd.files import storage
+
+from .cases import Case
 
 NEW, FINISHED, RESUMABLE, RUNNING = "new", "finished", "resumable", "running"
 FAILED, CHANGED, DAMAGED = "failed", "changed", "damaged"
@@ -40,8 +41,8 @@ def standing_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> Standing
     `failed`: the run itself said that it can't go on. `changed`: the folder holds a run of another scene. `damaged`: no
     run can go on there. Each of them with the message.
     """
-    from pgfmd.status import DAMAGED as BROKEN
-    from pgfmd.status import EMPTY, status_of
+    from pgfmd.results.status import DAMAGED as BROKEN
+    from pgfmd.results.status import EMPTY, status_of
 
     if not folder.exists():
         return Standing(NEW)
@@ -76,8 +77,8 @@ def _record(folder: Path) -> dict | None:
 
 def _changes(case: Case, folder: Path, allow: Sequence[str]) -> str:
     """Why the run in a folder is not one of this case; empty if it is. The run itself asks the same."""
-    from pgfmd.inventory import take_inventory
     from pgfmd.restart.scene_changes import contents_of, review
+    from pgfmd.results.inventory import take_inventory
 
     try:
         found = take_inventory(folder)

@@ -17,9 +17,10 @@ from typing import Any
 
 from pgfmd.errors import PgfmdError, Problem
 from pgfmd.scene import shipped_scenes
-from pgfmd.scene_draft import MISSING
-from pgfmd.scene_model import SECTIONS
-from pgfmd.study.values import label_of_value
+from pgfmd.scene.draft import MISSING
+from pgfmd.scene.model import SECTIONS
+
+from .values import label_of_value
 
 KEYS = tuple(f"{section}.{name}" for section, model in SECTIONS.items() for name in model.model_fields)
 """Every key of a scene, with its section."""

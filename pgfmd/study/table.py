@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pgfmd import storage
 from pgfmd.errors import ResultError
-from pgfmd.study.cases import Case
-from pgfmd.study.standing import Standing
-from pgfmd.study.study_file import Axis
-from pgfmd.study.values import header, label_of_value, unit_of
+from pgfmd.files import storage
+
+from .cases import Case
+from .standing import Standing
+from .study_file import Axis
+from .values import header, label_of_value, unit_of
 
 FILE = "table.csv"
 MEASURED = {

@@ -4,8 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from paper.drawing import COLOURS, GREY, OCHRE, RED, TURQUOISE, VIOLET, Claim, Drawing, draw_loop, force_axes, panels
-from paper.drawing import pull_off, settings_of, zoom
+from paper.drawing import (
+    COLOURS,
+    GREY,
+    OCHRE,
+    RED,
+    TURQUOISE,
+    VIOLET,
+    Claim,
+    Drawing,
+    draw_loop,
+    force_axes,
+    panels,
+    pull_off,
+    settings_of,
+    zoom,
+)
 from paper.pool import Run, Runs
 from pgfmd.analysis.compliance import corrected_simulation, fit_cell_compliance
 from pgfmd.analysis.hysteresis import audit_of, twin_of

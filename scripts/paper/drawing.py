@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from paper.pool import Run
-from pgfmd.contact_sites import KINDS, contact_sites
-from pgfmd.map_plots import NEAR_LEVEL, new_figure
 from pgfmd.parts import topography_of
-from pgfmd.plots import GREY, RED, TURQUOISE
+from pgfmd.physics.contact_sites import KINDS, contact_sites
+from pgfmd.plots.folder import GREY, RED, TURQUOISE
+from pgfmd.plots.maps import NEAR_LEVEL, new_figure
 from pgfmd.results import Results
 
 OCHRE, VIOLET, GREEN = "#d18f00", "#6a4c93", "#4c9f38"

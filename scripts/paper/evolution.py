@@ -7,11 +7,22 @@ from typing import Any
 import numpy as np
 
 from paper.cell import fractions
-from paper.drawing import NAN, Claim, Drawing, closed_at, in_contact, joins, new_figure, percent, settings_of
-from paper.drawing import near, times_of
+from paper.drawing import (
+    NAN,
+    Claim,
+    Drawing,
+    closed_at,
+    in_contact,
+    joins,
+    near,
+    new_figure,
+    percent,
+    settings_of,
+    times_of,
+)
 from paper.pool import Run, Runs
 from pgfmd.analysis.bulges import bulges
-from pgfmd.map_plots import CONTACT_LEVEL, GREYS, MOST_PIXELS, NEAR_LEVEL, robust_limit
+from pgfmd.plots.maps import CONTACT_LEVEL, GREYS, MOST_PIXELS, NEAR_LEVEL, robust_limit
 
 TRI_COLUMNS = (1.0, 1.125, 1.25)
 LAST = "distance from the axis of the last third of saddles, over all"

@@ -9,9 +9,10 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from validation.drawing import number
+
 from paper import ROOT
 from paper.drawing import Claim, Drawing
-from validation.drawing import number
 
 PAGE = ROOT / "docs" / "paper.md"
 FOLDER = ROOT / "docs" / "figures" / "paper"

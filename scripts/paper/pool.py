@@ -16,7 +16,7 @@ from pgfmd.analysis.loop import Loop
 from pgfmd.parts import confirm
 from pgfmd.results import Results, load
 from pgfmd.scene import load_scene
-from pgfmd.scene_model import Scene
+from pgfmd.scene.model import Scene
 from pgfmd.study.cases import Case, cases_of
 from pgfmd.study.study_file import read_study
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from paper.drawing import COLOURS, GREY, Claim, Drawing, panels
 from paper.pool import Runs
+from pgfmd.physics.rheology import PronySeries
+from pgfmd.plots.rheology import draw_creep, draw_modulus
 from pgfmd.reference.prony import gfmd_creep
-from pgfmd.rheology import PronySeries
-from pgfmd.rheology_plots import draw_creep, draw_modulus
 
 MODELS = {
     "model 1": PronySeries.single(250.0, 400e-6),

@@ -26,14 +26,14 @@ from paper import ROOT, page  # noqa: E402
 from paper.drawing import settings_of  # noqa: E402
 from paper.pool import SIZES, Entry, Pool, Run  # noqa: E402
 from paper.registry import FIGURES, STUDIES  # noqa: E402
+from pgfmd.commands.study import say  # noqa: E402
 from pgfmd.errors import PgfmdError, SceneError  # noqa: E402
-from pgfmd.estimate import effort_of  # noqa: E402
-from pgfmd.plots import STYLE  # noqa: E402
+from pgfmd.files.storage import RUN_FILE, SCENE_FILE  # noqa: E402
+from pgfmd.forecast.estimate import effort_of  # noqa: E402
+from pgfmd.plots.folder import STYLE  # noqa: E402
 from pgfmd.scene import load_scene  # noqa: E402
-from pgfmd.storage import RUN_FILE, SCENE_FILE  # noqa: E402
 from pgfmd.study.campaign import Campaign, Unfinished, Wishes  # noqa: E402
 from pgfmd.study.standing import COMPLETE  # noqa: E402
-from pgfmd.study_command import say  # noqa: E402
 
 
 def arguments(texts: list[str] | None) -> argparse.Namespace:

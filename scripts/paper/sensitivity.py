@@ -4,8 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from paper.drawing import COLOURS, NAN, RED, TURQUOISE, Claim, Drawing, closed_at, draw_loop, force_axes, joins, panels
-from paper.drawing import pull_off, settings_of, zoom
+from paper.drawing import (
+    COLOURS,
+    NAN,
+    RED,
+    TURQUOISE,
+    Claim,
+    Drawing,
+    closed_at,
+    draw_loop,
+    force_axes,
+    joins,
+    panels,
+    pull_off,
+    settings_of,
+    zoom,
+)
 from paper.evolution import LAST, rim_last
 from paper.pool import Run, Runs
 from pgfmd.study.convergence import fit_power_law

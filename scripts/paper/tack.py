@@ -6,8 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from paper.drawing import COLOURS, GREY, Claim, Drawing, closed_at, draw_loop, force_axes, joins, panels, pull_off
-from paper.drawing import settings_of, zoom
+from paper.drawing import (
+    COLOURS,
+    GREY,
+    Claim,
+    Drawing,
+    closed_at,
+    draw_loop,
+    force_axes,
+    joins,
+    panels,
+    pull_off,
+    settings_of,
+    zoom,
+)
 from paper.pool import Run, Runs
 from pgfmd.analysis.bulges import bulges
 

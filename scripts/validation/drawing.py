@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.map_plots import new_figure
-from pgfmd.plots import GREY, RED, TURQUOISE
+from pgfmd.plots.folder import GREY, RED, TURQUOISE
+from pgfmd.plots.maps import new_figure
 
 OCHRE, VIOLET = "#d18f00", "#6a4c93"
 COLOURS = (TURQUOISE, RED, OCHRE, VIOLET)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from runs import CONTACT_MODULUS, RADIUS, RIGID, WORK_OF_ADHESION, pull, run
 
-from pgfmd.film import Film
+from pgfmd.physics.film import Film
 from pgfmd.reference import film, flat_punch
 from validation.drawing import Line, chosen, closed, convergence, order, ours, panels, triangle
 

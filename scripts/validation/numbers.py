@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from pgfmd.cohesion import range_of_adhesion
+from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import corrugation, tabor
-from pgfmd.rheology import PronySeries
 from pgfmd.scene import load_scene
 from validation.drawing import GREY, Line, ours, panels
 

@@ -9,9 +9,9 @@ from mpi4py import MPI
 from test_viscoelastic import SPECTRA, rheology, stepped
 
 from pgfmd.assemble import assemble
-from pgfmd.drive import Phase
+from pgfmd.physics.drive import Phase
+from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import prony
-from pgfmd.rheology import PronySeries
 from pgfmd.scene import scene_from_mapping
 from validation.drawing import GREY, Line, closed, convergence, order, ours, panels, triangle
 

@@ -12,11 +12,11 @@ from runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION, run
 from test_viscoelastic import RANGE, SPECTRA, exact_wave, fixed_steps, wave_of, wavy_scene
 from test_viscoelastic import run as run_recorded
 
-from pgfmd.cohesion import CohesiveLaw
-from pgfmd.map_plots import new_figure
+from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.topography import Topography
+from pgfmd.plots.maps import new_figure
 from pgfmd.reference import corrugation, wavy
 from pgfmd.scene import load_scene, scene_from_mapping
-from pgfmd.topography import Topography
 from validation.drawing import GREY, Line, chosen, closed, convergence, order, ours, panels, triangle
 
 MILLI, KILO = 1e3, 1e-3

@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from launching import ENVIRONMENT
 
-from pgfmd import launch
-from pgfmd.estimate import PROGRAM_BYTES, memory_of
+from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
+from pgfmd.host import launch
 from pgfmd.results import load
 from pgfmd.scene import load_scene, shipped_text
 
@@ -154,7 +153,7 @@ def test_results_go_to_out_and_the_name_of_the_scene(tmp_path):
 
 RANKS = """
 import sys, time
-from pgfmd import launch
+from pgfmd.host import launch
 from pgfmd.errors import RunError
 
 comm = launch.world()

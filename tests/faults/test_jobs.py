@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from pgfmd import launch
+from pgfmd.host import launch
 from pgfmd.restart.checkpoint_layout import examine
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load

@@ -8,11 +8,10 @@ import time
 from contextlib import contextmanager
 
 import pytest
-
 from launching import ENVIRONMENT
 
-from pgfmd import launch
-from pgfmd.run_lock import LOCK_FILE, holder
+from pgfmd.host import launch
+from pgfmd.host.run_lock import LOCK_FILE, holder
 
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 
@@ -50,8 +49,8 @@ def pids_in(folder, ranks=2):
 WAITING = """
 import os, sys, time
 from pathlib import Path
-from pgfmd import launch
-from pgfmd.stop_signals import StopSignals
+from pgfmd.host import launch
+from pgfmd.host.stop_signals import StopSignals
 
 comm = launch.world()
 (Path(sys.argv[1]) / f"pid.{comm.rank}").write_text(str(os.getpid()))
@@ -106,7 +105,7 @@ def test_a_killed_launcher_leaves_no_rank(tmp_path):
 
 PARENT = """
 import os, sys
-from pgfmd.processes import end_with_launcher
+from pgfmd.host.processes import end_with_launcher
 if os.fork():
     os.wait()
 else:
@@ -133,7 +132,7 @@ def test_only_what_a_launcher_has_started_dies_with_it(tmp_path):
 
 ONE_FAILS = """
 import sys, threading, time
-from pgfmd import launch
+from pgfmd.host import launch
 from pgfmd.errors import RunError
 
 comm, what = launch.world(), sys.argv[1]
@@ -198,8 +197,8 @@ def test_a_script_that_only_asks_for_the_world(fault, code, texts):
 LOOP = """
 import sys, time
 from mpi4py import MPI
-from pgfmd import launch
-from pgfmd.stop_signals import StopSignals
+from pgfmd.host import launch
+from pgfmd.host.stop_signals import StopSignals
 
 comm = launch.world()
 before = [launch.signal.getsignal(number) for number in (2, 10, 12, 15)]
@@ -268,7 +267,7 @@ def test_one_rank_that_is_asked_stops_all(tmp_path):
 BESIDE = """
 import os, signal, threading
 from mpi4py import MPI
-from pgfmd.stop_signals import StopSignals
+from pgfmd.host.stop_signals import StopSignals
 
 def loop():
     with StopSignals(MPI.COMM_WORLD) as signals:
@@ -293,7 +292,7 @@ LOCKING = """
 import sys
 from pathlib import Path
 from pgfmd.errors import ResultError
-from pgfmd.run_lock import RunLock
+from pgfmd.host.run_lock import RunLock
 
 print("ready", flush=True)
 input()
@@ -349,7 +348,7 @@ RACE = """
 import os, signal, sys, time
 from pathlib import Path
 from pgfmd.errors import ResultError
-from pgfmd.run_lock import RunLock, holder
+from pgfmd.host.run_lock import RunLock, holder
 
 folder = Path(sys.argv[1])
 replace = os.replace

@@ -8,10 +8,9 @@ import time
 from pathlib import Path
 
 import pytest
-
 from launching import ENVIRONMENT, held_at
 
-from pgfmd import launch
+from pgfmd.host import launch
 from pgfmd.restart.checkpoint_layout import read_head
 from pgfmd.restart.sameness import differences
 
@@ -157,14 +156,20 @@ def test_usr2_saves_and_the_run_goes_on(tmp_path, undisturbed):
     assert differences(undisturbed, tmp_path) == []
 
 
-def test_a_limit_of_time_is_kept(tmp_path, undisturbed):
-    links = 0
-    while (done := finish(tmp_path, 1, "--walltime", "5s", limit=10.0)).returncode == RESUMABLE:
-        assert "pgfmd: stopped by the limit of time after step " in done.stderr
-        links += 1
-        assert links < 20
-    assert done.returncode == 0, done.stderr
-    assert differences(undisturbed, tmp_path) == []
+def test_a_limit_of_time_is_kept(tmp_path):
+    limit, steps = 5.0, []
+    while len(steps) < 2:
+        # A run that lasts; it has to end by itself within the limit.
+        began = time.monotonic()
+        stopped = finish(tmp_path, 1, *LASTING, "--walltime", f"{limit}s", limit=2.0 * limit)
+        if stopped.returncode == RESUMABLE and time.monotonic() - began < limit:
+            assert "pgfmd: stopped by the limit of time after step " in stopped.stderr
+            steps.append(steps_kept(tmp_path))
+        else:
+            # On a machine so busy that loading took most of it.
+            limit *= 2.0
+            assert stopped.returncode in (3, RESUMABLE) and limit < 100.0, stopped.stderr
+    assert 0 < steps[0] < steps[1] and f"going on from checkpoint.h5: step {steps[0]}," in stopped.stdout
 
 
 def test_a_limit_that_leaves_no_time_to_step_is_an_error(tmp_path):

@@ -5,11 +5,10 @@ import subprocess
 import sys
 import time
 
+import launching
 import pytest
 
-import launching
-
-from pgfmd import launch
+from pgfmd.host import launch
 from pgfmd.restart.sameness import differences
 
 # Ranks that wait leave their core to others: cores are few where tests run.

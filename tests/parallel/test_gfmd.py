@@ -5,13 +5,13 @@ import pytest
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble
-from pgfmd.far_field import FarPoints, far_weights
-from pgfmd.grid import Grid, PunchPoints
-from pgfmd.halfspace import HalfSpace
+from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.results import load
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
-from pgfmd.transform import Convolution, Plane, periodic_multiplier
+from pgfmd.solver.far_field import FarPoints, far_weights
+from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.solver.transform import Convolution, Plane, periodic_multiplier
 
 pytestmark = pytest.mark.mpi
 

@@ -10,15 +10,15 @@ from scipy import ndimage
 from stopper import StopAfter
 
 import pgfmd.runner
-from pgfmd.contact_sites import ContactSites, contact_sites
-from pgfmd.grid import Grid, PunchPoints
-from pgfmd.patches import SitePoints, label_contact, patches_of
+from pgfmd.physics.contact_sites import ContactSites, contact_sites
+from pgfmd.physics.topography import Topography
 from pgfmd.restart.keeper import Stopped
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
-from pgfmd.topography import Topography
+from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.solver.patches import SitePoints, label_contact, patches_of
 
 pytestmark = pytest.mark.mpi
 

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pgfmd import fields_layout
-from pgfmd.curve_file import CURVE_COLUMNS, CurveFile, CurveRow, EnergyFile, EnergyRow
 from pgfmd.errors import ResultError
-from pgfmd.fields_file import FieldsFile
-from pgfmd.storage import RESULTS, agree, make_directory, on_root, set_aside, write_run_json
+from pgfmd.files import fields_layout
+from pgfmd.files.curve_file import CURVE_COLUMNS, CurveFile, CurveRow, EnergyFile, EnergyRow
+from pgfmd.files.storage import RESULTS, agree, make_directory, on_root, set_aside, write_run_json
+from pgfmd.output.fields_file import FieldsFile
 
 pytestmark = pytest.mark.mpi
 
@@ -318,7 +318,7 @@ def test_default_follows_h5py_and_gathering_is_said_once(comm, folder, monkeypat
         mpi = False
 
     monkeypatch.setattr(h5py, "get_config", lambda: Plain)
-    monkeypatch.setattr("pgfmd.fields_file._told", False)
+    monkeypatch.setattr("pgfmd.output.fields_file._told", False)
     for name in ("one.h5", "two.h5"):
         assert not open_fields(folder / name, comm).parallel
     assert capsys.readouterr().out.count("gathered to rank 0") == (1 if comm.rank == 0 and comm.size > 1 else 0)
@@ -430,7 +430,7 @@ def outside_mpi() -> dict[str, str]:
 KILLED = """
 import sys, numpy as np
 from mpi4py import MPI
-from pgfmd.fields_file import FieldsFile
+from pgfmd.output.fields_file import FieldsFile
 fields = FieldsFile(sys.argv[1], MPI.COMM_SELF, 64, 1.0, 0, 64, 0, 64, np.ones((64, 64), bool))
 print("open", fields.frames, flush=True)
 while True:

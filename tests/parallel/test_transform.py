@@ -6,11 +6,11 @@ import scipy.fft
 from mpi4py import MPI
 
 from pgfmd.errors import PgfmdError
-from pgfmd.film import Film
-from pgfmd.free_kernel import FreeHalfSpace
-from pgfmd.grid import Grid, PunchPoints
-from pgfmd.halfspace import HalfSpace
-from pgfmd.transform import Convolution, free_multiplier, periodic_multiplier, plain_pair
+from pgfmd.physics.film import Film
+from pgfmd.physics.free_kernel import FreeHalfSpace
+from pgfmd.physics.halfspace import HalfSpace
+from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.solver.transform import Convolution, free_multiplier, periodic_multiplier, plain_pair
 
 pytestmark = pytest.mark.mpi
 
@@ -172,7 +172,7 @@ def test_block_and_whole_cell_agree_under_the_punch(n, radius):
 
 
 def test_sums_and_maxima_have_the_same_bits_on_every_rank():
-    from pgfmd import kernels
+    from pgfmd.solver import kernels
 
     comm, totals = MPI.COMM_WORLD, []
     for communicator in (comm, MPI.COMM_SELF):

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from pgfmd import parts
-from pgfmd.drive import PRELOAD
+from pgfmd.physics.drive import PRELOAD
 
 RTOL = 1e-11
 

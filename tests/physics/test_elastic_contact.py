@@ -9,13 +9,13 @@ from mpi4py import MPI
 from runs import CONTACT_MODULUS, RIGID, SINUSOID, WORK_OF_ADHESION, orders, radius_of_traction, run
 
 from pgfmd.assemble import convolution_of
-from pgfmd.far_field import far_weights
-from pgfmd.free_kernel import FreeHalfSpace
-from pgfmd.grid import Grid, PunchPoints
-from pgfmd.halfspace import HalfSpace
+from pgfmd.physics.free_kernel import FreeHalfSpace
+from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.reference import hertz, jkr, maugis, power_law, tabor, wavy
 from pgfmd.scene import load_scene
-from pgfmd.transform import Convolution, free_multiplier, periodic_multiplier
+from pgfmd.solver.far_field import far_weights
+from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.solver.transform import Convolution, free_multiplier, periodic_multiplier
 
 SPHERE = 10e-3
 TENSION = np.pi * WORK_OF_ADHESION * SPHERE

@@ -6,9 +6,9 @@ Where the printed value isn't reproduced within its rounding, the test says by h
 import numpy as np
 import pytest
 
-from pgfmd.cohesion import CohesiveLaw, range_of_adhesion
+from pgfmd.physics.cohesion import CohesiveLaw, range_of_adhesion
+from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import corrugation, flat_punch, jkr, prony, tabor
-from pgfmd.rheology import PronySeries
 
 PUNCH_RADIUS = 375e-6
 CELL = 1.5e-3

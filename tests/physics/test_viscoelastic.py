@@ -7,11 +7,11 @@ import pytest
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble
-from pgfmd.drive import Phase
+from pgfmd.physics.drive import Phase
+from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import prony, sinusoid, ting
-from pgfmd.retardation import SDIRK2, step_weights
-from pgfmd.rheology import PronySeries
 from pgfmd.scene import load_scene, scene_from_mapping
+from pgfmd.solver.retardation import SDIRK2, step_weights
 
 MODULUS, POISSON = 2e6, 0.495
 CONTACT_MODULUS = MODULUS / (1 - POISSON**2)

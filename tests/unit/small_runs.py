@@ -7,7 +7,7 @@ from mpi4py import MPI
 from stopper import StopAfter
 
 import pgfmd.runner
-from pgfmd.hdf5 import open_serial
+from pgfmd.files.hdf5 import open_serial
 from pgfmd.restart.keeper import Stopped, Timing
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pgfmd.curve_file import (
+from pgfmd.files.curve_file import (
     CurveFile,
     CurveRow,
     EnergyFile,
@@ -20,8 +20,8 @@ from pgfmd.curve_file import (
     SiteFile,
     SiteRow,
 )
-from pgfmd.fields_file import FieldsFile
-from pgfmd.storage import write_run_json
+from pgfmd.files.storage import write_run_json
+from pgfmd.output.fields_file import FieldsFile
 
 RADIUS, MODULUS, PUNCH = 5e-3, 2.67e6, 375e-6
 

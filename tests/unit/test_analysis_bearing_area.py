@@ -8,19 +8,13 @@ from analysis_loops import MODULUS, WORK, loop_of
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from pgfmd.analysis.asperity_laws import (
-    JkrAsperity,
-    MeasuredAsperity,
-    ViscoelasticAsperity,
-    force_of,
-    release_rate,
-)
+from pgfmd.analysis.asperity_laws import JkrAsperity, MeasuredAsperity, ViscoelasticAsperity, force_of, release_rate
 from pgfmd.analysis.bearing_area import laws_of, predict
 from pgfmd.analysis.crack_law import CrackLaw
 from pgfmd.analysis.measures import measure
 from pgfmd.analysis.summits import Summits, summits_of
+from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import jkr
-from pgfmd.rheology import PronySeries
 from pgfmd.scene import load_scene
 
 RADIUS = 140e-6

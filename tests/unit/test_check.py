@@ -6,8 +6,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from pgfmd.check import report
-from pgfmd.estimate import effort_of, memory_of
+from pgfmd.commands.check import report
+from pgfmd.forecast.estimate import effort_of, memory_of
 from pgfmd.scene import load_scene
 
 GEOMETRIC = [

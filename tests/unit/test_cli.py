@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import pgfmd
-from pgfmd import launch
+from pgfmd.host import launch
 from pgfmd.scene import load_scene, shipped_scenes, shipped_text
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -229,6 +229,6 @@ def test_the_package_is_light_and_lazy(tmp_path):
         "print(light, pgfmd.load.__module__, pgfmd.load_scene.__module__, 'mpi4py' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert done.stdout.split() == ["True", "pgfmd.results", "pgfmd.scene", "False"], done.stderr
+    assert done.stdout.split() == ["True", "pgfmd.results.reading", "pgfmd.scene.reading", "False"], done.stderr
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         pgfmd.nonsense  # noqa: B018

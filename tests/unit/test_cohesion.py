@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pgfmd.cohesion import LAWS, CohesiveLaw, range_of_adhesion
+from pgfmd.physics.cohesion import LAWS, CohesiveLaw, range_of_adhesion
 
 GAMMA, RHO = 0.05, 0.75e-6
 COSINE, REPULSIVE = CohesiveLaw(GAMMA, RHO), CohesiveLaw(GAMMA, RHO, attractive=False)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from pgfmd.contact_sites import KINDS, contact_sites
-from pgfmd.topography import Topography
+from pgfmd.physics.contact_sites import KINDS, contact_sites
+from pgfmd.physics.topography import Topography
 
 WAVE, RADIUS = 150e-6, 375e-6
 SADDLE_HEIGHT = {"hexagonal": 2 / 9, "triangular": 16 / 9}

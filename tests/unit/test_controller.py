@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from pgfmd.controller import ENERGY_CUT, MOST_REPEATS, Controller, StepLimits
-from pgfmd.preload_search import PRELOAD_TOLERANCE
-from pgfmd.drive import PRELOAD, Phase
 from pgfmd.errors import RunError
-from pgfmd.extrapolation import integral
-from pgfmd.schemes.trial import Change, Trial
-from pgfmd.state import State
+from pgfmd.physics.drive import PRELOAD, Phase
+from pgfmd.solver.controller import ENERGY_CUT, MOST_REPEATS, Controller, StepLimits
+from pgfmd.solver.extrapolation import integral
+from pgfmd.solver.preload_search import PRELOAD_TOLERANCE
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import Change, Trial
 
 TOLERANCE, RANGE, SPEED, SHORTEST = 1e-3, 1e-6, 1e-6, 1e-2
 RETRACT, APPROACH = Phase("retract", SPEED, SPEED), Phase("approach", -SPEED, -SPEED, ends_with=PRELOAD)

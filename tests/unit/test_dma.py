@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from pgfmd.dma import MeasurementError, read_dma, temperature_in_kelvin
+from pgfmd.characterisation.dma import MeasurementError, read_dma, temperature_in_kelvin
 
 ROWS = [(0.1, 2.0, 0.25), (1.0, 3.5, 0.75), (10.0, 8.0, 4.0)]
 

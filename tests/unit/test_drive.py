@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pgfmd.drive import DETACHED, OVERSHOOT, PRELOAD, Drive, Phase
+from pgfmd.physics.drive import DETACHED, OVERSHOOT, PRELOAD, Drive, Phase
 
 DRIVES = {
     "turn": Drive(2e-6, 1e-2, 2e-6, 0.03, 0.0, 1e-6),

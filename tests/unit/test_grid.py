@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pgfmd.grid import Grid, PunchPoints, share
+from pgfmd.solver.grid import Grid, PunchPoints, share
 
 
 @dataclass

@@ -10,9 +10,9 @@ from scipy.linalg import expm
 from scipy.sparse.linalg import LinearOperator, cg
 from scipy.special import j0
 
-from pgfmd.film import Film, ratio_deficit, ratio_over_x
-from pgfmd.free_kernel import FAR, TABLE_REACH, FreeFilm, FreeHalfSpace
-from pgfmd.halfspace import HalfSpace, TabulatedCompliance
+from pgfmd.physics.film import Film, ratio_deficit, ratio_over_x
+from pgfmd.physics.free_kernel import FAR, TABLE_REACH, FreeFilm, FreeHalfSpace
+from pgfmd.physics.halfspace import HalfSpace, TabulatedCompliance
 
 BASES = ("bonded", "sliding")
 POISSON_RATIOS = (-0.4, 0.0, 0.3, 0.495, 0.5)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pgfmd import kernels, transform_kernels
-from pgfmd.cohesion import CohesiveLaw
-from pgfmd.grid import Grid, PunchPoints
+from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.solver import kernels, transform_kernels
+from pgfmd.solver.grid import Grid, PunchPoints
 
 GAMMA, RHO = 0.05, 0.75e-6
 LAWS = {"cosine": CohesiveLaw(GAMMA, RHO), "repulsive": CohesiveLaw(GAMMA, RHO, attractive=False)}

@@ -6,12 +6,12 @@ import scipy.fft
 import scipy.optimize
 from mpi4py import MPI
 
-from pgfmd.cohesion import CohesiveLaw
-from pgfmd.free_kernel import FreeHalfSpace
-from pgfmd.grid import Grid, PunchPoints
-from pgfmd.halfspace import HalfSpace
-from pgfmd.newton import NewtonSolver
-from pgfmd.transform import Convolution, free_multiplier, periodic_multiplier
+from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.free_kernel import FreeHalfSpace
+from pgfmd.physics.halfspace import HalfSpace
+from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.solver.newton import NewtonSolver
+from pgfmd.solver.transform import Convolution, free_multiplier, periodic_multiplier
 
 MODULUS, GAMMA, LENGTH = 2.65e6, 0.05, 100e-6
 RANGE = 0.5e-6

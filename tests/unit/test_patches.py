@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pgfmd.contact_sites import ContactSites, contact_sites
-from pgfmd.curve_file import SITE_COLUMNS, PatchFile, SiteFile
-from pgfmd.grid import Grid, PunchPoints
-from pgfmd.observers import Frame
-from pgfmd.patch_observer import ContactWatch, PatchTable
-from pgfmd.patches import SitePoints, patches_of
-from pgfmd.simulation import Event
-from pgfmd.topography import Topography
+from pgfmd.files.curve_file import SITE_COLUMNS, PatchFile, SiteFile
+from pgfmd.output.observers import Frame
+from pgfmd.output.patch_observer import ContactWatch, PatchTable
+from pgfmd.physics.contact_sites import ContactSites, contact_sites
+from pgfmd.physics.topography import Topography
+from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.solver.patches import SitePoints, patches_of
+from pgfmd.solver.simulation import Event
 
 N = 20
 POINTS = PunchPoints(Grid(N, 1.0), None, MPI.COMM_SELF)

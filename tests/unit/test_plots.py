@@ -9,9 +9,11 @@ import pytest
 from matplotlib.image import imread
 from synthetic_results import PUNCH, history, sphere, write_results
 
-from pgfmd import map_plots, patch_plots, plots
-from pgfmd.curve_file import CURVE_COLUMNS
 from pgfmd.errors import ResultError
+from pgfmd.files.curve_file import CURVE_COLUMNS
+from pgfmd.plots import folder as plots
+from pgfmd.plots import maps as map_plots
+from pgfmd.plots import patches as patch_plots
 from pgfmd.results import load
 
 ALL = ["force-displacement.png", "contact-maps.png", "stress-maps.png", "energy.png", "sites.png"]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from pgfmd.prony_fit import fit_series, ladder, moduli_of, weights_of
-from pgfmd.rheology import PronySeries
+from pgfmd.characterisation.prony_fit import fit_series, ladder, moduli_of, weights_of
+from pgfmd.physics.rheology import PronySeries
 
 FIVE = PronySeries.geometric(250, 40e-6, elements=5, time_ratio=6, exponent=0.8)
 OMEGA = np.geomspace(0.1, 1e6, 60)

@@ -6,6 +6,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 from scipy.special import gammainc
 
+from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import (
     corrugation,
     film,
@@ -20,7 +21,6 @@ from pgfmd.reference import (
     ting,
     wavy,
 )
-from pgfmd.rheology import PronySeries
 
 RADIUS, MODULUS, ADHESION = 1.5e-4, 2.6e6, 0.05
 SERIES = PronySeries([3.0, 0.5, 40.0], [2.0, 0.1, 1e-3])

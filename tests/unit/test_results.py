@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from synthetic_results import history, sphere, write_results
 
-from pgfmd.curve_file import CURVE_COLUMNS
 from pgfmd.errors import ResultError
+from pgfmd.files.curve_file import CURVE_COLUMNS
 from pgfmd.results import load
 
 
@@ -137,5 +137,5 @@ def test_damaged_record(folder):
 
 
 def test_reading_and_plotting_start_no_mpi():
-    code = "import sys, pgfmd.results, pgfmd.plots; print(sorted({'mpi4py', 'h5py', 'matplotlib'} & set(sys.modules)))"
+    code = "import sys, pgfmd.results, pgfmd.plots.folder; print(sorted({'mpi4py', 'h5py', 'matplotlib'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from pgfmd.drift import ROUNDING, Drift
-from pgfmd.retardation import IMPLICIT_EULER, SDIRK2, step_weights
-from pgfmd.rheology import CreepSeries, PronySeries
+from pgfmd.physics.rheology import CreepSeries, PronySeries
+from pgfmd.solver.drift import ROUNDING, Drift
+from pgfmd.solver.retardation import IMPLICIT_EULER, SDIRK2, step_weights
 
 METHODS = {"implicit Euler": IMPLICIT_EULER, "SDIRK2": SDIRK2}
 SERIES = {

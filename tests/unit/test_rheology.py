@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from pgfmd.rheology import CreepSeries, PronySeries
+from pgfmd.physics.rheology import CreepSeries, PronySeries
 
 
 def creep_form_in_decimal(kappa, tau):

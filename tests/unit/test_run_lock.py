@@ -13,11 +13,11 @@ import time
 
 import pytest
 
-from pgfmd import batch, run_lock
 from pgfmd.errors import ResultError
-from pgfmd.mounts import has_common_locks
-from pgfmd.processes import Process
-from pgfmd.run_lock import LOCK_FILE, RunLock, holder
+from pgfmd.host import batch, run_lock
+from pgfmd.host.mounts import has_common_locks
+from pgfmd.host.processes import Process
+from pgfmd.host.run_lock import LOCK_FILE, RunLock, holder
 
 DEAD = 2**22 + 1
 """More than the largest number of a process."""

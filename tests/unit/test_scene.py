@@ -11,10 +11,10 @@ import pytest
 
 from pgfmd.errors import SceneError
 from pgfmd.scene import load_scene, parse_scene, scene_from_mapping, shipped_scenes, shipped_text
-from pgfmd.scene_draft import MISSING
-from pgfmd.scene_fields import snapshot_time
-from pgfmd.scene_model import PATTERNS, RHEOLOGIES, SECTIONS, Output, Solver
-from pgfmd.scene_solver import PRECISIONS
+from pgfmd.scene.draft import MISSING
+from pgfmd.scene.fields import snapshot_time
+from pgfmd.scene.model import PATTERNS, RHEOLOGIES, SECTIONS, Output, Solver
+from pgfmd.scene.solver_section import PRECISIONS
 
 PUNCH_VALUES = {
     "radius": "300 um",

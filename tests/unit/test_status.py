@@ -11,16 +11,18 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from pgfmd import cli, run_lock, status_command
-from pgfmd.curve_file import CURVE_COLUMNS
-from pgfmd.curve_tail import CurveTail, count_ends
+from pgfmd import cli
+from pgfmd.commands import status as status_command
 from pgfmd.errors import Problem, ResultError, RunError, SceneError
-from pgfmd.forecast import Moment, outlook
+from pgfmd.files.curve_file import CURVE_COLUMNS
+from pgfmd.files.curve_tail import CurveTail, count_ends
+from pgfmd.forecast.progress import Moment, outlook
+from pgfmd.host import run_lock
+from pgfmd.host.run_lock import Holder, RunLock
 from pgfmd.restart.checkpoint_layout import read_head
-from pgfmd.run_lock import Holder, RunLock
+from pgfmd.results.status import Mark, _pace, status_of
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
-from pgfmd.status import Mark, _pace, status_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from small_runs import damage_an_array, flip, run  # noqa: E402
@@ -40,7 +42,7 @@ def runs(tmp_path_factory):
 def left_by_the_dead(folder):
     """Leaves a lock in a folder whose process is gone."""
     code = (
-        "import os, sys; from pathlib import Path; from pgfmd.run_lock import RunLock; "
+        "import os, sys; from pathlib import Path; from pgfmd.host.run_lock import RunLock; "
         "RunLock.acquire(Path(sys.argv[1]), 3); os._exit(9)"
     )
     subprocess.run([sys.executable, "-c", code, str(folder)], timeout=60)
@@ -120,7 +122,7 @@ def test_rows_after_the_checkpoint_tell_of_an_error(stopped):
 
 
 def test_failed_has_its_message(tmp_path, monkeypatch):
-    from pgfmd.controller import Controller
+    from pgfmd.solver.controller import Controller
 
     advance, calls = Controller.advance, []
 
@@ -162,7 +164,7 @@ def test_damaged_gives_the_reason_for_each(stopped):
 
 
 def test_a_checkpoint_of_another_version_is_named_so(stopped, monkeypatch):
-    from pgfmd import inventory
+    from pgfmd.results import inventory
 
     (stopped / "checkpoint.previous.h5").unlink()
     monkeypatch.setattr(inventory, "read_head", lambda path: {"pgfmd": "9.9", "state": {}})
@@ -371,7 +373,7 @@ def test_no_forecast_where_nothing_can_be_said():
 
 
 def test_status_says_so_if_the_scene_cannot_be_read(stopped, monkeypatch):
-    from pgfmd import status
+    from pgfmd.results import status
 
     def refuse(text):
         raise SceneError("scene", [Problem("punch.file", "/gone.npy", "a file that exists")])
@@ -397,7 +399,7 @@ def test_the_tail_of_a_long_curve(tmp_path, finished):
 
 
 def test_endings_are_counted_across_pieces(tmp_path, monkeypatch):
-    from pgfmd import curve_tail
+    from pgfmd.files import curve_tail
 
     (tmp_path / "table").write_text("a,dwell\nb,turn\n" * 50)
     for size in range(1, 20):

@@ -1,6 +1,7 @@
 """What imports what, and how long things are."""
 
 import ast
+import graphlib
 import subprocess
 import sys
 from pathlib import Path
@@ -22,11 +23,13 @@ NAMES = {file: dotted(file) for file in FILES}
 
 LONGEST_FILE, LONGEST_FUNCTION = 300, 60
 
-PLAIN = ["rheology", "cohesion", "drive", "topography", "asperities", "contact_sites", "heightfile", "halfspace", "film", "free_kernel",
-         "retardation", "drift", "reference", "units", "errors", "dma", "prony_fit", "temperature_shift"]  # fmt: skip
-READERS = ["results", "plots", "map_plots", "patch_plots", "rheology_plots", "rheology_table", "fit_command",
-           "analysis.summary", "analysis.beside", "study.campaign", "study.slurm_array", "study.pictures",
-           "study.extrapolation", "study.refinement", "study_command"]  # fmt: skip
+PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (PACKAGE / "physics").glob("[a-z]*.py")),
+         "solver.retardation", "solver.drift", "characterisation.dma", "characterisation.prony_fit",
+         "characterisation.temperature_shift"]  # fmt: skip
+READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
+           "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.beside",
+           "study.campaign", "study.slurm_array", "study.pictures", "study.extrapolation", "study.refinement",
+           "commands.study"]  # fmt: skip
 HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
 
 
@@ -66,7 +69,7 @@ def test_plain_modules_know_no_mpi_no_hdf5_and_no_scene(module):
 def test_analysis_and_plots_know_no_mpi(module):
     loaded = loaded_by(f"pgfmd.{module}")
     assert not loaded & {"mpi4py", "mpi4py_fft"}
-    assert "pgfmd.simulation" not in loaded and "pgfmd.transform" not in loaded
+    assert "pgfmd.solver.simulation" not in loaded and "pgfmd.solver.transform" not in loaded
 
 
 def test_reading_a_scene_needs_no_mpi():
@@ -76,7 +79,7 @@ def test_reading_a_scene_needs_no_mpi():
 def test_one_module_alone_computes_with_mpi4py_fft():
     users = {name for name, modules in IMPORTS.items() if any(m.split(".")[0] == "mpi4py_fft" for m in modules)}
     # The doctor asks whether it is there, and computes nothing with it.
-    assert users - {"pgfmd.doctor"} == {"pgfmd.transform"}
+    assert users - {"pgfmd.host.doctor"} == {"pgfmd.solver.transform"}
 
 
 def test_nothing_imports_the_command_line():
@@ -86,16 +89,29 @@ def test_nothing_imports_the_command_line():
 
 def test_the_core_knows_no_scene_and_no_files():
     """Only what puts a run together knows how scenes are written and where results go."""
-    for core in ("grid", "transform", "kernels", "newton", "retardation", "drift", "controller", "state", "simulation"):
-        own = {module for module in IMPORTS[f"pgfmd.{core}"] if module.startswith("pgfmd.")}
-        others = ("scene", "assemble", "storage", "csv_file", "curve_file", "fields", "observers", "runner", "results", "plots")
-        for other in others:
-            assert not {module for module in own if module.startswith(f"pgfmd.{other}")}, core
-    assert not {m for m in IMPORTS["pgfmd.schemes.inertialess"] if "scene" in m or "storage" in m}
+    known = ("errors", "physics", "solver", "files.packing")
+    for core in (name for name in IMPORTS if name.startswith(("pgfmd.solver", "pgfmd.schemes"))):
+        allowed = (*known, "schemes") if core.startswith("pgfmd.schemes") else known
+        own = {module for module in IMPORTS[core] if module.startswith("pgfmd.")}
+        assert all(module.startswith(tuple(f"pgfmd.{other}" for other in allowed)) for module in own), core
+
+
+def test_no_folder_needs_one_that_needs_it():
+    """Folders of the package stand on each other in one order."""
+
+    def folder(module):
+        return module.split(".")[1]
+
+    needs = {folder(name): set() for name in IMPORTS if name != "pgfmd"}
+    for name in IMPORTS.keys() - {"pgfmd"}:
+        others = {folder(other) for other in IMPORTS[name] if other.startswith("pgfmd.")}
+        needs[folder(name)] |= (others & needs.keys()) - {folder(name)}
+    order = graphlib.TopologicalSorter(needs)
+    order.prepare()
 
 
 def test_closed_forms_import_nothing_of_the_solver():
-    allowed = ("pgfmd.reference", "pgfmd.rheology")
+    allowed = ("pgfmd.reference", "pgfmd.physics.rheology")
     for name, modules in IMPORTS.items():
         if name.startswith("pgfmd.reference"):
             assert all(module.startswith(allowed) for module in modules if module.startswith("pgfmd")), name

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from pgfmd import cli
+from pgfmd.host.run_lock import RunLock
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
-from pgfmd.run_lock import RunLock
 from pgfmd.study import pool as pool_module
 from pgfmd.study.campaign import Campaign, Unfinished, Wishes
 from pgfmd.study.cases import cases_of

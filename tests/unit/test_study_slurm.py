@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pgfmd import cli
-from pgfmd.estimate import PROGRAM_BYTES, memory_of
+from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
 from pgfmd.scene import load_scene
 from pgfmd.study.cases import cases_of
 from pgfmd.study.study_file import read_study

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pgfmd.dma import Sweep
-from pgfmd.prony_fit import fit_series
-from pgfmd.rheology import PronySeries
-from pgfmd.temperature_shift import WLF, fit_wlf, master_curve
+from pgfmd.characterisation.dma import Sweep
+from pgfmd.characterisation.prony_fit import fit_series
+from pgfmd.characterisation.temperature_shift import WLF, fit_wlf, master_curve
+from pgfmd.physics.rheology import PronySeries
 
 SERIES = PronySeries.geometric(1000, 1e-7, elements=20, time_ratio=3, exponent=0.5)
 KNOWN = WLF(8.86, 101.6, 298.15)

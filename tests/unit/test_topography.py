@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pgfmd.asperities import site_normals
-from pgfmd.topography import PATTERNS, Topography, layered
+from pgfmd.physics.asperities import site_normals
+from pgfmd.physics.topography import PATTERNS, Topography, layered
 
 WAVELENGTH = 150e-6
 SHIFT = math.sqrt(3) / 4 * WAVELENGTH

@@ -9,12 +9,15 @@ import h5py
 import numpy as np
 import pytest
 
-from pgfmd import cli, fields_layout, run_lock, storage, verify
+from pgfmd import cli
 from pgfmd.errors import ResultError
-from pgfmd.hdf5 import open_serial
+from pgfmd.files import fields_layout, storage
+from pgfmd.files.checksum import whole_sum
+from pgfmd.files.hdf5 import open_serial
+from pgfmd.host import run_lock
+from pgfmd.host.run_lock import Holder, RunLock
 from pgfmd.restart.checkpoint_layout import SEAL_BYTES, read_head
-from pgfmd.restart.checksum import whole_sum
-from pgfmd.run_lock import Holder, RunLock
+from pgfmd.results import verify
 
 sys.path.insert(0, str(Path(__file__).parent))
 from small_runs import damage_an_array, flip, run  # noqa: E402

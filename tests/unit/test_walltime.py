@@ -6,9 +6,9 @@ import time
 
 import pytest
 
-from pgfmd import batch
+from pgfmd.host import batch
+from pgfmd.host.walltime import end_of_job, seconds_of
 from pgfmd.units import UnitError
-from pgfmd.walltime import end_of_job, seconds_of
 
 VARIABLES = ("SLURM_", "PBS_", "LSB_", "JOB_ID")
 

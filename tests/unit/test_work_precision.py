@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pgfmd import bench, cli
-from pgfmd.curve_errors import Curve, cost_at, errors, richardson, rms_difference
+from pgfmd import cli
+from pgfmd.benchmark import bench
+from pgfmd.benchmark.curve_errors import Curve, cost_at, errors, richardson, rms_difference
+from pgfmd.benchmark.work_precision import Laboratory, Setting, explicit, implicit, study
 from pgfmd.errors import RunError, SceneError
-from pgfmd.work_precision import Laboratory, Setting, explicit, implicit, study
 
 TINY = ("grid.n=32", "drive.speed=400 um/s", "drive.preload=20 mN", "solver.gfmd.fast_pull=1")
 

@@ -1,0 +1,168 @@
+"""What a scene means before it is run: SI values, scales, cost, warnings. No MPI, nothing large allocated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pgfmd.forecast.advice import automatic_range, remarks, warnings
+from pgfmd.forecast.estimate import PROGRAM_BYTES, effort_of, memory_of, punch_points
+from pgfmd.parts import compliance_of, inertia_of_scene, law_of, series_of, topography_of
+from pgfmd.physics.inertia import contact_stiffness
+from pgfmd.reference import corrugation, tabor
+from pgfmd.scene.model import SECTIONS, unused_keys
+from pgfmd.units import DIMENSIONS
+
+CORRUGATIONS = {"triangular": "tri", "hexagonal": "hex"}
+
+
+@dataclass(frozen=True)
+class Line:
+    """One number of the report: name, value, SI unit, and what it says."""
+
+    name: str
+    value: float | int | str
+    unit: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Report:
+    """Sections of lines; warnings: what may spoil the result; remarks: what is good to know."""
+
+    title: str
+    sections: dict[str, list[Line]]
+    warnings: list[str]
+    remarks: list[str]
+
+    def __getitem__(self, name: str) -> float | int | str:
+        """The value of the line with this name."""
+        return next(line.value for lines in self.sections.values() for line in lines if line.name == name)
+
+    def __contains__(self, name: str) -> bool:
+        return any(line.name == name for lines in self.sections.values() for line in lines)
+
+
+def report(scene, ranks: int = 1) -> Report:
+    """Everything that can be said about a scene, for a run on `ranks` ranks."""
+    sections = {
+        "Scene (SI)": list(_values(scene)),
+        "Adhesion": list(_adhesion(scene)),
+        "Rheology": list(_rheology(scene)),
+        "Cost": list(_cost(scene, ranks)),
+    }
+    return Report(scene.title, sections, list(warnings(scene, ranks)), list(remarks(scene)))
+
+
+def cohesive_zone(scene) -> float:
+    """Length [m] of the zone at a crack where the law pulls: Dugdale's (pi/4) E* gamma/sigma_th^2, static modulus."""
+    adhesion = scene.adhesion
+    return math.pi / 4 * scene.substrate.contact_modulus * adhesion.work_of_adhesion / law_of(adhesion).strength ** 2
+
+
+def _values(scene) -> Iterator[Line]:
+    for name, model in SECTIONS.items():
+        section = scene.section(name)
+        for field, info in model.model_fields.items():
+            value = getattr(section, field)
+            if value is None or value == () or field in unused_keys(scene, name):
+                continue
+            extra = info.json_schema_extra or {}
+            yield Line(f"{name}.{field}", _plain(value), _unit(extra.get("dimension", "")), "")
+
+
+def _plain(value: object) -> float | int | str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple):
+        return ", ".join(f"{entry:.6g}" if isinstance(entry, float) else str(entry) for entry in value)
+    return value
+
+
+def _unit(dimension: str) -> str:
+    return DIMENSIONS[dimension].unit if dimension in DIMENSIONS else ""
+
+
+def _adhesion(scene) -> Iterator[Line]:
+    adhesion, punch, modulus = scene.adhesion, scene.punch, scene.substrate.contact_modulus
+    energy, reach, own = adhesion.work_of_adhesion, adhesion.range, automatic_range(scene)
+    yield Line("contact modulus E*", modulus, "Pa", "E/(1 - nu^2), static")
+    yield Line("range rho", reach, "m", f"{reach / own:.3g} times the automatic range of this grid, {own * 1e6:.4g} um")
+    if adhesion.law != "cosine":
+        return
+    zone = cohesive_zone(scene)
+    yield Line("theoretical strength sigma_th", law_of(adhesion).strength, "Pa", "pi gamma/(2 rho)")
+    spacing = scene.grid.length / scene.grid.n
+    yield Line("cohesive zone at a crack", zone, "m", "(pi/4) E* gamma/sigma_th^2, static")
+    yield Line("grid points in the cohesive zone", zone / spacing, "", "1.6 at the automatic range")
+    if punch.radius is not None:
+        number = tabor.flat_punch(punch.radius, modulus, energy, reach)
+        yield Line("Tabor number of the whole punch", number, "", "sqrt(a gamma/E*)/rho")
+    summit = topography_of(punch).summit_radius
+    if math.isfinite(summit) and summit > 0.0:
+        yield Line("summit radius", summit, "m")
+        number = tabor.asperity(summit, modulus, energy, reach)
+        yield Line("Tabor number of a summit", number, "", "R^(1/3) (gamma/E*)^(2/3)/rho")
+    if punch.pattern in (*CORRUGATIONS, "sinusoid"):
+        stored = _full_contact_energy(punch, modulus)
+        note = "adhesive over elastic energy of full contact; hardly sticky below 1/2"
+        yield Line("gamma/v_full", energy / stored, "", note)
+
+
+def _full_contact_energy(punch, modulus: float) -> float:
+    """Elastic energy per area [J/m^2] of static full contact."""
+    wave_number = 2.0 * math.pi / punch.wavelength
+    if punch.pattern == "sinusoid":
+        return corrugation.spectrum_energy([punch.amplitude / 2] * 2, [wave_number] * 2, modulus)
+    return corrugation.full_contact_energy(punch.amplitude, wave_number, modulus)
+
+
+def _rheology(scene) -> Iterator[Line]:
+    series = series_of(scene.rheology)
+    creep = series.to_creep()
+    yield Line("kappa_inf", series.kappa_inf, "", "E(infinity)/E(0)")
+    yield Line("J_inf", creep.J_inf, "", "1/kappa_inf")
+    yield Line("time to move by rho", scene.adhesion.range / scene.drive.speed, "s", "rho/v")
+    for index, (tau, kappa) in enumerate(zip(series.tau, series.kappa, strict=True), 1):
+        yield Line(f"relaxation time {index}", float(tau), "s", f"kappa = {kappa:.4g}")
+    if scene.solver.scheme == "gfmd":
+        yield from _inertia(scene, series)
+    for index, (time, weight) in enumerate(zip(creep.retardation_times, creep.J, strict=True), 1):
+        yield Line(f"retardation time {index}", float(time), "s", f"J = {weight:.4g}")
+
+
+def _inertia(scene, series) -> Iterator[Line]:
+    inertia = inertia_of_scene(scene)
+    stiffness = contact_stiffness(compliance_of(scene), law_of(scene.adhesion), scene.grid.n, scene.grid.length)
+    yield Line("frequency omega of the inertia", inertia.frequency, "rad/s")
+    yield Line("time step", inertia.step, "s", f"set by the {inertia.limited_by}")
+    note = "omega dt sqrt(1 + K_0 G0/kappa_inf), below 2 where stable"
+    yield Line("stability number", inertia.stiffest(stiffness, series.kappa_inf), "", note)
+    if series.elements:
+        share = inertia.added_viscosity(series)
+        yield Line("viscosity that the inertia adds", share, "", "2 kappa_inf/omega over sum kappa_n tau_n")
+
+
+def _cost(scene, ranks: int) -> Iterator[Line]:
+    points, memory, effort = punch_points(scene), memory_of(scene, ranks), effort_of(scene)
+    total = ranks * (memory.peak + PROGRAM_BYTES)
+    yield Line("grid spacing h", scene.grid.length / scene.grid.n, "m")
+    yield Line("points under the punch", points.total, "", f"in a block of {points.nb} x {points.nb}")
+    yield Line("fields per rank", memory.peak, "B", f"on {_ranks(ranks)}")
+    yield Line("memory in all", total, "B", f"with {PROGRAM_BYTES / 1e6:.0f} MB for the program on each rank")
+    note = "an estimate, within a factor of 3"
+    yield Line("expected steps", _rounded(effort.steps), "", note)
+    yield Line("expected transform pairs", _rounded(effort.pairs), "", note)
+    note = "a rough guess; `pgfmd bench transform` measures a pair"
+    yield Line("expected time on one rank", effort.seconds, "s", note)
+
+
+def _ranks(count: int) -> str:
+    return "1 rank" if count == 1 else f"{count} ranks"
+
+
+def _rounded(value: float) -> int:
+    """Two significant digits: more would pretend to be known."""
+    digits = max(0, math.floor(math.log10(max(value, 1.0))) - 1)
+    return int(round(value / 10**digits)) * 10**digits

@@ -1,0 +1,117 @@
+"""`pgfmd run`: starts a scene, goes on with it, or finds it finished. Collective: every rank takes part."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pgfmd.errors import PgfmdError, Problem, SceneError
+from pgfmd.host import launch
+from pgfmd.host.walltime import end_of_job, seconds_of
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
+Changes = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[KEY=VALUE]...", help='Keys to change, such as grid.n=512 "drive.speed=10 um/s".'),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", "-s", metavar="KEY=VALUE", help="The same, one key at a time."),
+]
+UNBALANCED = 0.05
+"""Residual of the energy audit, as a share of the work of the loop, that is told at the end of a run."""
+LAUNCHER_NEEDS = 10.0
+"""Time [s] before the end of a job at which a run has to be over: after a code other than 0, mpirun takes 5 s to end."""
+OFF = "off"
+_BEGAN = time.time()
+"""About when the process began: limits of time count from then."""
+
+
+def run(
+    scene: SceneName,
+    changes: Changes = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")] = None,
+    overrides: Overrides = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Start anew; old results are kept in DIR/previous-1 ...")] = False,
+    allow: Annotated[
+        list[str] | None,
+        typer.Option("--allow", metavar="KEY", help="A key, or a section, that may have changed since the run began."),
+    ] = None,
+    checkpoint_every: Annotated[
+        str, typer.Option(metavar="TIME", help="Time between checkpoints, or `off`: only when the run stops.")
+    ] = "10min",
+    walltime: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Stop before this, with a checkpoint. Slurm's and PBS's limits are known."),
+    ] = None,
+) -> None:
+    """Run a scene, or go on with the run in DIR; on several ranks: mpirun -n 4 pgfmd run SCENE."""
+    # Before MPI: what is wrong with an option is found, and told, by every rank alike.
+    every = math.inf if checkpoint_every == OFF else _time("--checkpoint-every", checkpoint_every)
+    limit = math.inf if walltime is None else _BEGAN + _time("--walltime", walltime)
+    comm = launch.world()
+    with launch.guarded(comm):
+        changed = all_changes(changes, overrides)
+        loaded, directory = launch.on_first(comm, lambda: _prepared(scene, changed, out, comm.size))
+        from pgfmd.restart.keeper import Timing
+        from pgfmd.runner import Options, run_scene
+
+        job_ends = end_of_job() if comm.rank == 0 else None
+        limit = limit if job_ends is None else min(limit, job_ends - LAUNCHER_NEEDS)
+        options = Options(fresh, tuple(allow or ()), Timing(every, limit))
+        record = run_scene(loaded, comm, directory, _say, options)
+        if comm.rank == 0:
+            for line in _summary(record, directory):
+                _say(line)
+
+
+def all_changes(changes: list[str] | None, overrides: list[str] | None) -> list[str]:
+    """The changes of a scene's keys that a command was given, in either way."""
+    return [*(overrides or []), *(changes or [])]
+
+
+def _time(option: str, text: str) -> float:
+    try:
+        return seconds_of(text)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint=option) from None
+
+
+def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -> tuple[Any, Path]:
+    """The checked scene and the folder for its results."""
+    from pgfmd.parts import confirm
+    from pgfmd.scene import load_scene
+
+    scene = load_scene(source, overrides)
+    confirm(scene, source, ranks)
+    if out is not None:
+        return scene, out
+    return scene, Path(scene.output.directory or Path("out", Path(source).stem)).expanduser()
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)
+
+
+def _summary(record: dict, directory: Path) -> list[str]:
+    """The last lines of a run."""
+    lines = []
+    if record["finished"] != "detached":
+        lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
+    lines.append(
+        f"pull-off force {record['pull_off_force_N'] * 1e3 + 0.0:.4g} mN, "
+        f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ; "
+        f"{record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
+    )
+    residual = record["energy_residual"]
+    # Where nothing is lost, the residual is a share of nearly nothing.
+    if residual is not None and residual > UNBALANCED and (record["viscous_J"] or record["released_J"]):
+        lines.append(
+            f"The energy audit closes to {100 * residual:.2g} % of the loop's work: lower solver.accuracy before believing "
+            "energies."
+        )
+    return [*lines, f"results: {directory}    pictures: pgfmd plot {directory}"]

@@ -1,0 +1,212 @@
+"""`pgfmd study` and `pgfmd converge`: the options of the commands. Serial: they start processes that are not."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pgfmd.errors import PgfmdError
+from pgfmd.host import launch
+
+from .run import Changes, Overrides, SceneName, all_changes
+
+if TYPE_CHECKING:
+    from pgfmd.study.campaign import Campaign
+
+Out = Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder of the folders of the cases.")]
+Ranks = Annotated[int | None, typer.Option("--ranks", "-n", min=1, help="Ranks of each job.")]
+Retry = Annotated[bool, typer.Option("--retry", help="Go on with failed cases, too.")]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Start changed and damaged cases anew; keeps the old.")]
+Allow = Annotated[
+    list[str] | None, typer.Option("--allow", metavar="KEY", help="A key that may have changed since a run began.")
+]
+Every = Annotated[
+    str | None, typer.Option("--checkpoint-every", metavar="TIME", help="Time between checkpoints, or `off`.")
+]
+
+
+class Refinement(StrEnum):
+    """What `pgfmd converge` refines."""
+
+    rho = "rho"
+    n = "n"
+    accuracy = "accuracy"
+
+
+class Quantity(StrEnum):
+    """What `pgfmd converge` extrapolates."""
+
+    loop = "loop"
+    work = "work"
+    pull_off = "pull-off"
+
+
+def study(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="The study: docs/studies.md.")],
+    out: Out = None,
+    ranks: Ranks = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", "-j", min=1, help="Jobs side by side; with --slurm, tasks at once.")
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="CASE", help="Only cases of this name; * stands for anything.")
+    ] = None,
+    retry: Retry = False,
+    fresh: Fresh = False,
+    allow: Allow = None,
+    checkpoint_every: Every = None,
+    collect: Annotated[bool, typer.Option("--collect", help="Only write the table and the figures.")] = False,
+    slurm: Annotated[bool, typer.Option("--slurm", help="Submit an array of Slurm jobs.")] = False,
+    sbatch_options: Annotated[
+        str, typer.Option("--sbatch-options", metavar="TEXT", help='For sbatch, such as "--time=4:00:00".')
+    ] = "",
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Start nothing, show what is to be done. With --slurm, writes its files.")
+    ] = False,
+) -> None:
+    """Run a grid of scenes, one folder a case, or go on with it; then its table and figures."""
+    from dataclasses import replace
+
+    from pgfmd.study.cases import cases_of
+    from pgfmd.study.study_file import read_study
+
+    require_one_process()
+    if collect and (slurm or dry_run):
+        raise typer.BadParameter("goes with neither --slurm nor --dry-run", param_hint="--collect")
+    if sbatch_options and not slurm:
+        raise typer.BadParameter("needs --slurm", param_hint="--sbatch-options")
+    plan = read_study(file)
+    plan = replace(plan, ranks=ranks or plan.ranks, checkpoint_every=checkpoint_every or plan.checkpoint_every)
+    campaign = _campaign(cases_of(plan), out or Path("out", plan.name), plan.checkpoint_every, retry, fresh, allow)
+    chosen = campaign.only(only or [])
+    title = plan.title or plan.name
+    if collect:
+        show(campaign, plan.axes, title)
+    elif slurm:
+        from pgfmd.study.slurm_array import submit
+
+        submit(chosen, plan.ranks, jobs, plan.name, sbatch_options, dry_run)
+    elif dry_run:
+        show_agenda(chosen)
+    else:
+        _, problem = run_and_show(chosen, campaign, plan.ranks, jobs or plan.jobs, plan.axes, title)
+        if problem is not None:
+            raise problem
+
+
+def converge(
+    scene: SceneName,
+    changes: Changes = None,
+    overrides: Overrides = None,
+    axis: Annotated[Refinement, typer.Option("--axis", help="What is refined.")] = Refinement.rho,
+    levels: Annotated[int, typer.Option("--levels", min=2, help="Number of levels, the scene's own included.")] = 4,
+    start: Annotated[
+        str | None, typer.Option("--from", metavar="N", help="n, or the accuracy, of the coarsest level; the scene's.")
+    ] = None,
+    factor: Annotated[
+        float | None, typer.Option(metavar="F", help="Refinement from level to level: 2; of the accuracy sqrt(10).")
+    ] = None,
+    largest_n: Annotated[int | None, typer.Option("--largest-n", metavar="N", help="No finer grid than this.")] = None,
+    quantity: Annotated[Quantity, typer.Option("--quantity", "-q", help="What is extrapolated.")] = Quantity.loop,
+    power: Annotated[
+        float | None, typer.Option(metavar="P", help="Power of the error, where it is known; 1/3 of loops with rho.")
+    ] = None,
+    out: Out = None,
+    ranks: Ranks = 1,
+    retry: Retry = False,
+    fresh: Fresh = False,
+    allow: Allow = None,
+    checkpoint_every: Every = "10min",
+) -> None:
+    """Run a scene on finer and finer levels, fit a power law, and extrapolate; goes on where it was stopped."""
+    from pgfmd.study.extrapolation import extrapolate, report, write
+    from pgfmd.study.refinement import FEWEST, levels_of
+
+    require_one_process()
+    if power is not None and not power > 0.0:
+        raise typer.BadParameter("must be above 0", param_hint="--power")
+    ladder = levels_of(scene, all_changes(changes, overrides), axis.value, levels, start, factor, largest_n, ranks)
+    for line in ladder.lines():
+        say(line)
+    out = out or Path("out", f"converge-{Path(scene).stem}-{axis.value}")
+    campaign = _campaign(ladder.cases, out, checkpoint_every, retry, fresh, allow)
+    title = f"{ladder.cases[0].scene.title or scene}: refined in {axis.value}"
+    rows, problem = run_and_show(campaign, campaign, ranks, 1, (ladder.key,), title)
+    if problem is None or sum(row.standing.complete for row in rows) >= FEWEST:
+        found = extrapolate(ladder, rows, quantity.value, power)
+        for line in [*report(found), " ".join(map(str, write(out, found, title)))]:
+            say(line)
+    if problem is not None:
+        raise problem
+
+
+def run_and_show(
+    chosen: Campaign, campaign: Campaign, ranks: int, jobs: int, axes: Any, title: str
+) -> tuple[list, PgfmdError | None]:
+    """Runs the chosen cases, then shows all; returns the rows, and what is to be raised because cases are unfinished."""
+    from pgfmd.study.campaign import Unfinished
+
+    problem = None
+    try:
+        chosen.run(ranks, jobs)
+    except Unfinished as error:
+        problem = error
+    return show(campaign, axes, title), problem
+
+
+def _campaign(cases: list, out: Path, every: str, retry: bool, fresh: bool, allow: list[str] | None) -> Campaign:
+    from pgfmd.host.walltime import seconds_of
+    from pgfmd.restart.scene_changes import require_known
+    from pgfmd.study.campaign import Campaign, Wishes
+
+    from .run import OFF
+
+    require_known(allow or ())
+    try:
+        _ = every == OFF or seconds_of(every)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--checkpoint-every") from None
+    return Campaign(cases, out, Wishes(retry, fresh, tuple(allow or ()), every), say)
+
+
+def show(campaign: Campaign, axes: Any, title: str) -> list:
+    """Writes the table and the figures of a study, and prints the table; returns its rows."""
+    from pgfmd.study import table
+    from pgfmd.study.campaign import make_folder
+    from pgfmd.study.pictures import draw_study
+
+    make_folder(campaign.out)
+    rows = table.rows_of(campaign.cases, axes, campaign.standings())
+    path = campaign.out / table.FILE
+    table.write_table(path, rows, axes)
+    for line in table.overview(rows):
+        say(line)
+    say(" ".join(str(written) for written in (path, *draw_study(campaign.out, rows, axes, title))))
+    return rows
+
+
+def show_agenda(campaign: Campaign) -> None:
+    """Prints every case, how it stands, and whether a job is to be started for it."""
+    standings = campaign.standings()
+    chosen = {case.name for case in campaign.agenda(standings)}
+    for case in campaign.cases:
+        mark = "to run" if case.name in chosen else "left"
+        say(f"{mark:6}  {case.name}: {standings[case.name]}")
+        say(f"        pgfmd run {campaign.quoted(case)} --out {campaign.folder(case)}")
+
+
+def require_one_process() -> None:
+    """Raises where mpirun has started the command itself: it starts its jobs with it."""
+    processes, _ = launch.launched()
+    if processes > 1:
+        raise PgfmdError("start it without mpirun: it starts one for each of its jobs (--ranks)")
+
+
+def say(line: str) -> None:
+    """A line for the user, at once."""
+    print(line, flush=True)
+    sys.stdout.flush()

@@ -1,0 +1,1 @@
+"""Files of a results folder: what they look like inside, checksums, and writing that a crash can't spoil."""

@@ -1,0 +1,167 @@
+"""A table that grows by whole lines, readable at any time, and can be cut back to what a checkpoint knows."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from pgfmd.errors import ResultError
+
+from .storage import on_root
+
+
+class CsvFile:
+    """A table that grows by whole lines, each handed to the system at once. Only rank 0 writes; all ranks call.
+
+    A file that is already there is continued: its header must match, and a line cut short by a crash is dropped.
+
+    Attributes:
+        rows: lines in the file, without the header; the same on every rank.
+        offered: rows handed in, also those that `every` left out.
+        skipped: whether the last of them was left out.
+    """
+
+    def __init__(self, path: str | Path, comm, columns: tuple[str, ...], every: int = 1):
+        if every < 1:
+            raise ValueError(f"every = {every}: expected at least 1")
+        self.path, self.every = Path(path), every
+        self._comm = comm
+        self._header = (",".join(columns) + "\n").encode()
+        self._file = None
+        self._digest = hashlib.sha256()
+        self.rows = comm.bcast(on_root(comm, f"{self.path}: could not be opened", self._open))
+        self.offered, self.skipped = self.rows, False
+
+    def append(self, row: Any, force_write: bool = False, before: Any = None) -> None:
+        """Write this row if its turn has come (each `every`-th, the first included) or `force_write` says so.
+
+        Args:
+            row: a dataclass with a field a column; the values of rank 0 are written, floats with all their digits.
+            force_write: the same on every rank.
+            before: the last row, to be written first if it was left out and this one is written by force; or None.
+
+        Raises:
+            ResultError: on every rank, naming file and reason; the file then ends with the line before.
+        """
+        turn = self.offered % self.every == 0
+        self.offered += 1
+        if turn or force_write:
+            self._hand_over([before, row] if force_write and self.skipped and before is not None else [row])
+        self.skipped = not (turn or force_write)
+
+    def extend(self, rows: Sequence[Any]) -> None:
+        """Write these rows, as many on every rank, in one go and whatever `every` is.
+
+        Raises:
+            ResultError: on every rank, naming file and reason; the file is then as it was.
+        """
+        if rows:
+            self.offered += len(rows)
+            self._hand_over(rows)
+
+    def _hand_over(self, rows: Sequence[Any]) -> None:
+        what = f"{self.path}: could not be written"
+        on_root(self._comm, what, lambda: self._write(b"".join(map(_line, rows))))
+        self.rows += len(rows)
+
+    def mark(self) -> dict | None:
+        """What a checkpoint has to hold of the table, which is brought to the disk for it; on rank 0, else None.
+
+        Raises:
+            ResultError: on every rank.
+        """
+        return on_root(self._comm, f"{self.path}: could not be brought to the disk", self._mark)
+
+    def cut_back(self, mark: dict) -> None:
+        """Cut back to what a checkpoint has marked.
+
+        Raises:
+            ResultError: on every rank, if the file does not begin with the rows that were marked.
+        """
+        on_root(self._comm, f"{self.path}: could not be cut back", lambda: self._cut_to(mark))
+        self.rows, self.offered, self.skipped = mark["rows"], mark["offered"], mark["skipped"]
+
+    def close(self) -> None:
+        """Close the file; nothing is lost without it."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _open(self) -> int:
+        # "a" would write at the end whatever `truncate` did before on some network file systems: seek instead.
+        self._file = os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644), "r+b", buffering=0)
+        ends = self._line_ends()
+        if not ends:
+            self._file.truncate(0)
+            self._file.seek(0)
+            self._write(self._header)
+            return 0
+        self._file.seek(0)
+        if self._file.read(ends[0]) != self._header:
+            raise ResultError(f"{self.path}: its columns are not {self._header.decode().strip()}; move it away")
+        self._keep(ends[-1])
+        return len(ends) - 1
+
+    def _line_ends(self) -> list[int]:
+        """Offsets just after every newline."""
+        self._file.seek(0)
+        return [newline.end() for newline in re.finditer(b"\n", self._file.readall())]
+
+    def _keep(self, size: int) -> None:
+        self._file.truncate(size)
+        self._file.seek(0)
+        self._digest = hashlib.sha256(self._file.read(size))
+
+    def _mark(self) -> dict:
+        os.fsync(self._file.fileno())
+        size, digest = self._file.tell(), self._digest.hexdigest()
+        return {
+            "rows": self.rows, "offered": self.offered, "skipped": self.skipped, "bytes": size, "sha256": digest
+        }  # fmt: skip
+
+    def _cut_to(self, mark: dict) -> None:
+        if not begins_as_marked(self.path, mark):
+            raise ResultError(
+                f"{self.path}: can't be continued: its first {mark['rows']} rows are not those that the checkpoint knows. "
+                "Put the file back, or start anew with --fresh, which keeps the old results"
+            )
+        self._keep(mark["bytes"])
+
+    def _write(self, line: bytes) -> None:
+        if self._file is None:
+            raise ResultError(f"{self.path}: could not be written: the file is closed")
+        start, rest = self._file.tell(), memoryview(line)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError:
+            # A disk that fills up takes part of a line; half a number must not pass for a whole one.
+            with contextlib.suppress(OSError):
+                self._keep(start)
+            raise
+        self._digest.update(line)
+
+
+def begins_as_marked(path: Path, mark: dict) -> bool:
+    """Whether a table begins with the rows that a checkpoint has marked. OSError if it can't be read."""
+    digest, left = hashlib.sha256(), mark["bytes"]
+    with open(path, "rb") as file:
+        while left and (piece := file.read(min(left, 2**20))):
+            digest.update(piece)
+            left -= len(piece)
+    return digest.hexdigest() == mark["sha256"]
+
+
+def _line(row: Any) -> bytes:
+    return (",".join(_text(getattr(row, column.name), column.type) for column in fields(row)) + "\n").encode()
+
+
+def _text(value: Any, kind: str) -> str:
+    """A value as its field is declared: text, a whole number, or a number with all its digits."""
+    return value if kind == "str" else str(int(value)) if kind == "int" else repr(float(value))

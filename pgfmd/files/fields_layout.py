@@ -1,0 +1,264 @@
+"""What `fields.h5` looks like inside, and how a snapshot is added without leaving a broken file. Serial: no MPI here.
+
+netCDF-4 by convention: dimension scales, units, CF `coordinates`. Snapshots are added by one process, which makes room
+for all arrays of a snapshot (filled with NaN), before the arrays themselves are written, by one process or by many.
+
+HDF5 has no transactions: a process killed while it adds to a file may leave one that can't be opened, or half a frame.
+So all bytes that are not finished arrays are copied to `fields.h5.undo` first (some ten kB), and put back by the next
+start if the copy is still there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from pgfmd.errors import ResultError
+
+from .checksum import whole_sum
+from .hdf5 import open_serial
+from .storage import UNDO_SUFFIX, bring_to_disk, secure_space, write_atomically
+
+BLOCK_FIELDS = {
+    "gap": ("m", "gap between punch and elastomer"),
+    "traction": ("Pa", "normal traction on the elastomer, positive where it pulls up"),
+    "displacement": ("m", "displacement of the elastomer's surface, positive upward"),
+}
+SURFACE_FIELD = "surface_displacement"
+SNAPSHOT_NUMBERS = {
+    "time": ("s", "time since the start of the loading programme"),
+    "punch_position": ("m", "displacement of the punch, negative when pushed in"),
+    "force": ("N", "normal force on the punch, positive in compression"),
+}
+LABEL_BYTES = 80
+NUMBERS = "numbers"
+"""What the checksum of a snapshot's numbers and label is called after."""
+CHUNK_BYTES = 2**26
+SCALAR_CHUNK = 64
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Grid of a file: cell of `n` x `n` points and side `length` [m]; block of `nb` x `nb` from `block_start` on."""
+
+    n: int
+    length: float
+    block_start: int
+    nb: int
+    surface: bool = False
+
+    @property
+    def arrays(self) -> dict[str, tuple[str, str, int, tuple[str, str]]]:
+        """name -> (units, long name, side in points, names of the two axes)."""
+        arrays = {name: (*about, self.nb, ("y", "x")) for name, about in BLOCK_FIELDS.items()}
+        if self.surface:
+            about = ("m", "displacement of the whole surface of the cell, positive upward")
+            arrays[SURFACE_FIELD] = (*about, self.n, ("y_cell", "x_cell"))
+        return arrays
+
+    @property
+    def axes(self) -> dict[str, np.ndarray]:
+        """name -> positions [m] relative to the punch's axis."""
+        cell = (np.arange(self.n) + 0.5) * (self.length / self.n) - 0.5 * self.length
+        block = cell[self.block_start : self.block_start + self.nb]
+        axes = {"y": block, "x": block}
+        return axes | {"y_cell": cell, "x_cell": cell} if self.surface else axes
+
+    @property
+    def attributes(self) -> dict[str, object]:
+        """What the file's root says, and a continued file must say too."""
+        return {"n": self.n, "length": self.length, "block_start": self.block_start, "nb": self.nb,
+                "surface": int(self.surface)}  # fmt: skip
+
+    @property
+    def frame_bytes(self) -> int:
+        """Size of one snapshot's arrays, with what rounding up to whole chunks adds."""
+        sides = [side for _, _, side, _ in self.arrays.values()]
+        return sum(8 * side * -(-side // _chunk_rows(side)) * _chunk_rows(side) for side in sides)
+
+
+def _chunk_rows(side: int) -> int:
+    return max(1, min(side, CHUNK_BYTES // (8 * side)))
+
+
+def create(path: Path, layout: Layout) -> None:
+    """A file without snapshots. OSError if it can't be written."""
+    with open_serial(path, "w") as file:
+        file.attrs["Conventions"] = "CF-1.11"
+        file.attrs["title"] = "pgfmd: snapshots of an adhesive contact"
+        for name, value in layout.attributes.items():
+            file.attrs[name] = value
+        for name, position in layout.axes.items():
+            axis = file.create_dataset(name, data=position)
+            axis.attrs.update(units="m", long_name=f"{name[0]}, relative to the axis of the punch")
+            axis.make_scale(name)
+        _growing(file, "snapshot", "i8", long_name="number of the snapshot").make_scale("snapshot")
+        for name, (units, long_name) in SNAPSHOT_NUMBERS.items():
+            _growing(file, name, "f8", units=units, long_name=long_name)
+        # Fixed length: text of free length can't be written through MPI-IO, should a later version want to.
+        text = h5py.string_dtype("utf-8", LABEL_BYTES)
+        _growing(file, "label", text, long_name="what the programme calls this moment", _Encoding="utf-8")
+        for name in (*layout.arrays, NUMBERS):
+            _growing(file, checksum_of(name), "u8", long_name=f"checksum of {name}, for `pgfmd verify`")
+        for name in (*SNAPSHOT_NUMBERS, "label", *map(checksum_of, (*layout.arrays, NUMBERS))):
+            file[name].dims[0].attach_scale(file["snapshot"])
+        for name in layout.arrays:
+            _create_array(file, name, layout)
+
+
+def _growing(file: h5py.File, name: str, dtype: object, **attributes: str) -> h5py.Dataset:
+    dataset = file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(SCALAR_CHUNK,))
+    dataset.attrs.update(attributes)
+    return dataset
+
+
+def _create_array(file: h5py.File, name: str, layout: Layout) -> None:
+    units, long_name, side, axes = layout.arrays[name]
+    # Early allocation: growing the file takes the disk space at once, so that one process notices a full disk, and
+    # ranks that write together never allocate.
+    early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    shape, chunks = (0, side, side), (1, _chunk_rows(side), side)
+    array = file.create_dataset(
+        name, shape, "f8", maxshape=(None, side, side), chunks=chunks, fillvalue=np.nan, dcpl=early
+    )
+    array.attrs.update(units=units, long_name=long_name, coordinates=" ".join((*SNAPSHOT_NUMBERS, "label")))
+    array.attrs["_FillValue"] = np.array([np.nan])
+    for dimension, axis in enumerate(("snapshot", *axes)):
+        array.dims[dimension].attach_scale(file[axis])
+
+
+def count_frames(path: Path, layout: Layout) -> int:
+    """Snapshots in a file. ResultError if it is not a file of this layout."""
+    try:
+        with open_serial(path, "r") as file:
+            found = {name: file.attrs.get(name) for name in layout.attributes}
+            frames = len(file["snapshot"]) if "snapshot" in file else 0
+    except OSError as problem:
+        cure = (
+            "close it if this process reads it (Results.close), else it is damaged: put it back, or start anew with --fresh, "
+            "which keeps the old results"
+        )
+        raise ResultError(f"{path}: can't be continued: {problem}; {cure}") from problem
+    for name, value in layout.attributes.items():
+        if found[name] != value:
+            differs = f"its {name} is {found[name]}, the run's is {value}"
+            raise ResultError(f"{path}: can't be continued, {differs}; move it away")
+    return frames
+
+
+def resize(path: Path, layout: Layout, frames: int) -> None:
+    """Set the number of snapshots: new ones hold NaN, those beyond are dropped."""
+    with open_serial(path, "r+") as file:
+        sums = map(checksum_of, (*layout.arrays, NUMBERS))
+        for name in ("snapshot", *SNAPSHOT_NUMBERS, "label", *layout.arrays, *sums):
+            file[name].resize(frames, axis=0)
+        file["snapshot"][:] = np.arange(frames)
+
+
+def checksum_of(name: str) -> str:
+    """The variable that holds the checksum of an array, for each snapshot (restart/checksum.py: `whole_sum`)."""
+    return f"{name}_checksum"
+
+
+def sum_of_numbers(label: bytes, numbers: Sequence[float]) -> np.uint64:
+    """Checksum of a snapshot's `SNAPSHOT_NUMBERS` and label."""
+    text = np.frombuffer(label.ljust(LABEL_BYTES, b"\0"), dtype=np.uint64)
+    return whole_sum(np.concatenate([np.array(numbers, dtype=np.float64).view(np.uint64), text]), 0)
+
+
+def describe(path: Path, frame: int, label: str, sums: dict[str, int], **numbers: float) -> None:
+    """Write label, checksums of the arrays and `SNAPSHOT_NUMBERS` of one snapshot. A label longer than 80 bytes is cut
+    between characters."""
+    cut = label.encode()[:LABEL_BYTES].decode(errors="ignore").encode()
+    sums = sums | {NUMBERS: sum_of_numbers(cut, [numbers[name] for name in SNAPSHOT_NUMBERS])}
+    with open_serial(path, "r+") as file:
+        file["label"][frame] = cut
+        for name in SNAPSHOT_NUMBERS:
+            file[name][frame] = numbers[name]
+        for name, total in sums.items():
+            file[checksum_of(name)][frame] = total
+
+
+def reserve(path: Path, size: int) -> int:
+    """Make sure of `size` more bytes of disk before HDF5 begins, which does not recover from a full disk.
+
+    HDF5 gives back what it does not use when it closes the file. Returns the size of before.
+
+    Raises:
+        OSError: if they are not there; the file is then as before.
+    """
+    before = path.stat().st_size
+    try:
+        secure_space(path, before, size)
+    except OSError:
+        with contextlib.suppress(OSError):
+            os.truncate(path, before)
+        raise
+    return before
+
+
+def undo_path(path: Path) -> Path:
+    """Where the bytes to be put back are kept."""
+    return path.with_name(path.name + UNDO_SUFFIX)
+
+
+def remember(path: Path, layout: Layout, size: int) -> None:
+    """Copy everything but the finished arrays from the first `size` bytes of the file to the undo file.
+
+    Raises:
+        OSError: if the undo file can't be written; there is none then.
+    """
+    with open_serial(path, "r") as file:
+        chunks = [array.id.get_chunk_info(k) for array in map(file.get, layout.arrays)
+                  for k in range(array.id.get_num_chunks())]  # fmt: skip
+    edges = [0]
+    for start, length in sorted((chunk.byte_offset, chunk.size) for chunk in chunks):
+        edges += [start, start + length]
+    edges.append(size)
+    spans = [(start, end - start) for start, end in zip(edges[::2], edges[1::2]) if end > start]
+    with open(path, "rb") as file:
+        kept = b"".join(os.pread(file.fileno(), length, start) for start, length in spans)
+    head = {"size": size, "spans": spans, "sha256": hashlib.sha256(kept).hexdigest()}
+    undo = undo_path(path)
+    write_atomically(undo, json.dumps(head).encode() + b"\n" + kept)
+
+
+def forget(path: Path) -> None:
+    """The change is complete: bring the file to the disk and drop the undo file."""
+    bring_to_disk(path)
+    undo_path(path).unlink(missing_ok=True)
+
+
+def put_back(path: Path) -> bool:
+    """Undo an addition that never ended, if there was one; returns whether. ResultError for a damaged undo file."""
+    undo = undo_path(path)
+    if not (undo.exists() and path.exists()):
+        return False
+    head, _, kept = undo.read_bytes().partition(b"\n")
+    try:
+        about = json.loads(head)
+        whole = hashlib.sha256(kept).hexdigest() == about["sha256"]
+    except (ValueError, KeyError):
+        whole = False
+    if not whole:
+        raise ResultError(f"{undo}: damaged, so the snapshots in {path} can't be trusted; move both away")
+    with open(path, "r+b") as file:
+        position = 0
+        for start, length in about["spans"]:
+            file.seek(start)
+            file.write(kept[position : position + length])
+            position += length
+        file.truncate(about["size"])
+        file.flush()
+        os.fsync(file.fileno())
+    undo.unlink()
+    return True

@@ -1,0 +1,189 @@
+"""The results folder: made before step 1, never overwritten; and how all ranks agree that a write worked.
+
+Only rank 0 touches the folder here. Whatever goes wrong there is an error on every rank, with the same text, so that no
+rank runs on into a collective call that the others never reach.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from pgfmd.errors import ResultError
+
+CURVE_FILE = "curve.csv"
+ENERGY_FILE = "energy.csv"
+EVENTS_FILE = "events.csv"
+PATCHES_FILE = "patches.csv"
+SITES_FILE = "sites.csv"
+FIELDS_FILE = "fields.h5"
+RUN_FILE = "run.json"
+SCENE_FILE = "scene.resolved.toml"
+CHECKPOINT_FILE = "checkpoint.h5"
+PREVIOUS_CHECKPOINT_FILE = "checkpoint.previous.h5"
+CHECKPOINT_FILES = (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE)
+"""Newest first."""
+UNDO_SUFFIX = ".undo"
+RESULTS = (*CHECKPOINT_FILES, RUN_FILE, "analysis.json", ENERGY_FILE, EVENTS_FILE, PATCHES_FILE, SITES_FILE,
+           FIELDS_FILE + UNDO_SUFFIX, FIELDS_FILE, SCENE_FILE, CURVE_FILE)  # fmt: skip
+"""The files of a run, in the order in which they are moved away: what is left by somebody who is interrupted must neither
+look like a run to go on with, nor, as long as there is a curve, like none."""
+
+Value = TypeVar("Value")
+
+
+def reason(error: BaseException) -> str:
+    """The cause of a failure in a few words: the system's own message where there is one."""
+    if isinstance(error, OSError) and error.errno and error.strerror:
+        return os.strerror(error.errno)
+    return str(error) or type(error).__name__
+
+
+def agree(comm, error: Exception | None) -> None:
+    """End a step that may have failed on some ranks: return on all of them, or raise the same ResultError on all.
+
+    Args:
+        comm: the communicator; collective over it.
+        error: what went wrong on this rank, or None. The text of the lowest rank that failed is the one raised.
+
+    Raises:
+        ResultError: if any rank failed.
+    """
+    if not comm.allreduce(0 if error is None else 1):
+        return
+    texts = comm.allgather(None if error is None else reason(error))
+    raise ResultError(next(text for text in texts if text is not None)) from error
+
+
+def attempt(what: str, action: Callable[[], Value]) -> tuple[Value | None, ResultError | None]:
+    """Run `action`; its result, or its failure as a ResultError that begins with `what`, for `agree` to decide on."""
+    try:
+        return action(), None
+    except ResultError as problem:
+        return None, problem
+    except (OSError, RuntimeError, ValueError, KeyError) as problem:
+        error = ResultError(f"{what}: {reason(problem)}")
+        error.__cause__ = problem
+        return None, error
+
+
+def on_root(comm, what: str, action: Callable[[], Value]) -> Value | None:
+    """Run `action` on rank 0 alone and agree that it worked; its result on rank 0, None elsewhere.
+
+    Args:
+        comm: the communicator; collective over it.
+        what: begin of the message if it fails, for example "out/curve.csv: could not be written".
+
+    Raises:
+        ResultError: on every rank, with `what` and the reason; a ResultError of the action keeps its own text.
+    """
+    result, error = attempt(what, action) if comm.rank == 0 else (None, None)
+    agree(comm, error)
+    return result
+
+
+def make_directory(path: Path) -> None:
+    """Make the results folder, and those above it, and prove that it can be written. OSError if it can't."""
+    path.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=path) as probe:
+        probe.write(b"probe")
+
+
+def set_aside(directory: Path) -> Path | None:
+    """Move the results in a folder to a folder `previous-<k>` within it, which is returned; None without results."""
+    old = [directory / name for name in RESULTS if (directory / name).exists()]
+    if not old:
+        return None
+    target = next(folder for k in range(1, 10**6) if not (folder := directory / f"previous-{k}").exists())
+    target.mkdir()
+    for file in (*old, *sorted(directory.glob("*.png"))):
+        file.rename(target / file.name)
+    return target
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Replace a small file in one step: temporary file, fsync, rename. The old file survives a failure.
+
+    Raises:
+        OSError: as the system reports it; the temporary file is removed.
+    """
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def secure_space(path: Path, start: int, size: int) -> None:
+    """Make sure that the disk has room for `size` bytes of the file from `start` on.
+
+    Raises:
+        OSError: if it has not.
+    """
+    if size <= 0 or not hasattr(os, "posix_fallocate"):
+        return
+    with open(path, "r+b") as file:
+        try:
+            os.posix_fallocate(file.fileno(), start, size)
+        except OSError as problem:
+            if problem.errno not in (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS):
+                raise
+
+
+def bring_to_disk(path: Path) -> None:
+    """Waits until a file or folder is on the disk. OSError."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def write_run_json(path: str | Path, comm, record: dict) -> None:
+    """Write the record of a run, keys in the order given; numbers that are not finite become null.
+
+    Args:
+        path: the file. comm: the communicator; collective over it, the record of rank 0 is written.
+        record: nested dicts and sequences of numbers (NumPy ones too), text, booleans, None and paths.
+
+    Raises:
+        ResultError: on every rank, if it can't be written; the file of before is then unharmed.
+    """
+    path = Path(path)
+
+    def write() -> None:
+        try:
+            text = json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False)
+        except TypeError as problem:
+            raise ResultError(f"{path}: could not be written: {problem}") from problem
+        write_atomically(path, f"{text}\n".encode())
+
+    on_root(comm, f"{path}: could not be written", write)
+
+
+def plain(value: object) -> object:
+    """A value as JSON knows it: NumPy numbers and arrays, tuples and paths unwrapped, NaN and infinity as None."""
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return plain(value.tolist())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,178 @@
+"""What to warn of, or to say about, a scene before it runs. No MPI."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+
+from pgfmd.parts import deepest_indentation, inertia_of_scene, relaxation_of, series_of
+from pgfmd.physics.cohesion import range_of_adhesion
+
+from .estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of
+
+PAPER_FACTOR = 0.156
+"""Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means here."""
+PINNING_SHARE = 0.5
+"""Share of the automatic range below which lattice pinning spoils the result."""
+FEWEST_POINTS = 8
+"""Grid points that a wavelength should have."""
+JUMP_FACTOR = 0.38
+"""A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
+MANY_ROWS = 1e5
+"""Rows of curve.csv, a hundred bytes each, that are more than anyone plots."""
+GLASSY, QUASI_STATIC = 1e-2, 1e3
+"""rho/v below this share of the shortest relaxation time; above this multiple of the longest retardation time."""
+
+
+def automatic_range(scene) -> float:
+    """The range of adhesion [m] that the paper's rule gives for the scene's grid."""
+    q_ref = 2.0 * math.pi * scene.grid.n / scene.grid.length
+    return range_of_adhesion(scene.adhesion.work_of_adhesion, scene.substrate.contact_modulus, PAPER_FACTOR, q_ref)
+
+
+def jump_threshold(scene) -> float:
+    """kappa_inf below which a flat punch jumps in zero time: 0.38 n at the automatic range, more at a shorter one."""
+    return JUMP_FACTOR * scene.grid.n * (automatic_range(scene) / scene.adhesion.range) ** 2
+
+
+def warnings(scene, ranks: int = 1) -> Iterator[str]:
+    """What may spoil the result of a scene, or its run on `ranks` ranks."""
+    for rule in (_range, _resolution, _preload, _speed, _images, _explicit_steps):
+        yield from rule(scene)
+    yield from _memory(scene, ranks)
+
+
+def remarks(scene) -> Iterator[str]:
+    """What is good to know about a scene."""
+    for rule in (_jumps, _far_displacement, _quasi_static, _inertia):
+        yield from rule(scene)
+
+
+def _range(scene) -> Iterator[str]:
+    share, own = scene.adhesion.range / automatic_range(scene), automatic_range(scene)
+    if scene.adhesion.law != "cosine" or share > 0.999:
+        return
+    text = f"adhesion.range is {share:.2g} of the automatic range of this grid, {own * 1e6:.4g} um: "
+    if share < PINNING_SHARE:
+        text += "rho too small for the grid, below half of the automatic range lattice pinning spoils the result; "
+    else:
+        text += "at the automatic range the mesh error is a percent or two, at half of it pinning spoils all; "
+    yield text + f"use grid.n >= {math.ceil(scene.grid.n / share**2 * (1.0 - 1e-9))}, or a larger range"
+
+
+def _resolution(scene) -> Iterator[str]:
+    wavelength, n, length = scene.punch.wavelength, scene.grid.n, scene.grid.length
+    if wavelength is None:
+        return
+    # 1.5 mm over 150 um is a little more than 10 in binary.
+    needed = math.ceil(FEWEST_POINTS * length / wavelength * (1.0 - 1e-9))
+    if n < needed:
+        yield (
+            f"grid.n: only {wavelength * n / length:.3g} points a wavelength, fewer than {FEWEST_POINTS} distort the "
+            f"asperities; use n >= {needed}"
+        )
+
+
+def _preload(scene) -> Iterator[str]:
+    """Preloads that a static punch in full contact would reach only very deep, if at all."""
+    punch, substrate = scene.punch, scene.substrate
+    if punch.radius is None or math.isfinite(substrate.thickness) or substrate.compliance_file:
+        return
+    deepest, depth = deepest_indentation(scene), depth_of(scene)
+    if depth > deepest:
+        yield (
+            "drive.preload: even in full contact a static punch carries it only at an indentation of "
+            f"{depth * 1e6:.3g} um, but an approach is given up at {deepest * 1e6:.3g} um; reduce the preload"
+        )
+    elif depth > 0.2 * punch.radius:
+        yield (
+            f"drive.preload: the indentation will be about {depth * 1e6:.3g} um, {depth / punch.radius:.2g} of the "
+            "punch's radius; linear elasticity of small slopes does not hold there"
+        )
+
+
+def _speed(scene) -> Iterator[str]:
+    series = relaxation_of(scene)
+    passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
+    if series.elements and passing < GLASSY * series.tau.min():
+        yield (
+            f"drive.speed, drive.retract_speed: the punch moves by rho in {passing:.2g} s, far below the shortest "
+            f"relaxation time, {series.tau.min():.2g} s: bonds break before anything relaxes, as on a glass of modulus "
+            "kappa_inf E*"
+        )
+
+
+def _images(scene) -> Iterator[str]:
+    radius, length = scene.punch.radius, scene.grid.length
+    if scene.substrate.boundary == "periodic" and radius is not None and length < 3.0 * radius:
+        yield (
+            f"grid.length is only {length / radius:.3g} punch radii: the periodic images carry part of the load; "
+            f"the paper has 4.{_free_boundary(scene)}"
+        )
+
+
+def _explicit_steps(scene) -> Iterator[str]:
+    """Steps of the scheme gfmd are many, and known beforehand."""
+    if scene.solver.scheme != "gfmd":
+        return
+    steps = effort_of(scene).steps
+    if steps > 0.8 * scene.solver.max_steps:
+        yield f"solver.max_steps: about {steps:.2g} steps are to come, only {scene.solver.max_steps} are allowed; raise it"
+    if steps / scene.output.every > MANY_ROWS:
+        every = 10 ** math.ceil(math.log10(steps / MANY_ROWS))
+        yield f"output.every: about {steps / scene.output.every:.2g} rows are to come in curve.csv; set it to {every}"
+
+
+def _free_boundary(scene) -> str:
+    """What a free boundary offers to a scheme that can have one."""
+    if scene.solver.scheme == "gfmd":
+        return ""
+    return ' substrate.boundary = "free" has no images, needs no such correction and costs the same'
+
+
+def _memory(scene, ranks: int) -> Iterator[str]:
+    needed = ranks * (memory_of(scene, ranks).peak + PROGRAM_BYTES)
+    present = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    if needed > 0.9 * present:
+        yield f"memory: {needed / 1e9:.3g} GB are needed in all, this machine has {present / 1e9:.3g} GB"
+
+
+def _jumps(scene) -> Iterator[str]:
+    series, least = relaxation_of(scene), jump_threshold(scene)
+    # With inertia, the surface takes its time.
+    if scene.solver.scheme != "gfmd" and scene.adhesion.law == "cosine" and series.kappa_inf < least:
+        state = "quasi-static" if scene.solver.scheme == "quasistatic" else "elastic"
+        what = f"kappa_inf = {series.kappa_inf:.4g} is below {least:.3g}" if series.elements else f"the scene is {state}"
+        yield (
+            f"jumps: {what} (flat punches: 0.38 n at the automatic range), so the surface may jump in zero time; "
+            "jumps are listed in events.csv with the energy they release"
+        )
+
+
+def _far_displacement(scene) -> Iterator[str]:
+    if scene.substrate.boundary == "periodic" and scene.punch.radius is not None:
+        yield (
+            "periodic cell: the far displacement u_inf is extrapolated; for a flat punch and L = 4a it is about 11 % "
+            f"off that of a free surface.{_free_boundary(scene)}"
+        )
+
+
+def _quasi_static(scene) -> Iterator[str]:
+    series = relaxation_of(scene)
+    passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
+    if series.elements and passing > QUASI_STATIC * series.to_creep().retardation_times.max():
+        yield f"speed: rho/v = {passing:.2g} s is {QUASI_STATIC:.0f} longest retardation times: nearly quasi-static"
+
+
+def _inertia(scene) -> Iterator[str]:
+    """The paper's choice of omega is called sufficient there; what it adds can be told exactly."""
+    series = series_of(scene.rheology)
+    if scene.solver.scheme != "gfmd" or not series.elements:
+        return
+    share = inertia_of_scene(scene).added_viscosity(series)
+    if share > 0.01:
+        yield (
+            f"solver.gfmd: at low frequencies the inertia adds {100 * share:.2g} % to the viscosity of the material; the "
+            "error of the curve falls with 1/omega"
+        )

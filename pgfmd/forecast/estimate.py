@@ -1,0 +1,199 @@
+"""What a scene will cost: memory from the arrays that a run allocates, steps and transforms from an empirical rule.
+
+No MPI; nothing large is allocated.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import scipy.fft
+
+from pgfmd.parts import inertia_of_scene, relaxation_of, series_of, transform_side
+from pgfmd.reference import flat_punch, hertz
+from pgfmd.solver.grid import Grid, PunchPoints
+
+PROGRAM_BYTES = 245e6
+"""Python, compiled kernels and libraries on every rank: peak resident memory less the fields, with 1 and 2 ranks."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Bytes of one rank's arrays.
+
+    points: vectors over the punch, of which `state` belong to the State. transform: its arrays. start: cosines of the
+    far field, made before the State.
+    """
+
+    points: float
+    transform: float
+    state: float
+    start: float
+
+    @property
+    def running(self) -> float:
+        """While steps are made."""
+        return self.points + self.transform
+
+    @property
+    def peak(self) -> float:
+        """The most at any time."""
+        return max(self.running, self.running - self.state + self.start)
+
+
+def vectors_of(elements: int, audit: bool, periodic: bool, order: int = 2, rough: float = 1.0) -> tuple[float, float]:
+    """Numbers that a run keeps for every point under the punch: (state, everything else).
+
+    State: u, w, f, two past u and w; N branches; their N images where energies are followed. Scheme: u, w, f, history a
+    stage, and a fifth with energies; two stages, one where elastic or of first order. Newton: heights and f, and K, r,
+    s, t, p, y, z, of `rough` the size. Weights of the far field.
+    """
+    stages = order if elements else 1
+    return 7 + elements * (1 + audit), stages * (4 + audit) + 2 + 7 * rough + periodic
+
+
+def punch_points(scene) -> PunchPoints:
+    """The points under the punch as a single rank would own them."""
+    return PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, SimpleNamespace(size=1, rank=0))
+
+
+def memory_of(scene, ranks: int = 1) -> Memory:
+    """Memory of the rank with the largest share, out of `ranks`.
+
+    Transform: G0, (columns, n/2 + 1), and the half-transformed rows, complex, (rows, n/2 + 1); with more than one rank
+    also (nb, columns), complex. Cosines of the far field: (n/2 + 1, nb) for all of the block and a temporary, and the
+    rank's rows.
+    """
+    if scene.solver.scheme == "gfmd":
+        return _gfmd_memory(scene, ranks)
+    points = punch_points(scene)
+    nb, modes = points.nb, scene.grid.n // 2 + 1
+    width = transform_side(scene, nb) // 2 + 1
+    rows, columns = math.ceil(nb / ranks), math.ceil(width / ranks)
+    periodic = scene.substrate.boundary == "periodic"
+    precision = scene.solver.precision
+    size, rough = 4.0 if precision == "single" else 8.0, 0.5 if precision == "mixed" else 1.0
+    if scene.solver.scheme == "quasistatic":
+        # The softest mode and its dual in the State; in the scheme u, w and zeros for the history.
+        counts = 7 + 2 * rough, 3 + 2 + 7 * rough + periodic
+    else:
+        elements = series_of(scene.rheology).elements
+        counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, rough)
+    # With patches, the traction before each step: jumps are placed by it.
+    counts = counts[0], counts[1] + scene.output.patches
+    state, rest = (size * points.total / ranks * count for count in counts)
+    transform = columns * width + 2.0 * rows * width + (2.0 * nb * columns if ranks > 1 else 0.0)
+    transform *= size + (4.0 if precision == "mixed" else 0.0)
+    return Memory(state + rest, transform, state, 8.0 * modes * (2 * nb + rows) if periodic else 0.0)
+
+
+def _gfmd_memory(scene, ranks: int) -> Memory:
+    """The same for whole-plane modes: u, its velocity and N elements, complex, (n, columns), and twice G0 on half of
+    them; heights, u and f of the points, of which one rank may hold all; the transform's real plane, and two spectral
+    arrays before and after the transpose."""
+    n, points = scene.grid.n, punch_points(scene)
+    columns, rows = math.ceil((n // 2 + 1) / ranks), math.ceil(n / ranks)
+    spectral = 16.0 * n * columns
+    state = (2 + series_of(scene.rheology).elements) * spectral
+    mine = 8.0 * points.total * min(1.0, rows / points.nb)
+    modes = state + 16.0 * (n // 2 + 1) * columns
+    transform = 8.0 * rows * n + 16.0 * rows * (n // 2 + 1) + 2.0 * spectral
+    return Memory(3.0 * mine + modes, transform, state, 0.0)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Expected steps and transform pairs of a run, right within a factor of 3 where the material is viscoelastic."""
+
+    steps: float
+    pairs: float
+    pair_seconds: float
+
+    @property
+    def seconds(self) -> float:
+        """Wall time on one rank of this machine: transforms are about 60 % of it."""
+        return self.pairs * self.pair_seconds / 0.6
+
+
+def depth_of(scene) -> float:
+    """Rough static indentation [m] at the preload."""
+    punch, modulus, preload = scene.punch, scene.substrate.contact_modulus, scene.drive.preload
+    if punch.radius is None:
+        return 2.0 * (punch.amplitude or 0.0) + scene.adhesion.range
+    if punch.pattern in ("sphere", "power"):
+        return float(hertz.indentation(preload, punch.curvature_radius, modulus))
+    image = 0.75 if scene.substrate.boundary == "periodic" else 1.0
+    return image * preload / float(flat_punch.force(1.0, punch.radius, modulus))
+
+
+def effort_of(scene) -> Effort:
+    """Steps and transform pairs from a rule fitted to runs of the shipped scenes, n = 64 to 512.
+
+    With adhesion, steps go like the travel in ranges, times sqrt(gamma/(E* v lambda)), lambda the longest
+    retardation time, times accuracy^(-0.4); pairs a step hardly depend on the grid; elastic scenes jump at every
+    instability and cost far more. Quasi-static runs: n = 64 to 256, accuracy 0.01 to 0.05. Without adhesion a few dozen steps are enough; fitted to elastic scenes, it is five
+    times too much for a fast viscoelastic one.
+    """
+    if scene.solver.scheme == "gfmd":
+        return _gfmd_effort(scene)
+    adhesion, drive, modulus = scene.adhesion, scene.drive, scene.substrate.contact_modulus
+    creep, quasistatic = relaxation_of(scene).to_creep(), scene.solver.scheme == "quasistatic"
+    way = depth_of(scene)
+    back = way
+    if scene.punch.pattern == "flat":
+        back += math.sqrt(2.0 * math.pi * adhesion.work_of_adhesion * scene.punch.radius / modulus)
+    way += max(drive.clearance, 0.0)
+    tightness = adhesion.work_of_adhesion / modulus
+    refinement = (1e-2 / scene.solver.accuracy) ** 0.4
+    if adhesion.law == "repulsive":
+        steps = 30.0 * math.sqrt(refinement)
+        return Effort(steps, steps * 24.0 * (scene.grid.n / 128) ** 0.6, pair_seconds(scene))
+    steps = pairs = 0.0
+    for length, speed in ((way, drive.speed), (back, drive.retract_speed)):
+        if creep.elements:
+            longest = float(creep.retardation_times.max())
+            rate, each = min(max(20.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0), 7.5
+        elif quasistatic:
+            rate, each = 110.0 * refinement, 30.0 * (scene.grid.n / 128) ** 0.4 * refinement**0.4
+        else:
+            rate, each = 70.0, 25.0
+        here = rate * length / adhesion.range * refinement
+        steps += here
+        pairs += here * each * refinement**-0.4
+    return Effort(steps, pairs, pair_seconds(scene))
+
+
+def _gfmd_effort(scene) -> Effort:
+    """One pair a step of known length; the time of the programme is that of the static depth, with what adhesion
+    adds to the way back."""
+    drive, depth = scene.drive, depth_of(scene)
+    duration = (depth + max(drive.clearance, 0.0)) / drive.speed + drive.turn_time + drive.dwell
+    duration += (depth + 2.0 * scene.adhesion.range) / drive.retract_speed
+    steps = duration / inertia_of_scene(scene).step
+    # All rows, where the fused transform has those under the punch.
+    return Effort(steps, steps, 2.0 * pair_seconds(scene))
+
+
+def pair_seconds(scene) -> float:
+    """Rough time [s] of one transform pair on one core of this machine, from a few lines of it (scipy.fft)."""
+    nb = punch_points(scene).nb
+    side = transform_side(scene, nb)
+    width, lines = side // 2 + 1, max(4, min(64, 2**16 // side))
+    real, columns = np.ones((lines, side)), np.ones((lines, side), complex)
+
+    def seconds(action) -> float:
+        action()
+        times = []
+        for _ in range(5):
+            start = time.perf_counter()
+            action()
+            times.append(time.perf_counter() - start)
+        return min(times)
+
+    along_x = seconds(lambda: scipy.fft.irfft(scipy.fft.rfft(real), side))
+    along_y = seconds(lambda: scipy.fft.ifft(scipy.fft.fft(columns)))
+    return (nb * along_x + width * along_y) / lines

@@ -1,0 +1,259 @@
+"""Starting and ending under MPI: does mpirun belong to our MPI, and a fault on one rank ends the whole job.
+
+    comm = launch.world()
+    with launch.guarded(comm):
+        ...                       # what every rank does
+
+MPI is only loaded by `world`. From then on an error on one rank ends the job, also outside of `guarded`.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from pgfmd.errors import PgfmdError
+
+from .processes import end_with_launcher
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+PATIENCE = 5.0
+"""Time [s] that a rank with an error waits for the others to have it too, before it ends the job."""
+_LAUNCHERS = (
+    ("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"),
+    ("PMI_SIZE", "PMI_RANK"),
+    ("MV2_COMM_WORLD_SIZE", "MV2_COMM_WORLD_RANK"),
+    ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID"),
+)
+"""Variables in which launchers tell a process how many there are, and which one it is."""
+
+
+class LaunchError(PgfmdError):
+    """MPI can't be loaded, or the processes that were started don't see each other."""
+
+    exit_code = 5
+
+
+class RelayedError(PgfmdError):
+    """An error of rank 0, on the other ranks."""
+
+    def __init__(self, message: str, exit_code: int):
+        super().__init__(message)
+        self.exit_code = exit_code
+
+
+def launched() -> tuple[int, int]:
+    """(processes, rank) as the launcher's environment tells; (1, 0) where there is none."""
+    for size, rank in _LAUNCHERS:
+        if os.environ.get(size, "").isdecimal() and os.environ.get(rank, "0").isdecimal():
+            return int(os.environ[size]), int(os.environ.get(rank, "0"))
+    return 1, 0
+
+
+def world():
+    """MPI's communicator of all ranks. Raises LaunchError if the launcher started more processes than MPI sees.
+
+    From here on no rank outlives its launcher; and an exception that nothing catches, or a sys.exit with another code
+    than 0, ends all ranks if it does not come on all of them.
+    """
+    processes, _ = launched()
+    if any(size in os.environ for size, _ in _LAUNCHERS):
+        end_with_launcher()
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:
+        raise LaunchError(f"MPI can't be loaded: {error}; `pgfmd doctor` tells more") from None
+    if processes > 1 and MPI.COMM_WORLD.size == 1:
+        library = MPI.Get_library_version().splitlines()[0].split(",")[0]
+        raise LaunchError(
+            f"{processes} processes were started, but each is alone: the mpirun or srun that started them belongs to "
+            f"another MPI than the one pgfmd runs with, {library}. Use its own mpirun; `pgfmd doctor` tells more."
+        )
+    if MPI.COMM_WORLD.size > 1:
+        _watch_for_faults(MPI)
+    return MPI.COMM_WORLD
+
+
+def on_first(comm, action: Callable[[], Any]) -> Any:
+    """The result of `action` on rank 0, on every rank; a PgfmdError of it is one on every rank. Collective."""
+    result, failure = None, None
+    if comm.rank == 0:
+        try:
+            result = action()
+        except PgfmdError as error:
+            failure = error
+    told = comm.bcast((result, None) if failure is None else (None, (str(failure), failure.exit_code)))
+    if failure is not None:
+        raise failure
+    if told[1] is not None:
+        raise RelayedError(*told[1])
+    return told[0]
+
+
+def listen() -> None:
+    """From here on USR1 and USR2 end no process. What comes before a run can answer it (stop_signals.py) is remembered;
+    what comes after it, when there is nothing left to stop or save, is not heeded."""
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGUSR1, signal.SIGUSR2):
+            signal.signal(number, lambda number, frame: _early.append(number))
+
+
+def take_early() -> list[int]:
+    """The signals that have come since `listen`, or since this was last asked."""
+    found = _early[:]
+    _early.clear()
+    return found
+
+
+_early: list[int] = []
+
+
+def complain(message: object) -> None:
+    """A message for the user, on stderr."""
+    sys.stdout.flush()
+    sys.stderr.write(f"pgfmd: {message}\n")
+    sys.stderr.flush()
+
+
+class _Exit(SystemExit):
+    """What sys.exit raises. Keeps track of whether it ends the process, or something has caught it."""
+
+    leaving: _Exit | None = None
+
+    def __init__(self, *args: object):
+        super().__init__(*args)
+        self.stack = "".join(traceback.format_stack()[:-2])
+
+    @property
+    def code(self) -> object:
+        if sys._getframe().f_back is None:
+            # Nobody's frame: it is the interpreter that asks, on its way out.
+            _Exit.leaving = self
+        return None if not self.args else self.args[0] if len(self.args) == 1 else self.args
+
+
+def _exit(status: object = None) -> None:
+    raise _Exit(status)
+
+
+def _watch_for_faults(MPI) -> None:
+    """Makes errors, and exits that tell of one, end all ranks. MPI itself would wait for the others, without an end.
+
+    An exit with 0 is no fault: ranks may be done earlier than others.
+    """
+    if sys.exit is _exit:
+        return
+    comm, process = MPI.COMM_WORLD, os.getpid()
+
+    def abort(what: str, text: str, code: int) -> None:
+        complain(f"rank {comm.rank}: {what} on this rank ends the job\n{text}")
+        comm.Abort(code)
+
+    def on_error(kind: type[BaseException], error: BaseException, trace: Any) -> None:
+        if MPI.Is_finalized() or os.getpid() != process:
+            sys.__excepthook__(kind, error, trace)
+        elif isinstance(error, KeyboardInterrupt):
+            complain(_INTERRUPTION)
+            comm.Abort(INTERRUPTED)
+        elif not (isinstance(error, PgfmdError) and _all_here(comm)):
+            abort("error", "".join(traceback.format_exception(error)), 1)
+        elif comm.rank == 0:
+            sys.__excepthook__(kind, error, trace)
+
+    def on_error_in_thread(found: Any) -> None:
+        if found.exc_type is not SystemExit:
+            on_error(found.exc_type, found.exc_value, found.exc_traceback)
+
+    def at_end() -> None:
+        code = _Exit.leaving.code if _Exit.leaving else 0
+        if code in (0, None) or MPI.Is_finalized() or os.getpid() != process or _all_here(comm):
+            return
+        abort("exit", f"exit code {code}, from\n{_Exit.leaving.stack}", code if isinstance(code, int) else 1)
+
+    sys.excepthook, threading.excepthook, sys.exit = on_error, on_error_in_thread, _exit
+    atexit.register(at_end)
+
+
+@contextmanager
+def guarded(comm) -> Iterator[None]:
+    """Around what all ranks do: whatever ends it on one of them ends the job, within seconds.
+
+    A PgfmdError that every rank has ends in one message and SystemExit with its exit code. One that a single rank has,
+    and any other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a
+    message and exit code 130 (mpirun may turn it into its own).
+    """
+    listen()
+    alone = comm.size == 1
+    meeting = None if alone else comm.Dup()
+    previous = {number: signal.signal(number, _stopper(comm)) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    except PgfmdError as error:
+        if alone or _all_here(meeting):
+            if comm.rank == 0:
+                complain(error)
+            raise SystemExit(error.exit_code) from None
+        complain(f"rank {comm.rank}: {error}")
+        comm.Abort(error.exit_code)
+    except KeyboardInterrupt:
+        complain(_INTERRUPTION)
+        if not alone:
+            comm.Abort(INTERRUPTED)
+        raise SystemExit(INTERRUPTED) from None
+    except BaseException as error:
+        if alone:
+            raise
+        text = "".join(traceback.format_exception(error))
+        what = "exit" if isinstance(error, SystemExit) else "error"
+        complain(f"rank {comm.rank}: {what} on this rank ends the job\n{text}")
+        comm.Abort(1)
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+        # Not put back: the same signal may come twice, and must not end a run that has just been stopped by it. And not
+        # left to a handler: on its way out, Python puts the default in the place of those.
+        for number in (signal.SIGUSR1, signal.SIGUSR2):
+            signal.signal(number, signal.SIG_IGN)
+    if meeting is not None:
+        meeting.Free()
+
+
+_INTERRUPTION = "interrupted; what has been written so far is valid"
+
+
+def _stopper(comm) -> Callable[[int, Any], None]:
+    """What to do on Ctrl-C: alone, unwind; among ranks there is no way to unwind together, so end the job."""
+
+    def stop(number: int, frame: Any) -> None:
+        if comm.size == 1:
+            raise KeyboardInterrupt
+        if comm.rank:
+            # Rank 0 speaks, and its abort ends this rank too.
+            time.sleep(PATIENCE)
+        complain(_INTERRUPTION)
+        comm.Abort(INTERRUPTED)
+
+    return stop
+
+
+def _all_here(meeting) -> bool:
+    """Whether every rank comes here within PATIENCE.
+
+    On MPI's own communicator too, in the middle of other calls: if not all ranks come, the job ends anyway.
+    """
+    request = meeting.Ibarrier()
+    latest = time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > latest:
+            return False
+        time.sleep(0.01)
+    return True

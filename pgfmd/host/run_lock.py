@@ -1,0 +1,284 @@
+"""One run at a time in a results folder: the file `run.lock` there, which says whose run it is. No MPI; for rank 0.
+
+A lock is written aside and linked to its name, so nobody sees half of it. Besides, its file stays open and locked
+(`flock`) as long as the process lives, where the file system can do that: the kernel lets go when the process dies. A
+lock whose run is gone is stale. It is replaced by a rename, by who holds its `flock`: of several newcomers one wins.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import getpass
+import json
+import os
+import socket
+import sys
+import time
+import uuid
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from pgfmd.errors import ResultError
+from pgfmd.files.storage import reason
+
+from . import batch
+from .mounts import has_common_locks
+from .processes import Process
+
+LOCK_FILE = "run.lock"
+_MEETING = 2.0
+"""Time [s] that a newcomer gives another one to finish taking over a stale lock."""
+_SETTLING = 1.0
+"""Time [s] after which, where there is no `flock`, the last newcomer to have replaced a stale lock has won."""
+_LEFT_BEHIND = 600.0
+"""Age [s] of a lock written aside that nobody is going to link any more."""
+
+
+@dataclass(frozen=True)
+class Holder:
+    """Whose lock it is. job: "Slurm job 4711", or "". since: local time, as text. alive: None if it can't be told."""
+
+    host: str
+    pid: int
+    job: str
+    since: str
+    user: str
+    ranks: int
+    alive: bool | None
+
+    def __str__(self) -> str:
+        if not self.pid:
+            return "a run that can't be named, as its lock is damaged"
+        job = f", {self.job}" if self.job else ""
+        return f"process {self.pid} on {self.host}{job}, of {self.user}, since {self.since}"
+
+
+class RunLock:
+    """The lock on a results folder that this process holds.
+
+    Attributes:
+        recovered: "", or a line that says whose stale lock was taken over.
+    """
+
+    def __init__(self, path: Path, descriptor: int, recovered: str):
+        self._path, self._descriptor, self.recovered = path, descriptor, recovered
+        self._owner = os.getpid()
+
+    @classmethod
+    def acquire(cls, folder: Path, ranks: int) -> RunLock:
+        """Lock a folder for a run on so many ranks.
+
+        Raises:
+            ResultError: if another run holds it, or may hold it; if the lock can't be written.
+        """
+        path = Path(folder) / LOCK_FILE
+        aside = path.with_name(f"{LOCK_FILE}.{uuid.uuid4().hex}.tmp")
+        descriptor = -1
+        try:
+            descriptor = os.open(aside, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
+            guarded = _lock(descriptor) is True
+            text = json.dumps(_about(ranks, guarded), indent=2) + "\n"
+            os.write(descriptor, text.encode())
+            recovered = _enter(path, aside, text)
+        except BaseException as problem:
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
+            if isinstance(problem, OSError):
+                raise ResultError(f"{path}: could not be written: {reason(problem)}") from problem
+            raise
+        finally:
+            with contextlib.suppress(OSError):
+                aside.unlink()
+        _sweep(path)
+        return cls(path, descriptor, recovered)
+
+    def release(self) -> None:
+        """Remove the lock if it is still this one; never raises."""
+        if self._descriptor < 0 or self._owner != os.getpid():
+            return
+        with contextlib.suppress(OSError):
+            if _is_at(self._descriptor, self._path):
+                self._path.unlink()
+        with contextlib.suppress(OSError):
+            os.close(self._descriptor)
+        self._descriptor = -1
+
+
+def holder(folder: Path) -> Holder | None:
+    """Whose run is in a folder; None if there is no lock. OSError if it can't be read."""
+    try:
+        descriptor = os.open(Path(folder) / LOCK_FILE, os.O_RDONLY)
+    except FileNotFoundError:
+        return None
+    try:
+        return _holder_in(_text(descriptor), Path(folder), _lock(descriptor, shared=True))
+    finally:
+        os.close(descriptor)
+
+
+def _about(ranks: int, guarded: bool) -> dict[str, Any]:
+    """The contents of a lock; guarded: whether its file is locked as well."""
+    job = batch.this_job()
+    return {
+        **asdict(Process.this()),
+        "job": asdict(job) if job else None,
+        "user": _user(),
+        "ranks": ranks,
+        "since": time.strftime("%Y-%m-%d %H:%M:%S"),
+        "command": sys.argv,
+        "guarded": guarded,
+    }
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        # A number without a name, as containers have them.
+        return str(os.getuid())
+
+
+def _enter(path: Path, aside: Path, text: str) -> str:
+    """Gives the lock written aside its name; returns whose lock was replaced. ResultError if it must not be."""
+    latest = time.monotonic() + _MEETING
+    while not _linked(aside, path):
+        try:
+            found = _open(path)
+        except FileNotFoundError:
+            continue
+        try:
+            # Held from here to the rename: nobody else replaces this file meanwhile.
+            free = _lock(found)
+            before = _text(found)
+            there = _holder_in(before, path.parent, free)
+            if not _is_at(found, path):
+                continue
+            if there.alive is False:
+                os.replace(aside, path)
+                if free is None and not _prevails(path, text):
+                    raise ResultError(f"{path.parent}: another run was started in it at the same time")
+                return f"the lock of a run that is gone was taken over: {there}" if before else ""
+            # What is held by somebody unknown may be held by a newcomer that is about to replace it.
+            if free is not False or time.monotonic() > latest or _process_in(_parsed(before)).is_alive():
+                raise _refusal(path, there)
+        finally:
+            os.close(found)
+        time.sleep(0.02)
+    return ""
+
+
+def _linked(aside: Path, path: Path) -> bool:
+    """Gives a file a second name, unless it is taken."""
+    try:
+        os.link(aside, path)
+        return True
+    except FileExistsError:
+        # Or it is ours already: over a network, the answer to a first attempt may get lost.
+        with contextlib.suppress(OSError):
+            return aside.samefile(path)
+        return False
+    except OSError as problem:
+        if problem.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK):
+            raise
+    # No second names here: an empty file will do, which whoever comes first then replaces.
+    with contextlib.suppress(FileExistsError):
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644))
+    return False
+
+
+def _open(path: Path) -> int:
+    try:
+        # NFS gives exclusive locks to writers only.
+        return os.open(path, os.O_RDWR)
+    except PermissionError:
+        return os.open(path, os.O_RDONLY)
+
+
+def _lock(descriptor: int, shared: bool = False) -> bool | None:
+    """Locks an open file: True; somebody else has: False; the file system can't: None."""
+    try:
+        fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
+
+
+def _text(descriptor: int) -> str:
+    return os.pread(descriptor, 2**20, 0).decode(errors="replace")
+
+
+def _is_at(descriptor: int, path: Path) -> bool:
+    """Whether this open file still goes by this name."""
+    with contextlib.suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    return False
+
+
+def _prevails(path: Path, text: str) -> bool:
+    time.sleep(_SETTLING)
+    return path.read_text(encoding="utf-8") == text
+
+
+def _sweep(path: Path) -> None:
+    """Removes what others, killed in between, have left."""
+    for left in path.parent.glob(f"{LOCK_FILE}.*.tmp"):
+        with contextlib.suppress(OSError):
+            if time.time() - left.stat().st_mtime > _LEFT_BEHIND:
+                left.unlink()
+
+
+def _parsed(text: str) -> dict[str, Any]:
+    """The contents of a lock; {} if it is damaged."""
+    try:
+        found = json.loads(text)
+        return found if isinstance(found, dict) and _process_in(found).pid else {}
+    except ValueError:
+        return {}
+
+
+def _process_in(found: dict[str, Any]) -> Process:
+    """The process that a lock names; pid 0 if it names none."""
+    host, pid, started, boot = (found.get(name) for name in ("host", "pid", "started", "boot"))
+    if not (isinstance(host, str) and isinstance(pid, int) and isinstance(started, int | None)):
+        return Process("", 0, None, "")
+    return Process(host, pid, started, str(boot or ""))
+
+
+def _holder_in(text: str, folder: Path, free: bool | None) -> Holder:
+    """The holder that a lock's text names; free: whether its file was found unlocked, None where that says nothing."""
+    found = _parsed(text)
+    process, job = _process_in(found), _job_in(found)
+    if free is False:
+        alive: bool | None = True
+    elif not found:
+        alive = False
+    else:
+        alive = process.is_alive()
+        if alive is None and free and found.get("guarded") and has_common_locks(folder):
+            alive = False
+        # Batch systems may hide the jobs of others.
+        if alive is None and job and found.get("user") == _user() and batch.is_over(job):
+            alive = False
+    named = {name: str(found.get(name, "")) for name in ("since", "user")}
+    ranks = found.get("ranks")
+    return Holder(process.host, process.pid, str(job or ""), ranks=ranks if isinstance(ranks, int) else 0, alive=alive,
+                  **named)  # fmt: skip
+
+
+def _job_in(found: dict[str, Any]) -> batch.Job | None:
+    with contextlib.suppress(TypeError):
+        return batch.Job(**found["job"]) if found.get("job") else None
+    return None
+
+
+def _refusal(path: Path, there: Holder) -> ResultError:
+    if there.alive:
+        return ResultError(f"{path.parent}: in use by {there}. Wait until it has ended, or choose another folder")
+    return ResultError(
+        f"{path.parent}: in use by {there}, as far as can be told from here. If that run is gone, remove {path}"
+    )

@@ -1,0 +1,244 @@
+"""Snapshots of gap, traction and displacement in `fields.h5`, written by all ranks together or gathered to rank 0.
+
+Rank 0 alone changes the structure of the file (`fields_layout`), serially and with the disk space secured; then every
+rank writes its rows into room that is there already. So nothing that can fail for want of space or rights happens in a
+collective HDF5 call, where one rank's failure would leave the others waiting.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from pgfmd.errors import ResultError
+from pgfmd.files import fields_layout
+from pgfmd.files.checksum import whole_sum
+from pgfmd.files.fields_layout import BLOCK_FIELDS, SURFACE_FIELD, Layout
+from pgfmd.files.hdf5 import open_serial
+from pgfmd.files.storage import agree, attempt, bring_to_disk, on_root
+
+# HDF5's own book-keeping for one more snapshot: B-tree nodes and chunks of the per-snapshot numbers.
+BOOKKEEPING_BYTES = 2**17
+
+_told = False
+
+
+def tell_once(comm) -> None:
+    """Say on rank 0, once per process, that arrays go through rank 0."""
+    global _told
+    if not _told and comm.rank == 0:
+        print("h5py has no MPI here: snapshots are gathered to rank 0 and written from there", flush=True)
+    _told = True
+
+
+class FieldsFile:
+    """Snapshots of a run. The file is opened, extended and closed for each, and continued if it is there already.
+
+    Attributes:
+        frames: snapshots in the file, the same on every rank: all that a checkpoint has to hold.
+        parallel: whether all ranks write (MPI-IO) or rank 0 does; the file is the same.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        comm,
+        n: int,
+        length: float,
+        block_start: int,
+        nb: int,
+        row_start: int,
+        rows_local: int,
+        inside: np.ndarray,
+        surface: bool = False,
+        parallel: bool | None = None,
+    ):
+        """Make or continue the file; collective.
+
+        Args:
+            path: the file. comm: the communicator, kept.
+            n, length: points a side and side [m] of the cell.
+            block_start, nb: first row and column of the punch block in the cell, and its side.
+            row_start, rows_local: this rank's rows of the block; may be none. Together the ranks' rows are the block's.
+            inside: (rows_local, nb) bool, the points under the punch; all others are written as NaN.
+            surface: also keep the displacement of the whole cell.
+            parallel: True: through MPI-IO; False: through rank 0; None: MPI-IO if h5py has it, for several ranks.
+
+        Raises:
+            ResultError: on every rank, if the file can't be made, is damaged or belongs to another grid.
+            ValueError: on every rank, if the ranks' rows do not make up the block.
+        """
+        self.path = Path(path)
+        self._comm = comm
+        self._layout = Layout(n, length, block_start, nb, surface)
+        self._rows = (row_start, rows_local)
+        self._inside = np.asarray(inside, dtype=bool)
+        self.parallel = _writes_together(self.path, comm, parallel)
+        _check_rows(comm, self._rows, nb)
+        agree(comm, self._shape_problem("inside", self._inside, (rows_local, nb)))
+        self.frames: int = comm.bcast(on_root(comm, f"{self.path}: could not be opened", self._open))
+
+    def append(
+        self,
+        label: str,
+        time: float,
+        displacement: float,
+        force: float,
+        gap: np.ndarray,
+        traction: np.ndarray,
+        displacement_field: np.ndarray,
+        surface: tuple[np.ndarray, int] | None = None,
+    ) -> None:
+        """Add one snapshot; collective.
+
+        Args:
+            label: what this moment is called, up to 80 bytes of UTF-8.
+            time, displacement, force: time [s], punch position [m], force on the punch [N]; rank 0's are written.
+            gap, traction, displacement_field: (rows_local, nb) on this rank's rows of the block: [m], [Pa], [m].
+            surface: displacement [m] of this rank's rows of the whole cell, (any, n), and the first of these rows;
+                needed if the file keeps surfaces.
+
+        Raises:
+            ResultError: on every rank, if it can't be written. The file is as before, or put right by the next start.
+            ValueError: on every rank, if the ranks' rows of the surface do not make up the cell.
+        """
+        arrays = self._local_arrays(gap, traction, displacement_field, surface)
+        sums = self._checksums(arrays)
+        frame, what = self.frames, f"{self.path}: could not be written"
+
+        def make_room() -> None:
+            fields_layout.put_back(self.path)
+            size = fields_layout.reserve(self.path, self._layout.frame_bytes + BOOKKEEPING_BYTES)
+            fields_layout.remember(self.path, self._layout, size)
+            fields_layout.resize(self.path, self._layout, frame + 1)
+            fields_layout.describe(
+                self.path, frame, label, sums, time=time, punch_position=displacement, force=force
+            )
+
+        on_root(self._comm, what, make_room)
+        write = self._write_together if self.parallel else self._write_gathered
+        agree(self._comm, attempt(what, lambda: write(frame, arrays))[1])
+        # Each rank: on a cluster the data may still be in its own node's memory.
+        agree(self._comm, attempt(what, lambda: bring_to_disk(self.path))[1])
+        on_root(self._comm, what, lambda: fields_layout.forget(self.path))
+        self.frames += 1
+
+    def truncate(self, frames: int) -> None:
+        """Cut back to the first `frames` snapshots, as a checkpoint counted them; collective.
+
+        Raises:
+            ResultError: on every rank, if the file holds fewer.
+        """
+        if not 0 <= frames <= self.frames:
+            raise ResultError(
+                f"{self.path}: holds {self.frames} snapshots, can't be cut back to {frames}. Put the file back, or start "
+                "anew with --fresh, which keeps the old results"
+            )
+
+        def cut() -> None:
+            fields_layout.remember(self.path, self._layout, self.path.stat().st_size)
+            fields_layout.resize(self.path, self._layout, frames)
+            fields_layout.forget(self.path)
+
+        if frames < self.frames:
+            on_root(self._comm, f"{self.path}: could not be cut back", cut)
+            self.frames = frames
+
+    def _open(self) -> int:
+        fields_layout.put_back(self.path)
+        if not self.path.exists():
+            fields_layout.create(self.path, self._layout)
+        return fields_layout.count_frames(self.path, self._layout)
+
+    def _local_arrays(self, gap, traction, displacement_field, surface) -> dict[str, tuple[np.ndarray, int]]:
+        """name -> (rows of this rank as they will be written, first row), checked on all ranks beforehand."""
+        given = {name: np.asarray(values, dtype=np.float64)
+                 for name, values in zip(BLOCK_FIELDS, (gap, traction, displacement_field))}  # fmt: skip
+        problems = [self._shape_problem(name, values, self._inside.shape) for name, values in given.items()]
+        if self._layout.surface:
+            plane, first = surface if surface is not None else (np.empty(0), 0)
+            plane = np.ascontiguousarray(plane, dtype=np.float64)
+            problems.append(self._shape_problem(SURFACE_FIELD, plane, (len(plane), self._layout.n)))
+        agree(self._comm, next((problem for problem in problems if problem), None))
+        arrays = {name: (np.where(self._inside, values, np.nan), self._rows[0]) for name, values in given.items()}
+        if self._layout.surface:
+            _check_rows(self._comm, (first, len(plane)), self._layout.n)
+            arrays[SURFACE_FIELD] = plane, int(first)
+        return arrays
+
+    def _checksums(self, arrays: dict[str, tuple[np.ndarray, int]]) -> dict[str, np.uint64]:
+        """name -> checksum of the whole array, from the shares of all ranks."""
+        mine = [whole_sum(values, first * values.shape[1]) for values, first in arrays.values()]
+        total = np.array(self._comm.allgather(mine), dtype=np.uint64).sum(axis=0, dtype=np.uint64)
+        return dict(zip(arrays, total, strict=True))
+
+    def _shape_problem(self, name: str, values: np.ndarray, shape: tuple[int, ...]) -> ResultError | None:
+        if values.shape == shape:
+            return None
+        where = f"{name} on rank {self._comm.rank}"
+        return ResultError(f"{self.path}: {where} has the shape {values.shape}, expected {shape}")
+
+    def _write_together(self, frame: int, arrays: dict[str, tuple[np.ndarray, int]]) -> None:
+        together = h5py.h5p.create(h5py.h5p.DATASET_XFER)
+        together.set_dxpl_mpio(h5py.h5fd.MPIO_COLLECTIVE)
+        with h5py.File(self.path, "r+", driver="mpio", comm=self._comm) as file:
+            for name, (values, first) in arrays.items():
+                array = file[name].id
+                # Slices of h5py skip the write of a rank without rows, which then is missing in the collective call.
+                space, memory = array.get_space(), h5py.h5s.create_simple((1, *np.maximum(values.shape, 1)))
+                if len(values):
+                    space.select_hyperslab((frame, first, 0), (1, *values.shape))
+                else:
+                    space.select_none()
+                    memory.select_none()
+                array.write(memory, space, values if len(values) else np.zeros((1, *memory.shape[1:])), dxpl=together)
+
+    def _write_gathered(self, frame: int, arrays: dict[str, tuple[np.ndarray, int]]) -> None:
+        problem = None
+        for name, (values, first) in arrays.items():
+            whole = self._gather(values, first)
+            if whole is not None and problem is None:
+                what = f"{self.path}: could not be written"
+                problem = attempt(what, lambda: self._write_whole(name, frame, whole))[1]
+        if problem is not None:
+            raise problem
+
+    def _write_whole(self, name: str, frame: int, whole: np.ndarray) -> None:
+        with open_serial(self.path, "r+") as file:
+            file[name][frame] = whole
+
+    def _gather(self, values: np.ndarray, first: int) -> np.ndarray | None:
+        """All rows, on rank 0; None elsewhere."""
+        side = values.shape[1]
+        rows = self._comm.gather((first, len(values)))
+        if rows is None:
+            self._comm.Gatherv(values, None)
+            return None
+        whole = np.empty((side, side))
+        starts, counts = [side * start for start, _ in rows], [side * count for _, count in rows]
+        self._comm.Gatherv(values, [whole, (counts, starts)])
+        return whole
+
+
+def _writes_together(path: Path, comm, parallel: bool | None) -> bool:
+    """Whether to use MPI-IO; ResultError if it is demanded of an h5py that has none. The same on every rank."""
+    has_mpi = h5py.get_config().mpi
+    if parallel and not has_mpi:
+        raise ResultError(f"{path}: parallel output was asked for, but this h5py has no MPI")
+    if parallel is None and comm.size > 1 and not has_mpi:
+        tell_once(comm)
+    return (has_mpi and comm.size > 1) if parallel is None else parallel
+
+
+def _check_rows(comm, mine: tuple[int, int], side: int) -> None:
+    """ValueError on every rank, unless the ranks' (first row, rows) make up 0 ... side without gap or overlap."""
+    rows = comm.allgather(tuple(map(int, mine)))
+    reached = 0
+    for first, count in sorted(share for share in rows if share[1]):
+        if first != reached:
+            break
+        reached += count
+    if reached != side or any(count < 0 for _, count in rows):
+        raise ValueError(f"the ranks' rows (first, count) {rows} do not make up {side} rows")

@@ -1,0 +1,264 @@
+"""What watches a run: the curve, the energy audit, events, snapshots and progress. Collective where they write."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pgfmd.files.curve_file import CurveFile, CurveRow, EnergyFile, EnergyRow, EventFile, EventRow
+from pgfmd.files.packing import unpack
+from pgfmd.solver.state import State
+
+from .fields_file import FieldsFile
+
+INDENTATION_OFFSET = 0.0
+"""k [m] of indentation = -d - k: zero, indentation counts from the first touch of the undeformed surface."""
+
+
+class Observer:
+    """Does nothing; the base of those below."""
+
+    def next_time(self, simulation) -> float:
+        """The next time [s] at which a step has to end; infinity for none."""
+        return math.inf
+
+    def observe(self, simulation, event) -> None:
+        """Called at the start, after each step or jump, at the preload, at wanted times, and at the end."""
+
+
+class Curve(Observer):
+    """Writes a row of `curve.csv`, and of `energy.csv` where energies are followed, for each accepted step.
+
+    A jump has a row before it and one after it, whatever rows `every` leaves out.
+    """
+
+    def __init__(self, curve: CurveFile, energy: EnergyFile | None):
+        self.files = [(curve, curve_row)] + ([(energy, energy_row)] if energy else [])
+        self.before: list = [None] * len(self.files)
+
+    def next_time(self, simulation) -> float:
+        """Asks for no time. Called before each step: what the rows are then is known after a restart as well."""
+        if self.files[0][0].every > 1 and simulation.state.started:
+            self.before = [row(simulation) for _, row in self.files]
+        return math.inf
+
+    def observe(self, simulation, event) -> None:
+        if event.kind in ("start", "step", "jump"):
+            last = bool(simulation.state.finished)
+            for (file, row), before in zip(self.files, self.before, strict=True):
+                # The first step's row is there in any case: it tells a run from one that never began.
+                first = simulation.state.counters.steps == 1
+                forced = first or last or event.kind != "step"
+                file.append(row(simulation), forced, before if event.kind == "jump" else None)
+
+
+def curve_row(simulation) -> CurveRow:
+    """The row of the present state."""
+    state = simulation.state
+    area = state.contact_points * simulation.points.grid.cell_area
+    return CurveRow(
+        state.time, simulation.punch_position, -simulation.punch_position - INDENTATION_OFFSET, state.force, area,
+        state.far_displacement, state.last_step, simulation.phase.name,
+    )  # fmt: skip
+
+
+def energy_row(simulation) -> EnergyRow:
+    """The audit of the present state, stored energies counted from the start."""
+    e = simulation.state.energies
+    return EnergyRow(
+        simulation.state.time, e.work, e.elastic - e.elastic_start, e.adhesive - e.adhesive_start, e.viscous,
+        e.released, e.residual,
+    )  # fmt: skip
+
+
+class Events(Observer):
+    """Writes `events.csv`: jumps with the energy they release, the preload, the end.
+
+    watch: who knows which contact a jump has changed (patch_observer.ContactWatch), and hears of it before; or None.
+    """
+
+    def __init__(self, file: EventFile, watch=None):
+        self.file, self.watch = file, watch
+
+    def observe(self, simulation, event) -> None:
+        if event.kind in ("jump", "preload", "end"):
+            state = simulation.state
+            name = state.finished if event.kind == "end" else event.kind
+            row = EventRow(state.time, simulation.punch_position, state.force, event.released, name)
+            if self.watch and event.kind == "jump":
+                row = replace(row, **vars(self.watch.change))
+            self.file.append(row)
+
+
+def _nothing() -> np.ndarray:
+    return np.zeros(0)
+
+
+@dataclass
+class Frame:
+    """A surface kept back until it is known to be wanted; `kept`: what its whole cell is made of (Surface)."""
+
+    held: bool = False
+    time: float = 0.0
+    position: float = 0.0
+    force: float = 0.0
+    displacement: np.ndarray = field(default_factory=_nothing)
+    traction: np.ndarray = field(default_factory=_nothing)
+    kept: np.ndarray = field(default_factory=_nothing)
+
+    def take(self, state, surface: Surface | None) -> Frame:
+        """Holds the present fields of the state, in the arrays of before where there are some."""
+        if (self.displacement.size, self.displacement.dtype) != (state.displacement.size, state.displacement.dtype):
+            self.displacement, self.traction = np.empty_like(state.displacement), np.empty_like(state.traction)
+        self.displacement[:], self.traction[:] = state.displacement, state.traction
+        if surface:
+            self.kept = surface.keep(state)
+        self.held, self.time, self.position, self.force = True, state.time, state.position, state.force
+        return self
+
+
+@dataclass(frozen=True)
+class Surface:
+    """How the surface of the whole cell is had: what is kept of a state, and how the surface is made of that.
+
+    keep: gives a vector, this rank's share. make: gives (rows of this rank, n) [m], and the first row's index.
+    Collective.
+    """
+
+    keep: Callable[[State], np.ndarray]
+    make: Callable[[np.ndarray], tuple[np.ndarray, int]]
+
+
+@dataclass
+class Agenda:
+    """What snapshots are still to come, and what a checkpoint has to know of them.
+
+    wanted: times [s] with labels, in order; fractions: of the time t_pl from first contact to preload, whose times are
+    not known yet. tension: the surface at the largest tension so far.
+    """
+
+    wanted: list[tuple[float, str]]
+    fractions: list[float]
+    tension: Frame = field(default_factory=Frame)
+
+
+class Snapshots(Observer):
+    """Writes `fields.h5`: at wanted times, at the preload, and at the largest tension of the retraction.
+
+    wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface: how
+    to have the whole cell's surface, or None. follow: called with number, frame and gap [m] of each snapshot written.
+    The largest tension is known only when it is over: the surface is kept back until then.
+    """
+
+    def __init__(
+        self, file: FieldsFile, wanted: list[tuple[float, str]], fractions: list[float], surface: Surface | None = None,
+        follow: Callable[[int, Frame, np.ndarray], None] | None = None,
+    ):  # fmt: skip
+        self.file, self.surface, self.follow = file, surface, follow
+        self.agenda = Agenda(sorted(wanted), fractions)
+
+    def replan(self, state, wanted: list[tuple[float, str]], fractions: list[float]) -> None:
+        """Other snapshots from now on; what is over already is left out."""
+        coming = [entry for entry in wanted if _is_to_come(entry, state) or not state.started]
+        self.agenda.wanted, self.agenda.fractions = sorted(coming), fractions
+        if state.preload_time is not None:
+            self._schedule(state)
+
+    def recall(self, state, numbers: dict, read: Callable[[str, np.ndarray], None]) -> None:
+        """Takes up the agenda of a checkpoint (restart/packing.py)."""
+        # The arrays that are to be filled.
+        self.agenda.tension = Frame().take(state, self.surface) if numbers["tension"]["held"] else Frame()
+        unpack(self.agenda, numbers, read)
+        self.agenda.wanted = [(time, label) for time, label in self.agenda.wanted]
+
+    def next_time(self, simulation) -> float:
+        return self.agenda.wanted[0][0] if self.agenda.wanted else math.inf
+
+    def observe(self, simulation, event) -> None:
+        state, tension = simulation.state, self.agenda.tension
+        if event.kind == "preload":
+            self._write_present(simulation, "preload")
+            self._schedule(state)
+        elif event.kind in ("step", "jump"):
+            tense = simulation.phase.name == "retract" and state.force < 0.0
+            if tense and (not tension.held or state.force < tension.force):
+                tension.take(state, self.surface)
+        elif event.kind == "end" and tension.held:
+            self._write(simulation, "largest tension", tension)
+        if event.kind != "end":
+            self._write_due(simulation)
+
+    def _write_due(self, simulation) -> None:
+        """Writes what is wanted by now; twice the same time, or one that has passed, would ask for a step of no
+        length."""
+        state, wanted = simulation.state, self.agenda.wanted
+        while wanted and not _is_to_come(wanted[0], state):
+            _, label = wanted.pop(0)
+            self._write_present(simulation, label)
+
+    def _schedule(self, state) -> None:
+        """Turns fractions of the time to the preload into times."""
+        times = [(time_of(state, value), f"{value:g} t_pl") for value in self.agenda.fractions]
+        self.agenda.wanted = sorted(self.agenda.wanted + [entry for entry in times if _is_to_come(entry, state)])
+        self.agenda.fractions = []
+
+    def _write_present(self, simulation, label: str) -> None:
+        self._write(simulation, label, Frame().take(simulation.state, self.surface))
+
+    def _write(self, simulation, label: str, frame: Frame) -> None:
+        points = simulation.points
+        # In double precision, whatever that of the fields.
+        gap = np.float64(frame.position) + simulation.scheme.height - frame.displacement
+        # The punch hangs on its spring, and so, seen from the machine, does the surface.
+        length = simulation.scheme.machine_compliance * frame.force
+        surface = self.surface.make(frame.kept) if self.surface else None
+        self.file.append(
+            label, frame.time, frame.position + length, frame.force, points.to_rows(gap),
+            points.to_rows(frame.traction), points.to_rows(frame.displacement + length), surface=surface,
+        )  # fmt: skip
+        if self.follow:
+            self.follow(self.file.frames - 1, frame, gap)
+
+
+def _is_to_come(entry: tuple[float, str], state) -> bool:
+    """Whether a wanted time is more than rounding away."""
+    return entry[0] > state.time + 1e-9 * state.last_step
+
+
+def time_of(state, fraction: float) -> float:
+    """Time [s] at a fraction of t_pl, the time from first contact to the preload; for a state past its preload."""
+    first = state.first_contact_time if state.first_contact_time is not None else 0.0
+    return first + fraction * (state.preload_time - first)
+
+
+class Progress(Observer):
+    """Prints a line every few seconds: rank 0 alone, on its own clock, so that nothing waits for it."""
+
+    def __init__(self, comm, say, every: float = 5.0):
+        self.silent, self.say, self.every = comm.rank != 0, say, every
+        self.last = self.began = time.perf_counter()
+        self.first_step: int | None = None
+
+    def observe(self, simulation, event) -> None:
+        if self.silent:
+            return
+        now = time.perf_counter()
+        if self.first_step is None:
+            # Of this process: the run may have been gone on with.
+            self.first_step = max(0, simulation.state.counters.steps - 1)
+        if now - self.last < self.every and event.kind not in ("preload", "end"):
+            return
+        self.last = now
+        state = simulation.state
+        area = state.contact_points * simulation.points.grid.cell_area
+        rate = (state.counters.steps - self.first_step) / max(now - self.began, 1e-9)
+        what = {"end": state.finished, "preload": "preload"}.get(event.kind, simulation.phase.name)
+        self.say(
+            f"{what:>9}  t {state.time:.4g} s  indentation {-simulation.punch_position * 1e6:.4f} um"
+            f"  force {state.force * 1e3 + 0.0:.4f} mN  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s"
+            f"  {state.counters.steps} steps, {rate:.1f}/s"
+        )

@@ -1,0 +1,127 @@
+"""What a run writes while it goes on: the tables and the snapshots, with the observers that fill them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pgfmd.assemble import assemble, convolution_of
+from pgfmd.files import storage
+from pgfmd.files.curve_file import CurveFile, EnergyFile, EventFile, PatchFile, SiteFile
+from pgfmd.host import launch
+from pgfmd.parts import topography_of
+from pgfmd.physics.contact_sites import ContactSites, contact_sites
+from pgfmd.solver.patches import SitePoints
+
+from . import observers
+from .fields_file import FieldsFile
+from .patch_observer import ContactWatch, PatchTable
+
+SCOUT_ACCURACY = 0.1
+
+
+class Outputs:
+    """The open files of a run, and its observers, which are given to the simulation. Collective.
+
+    Files that are there already are continued: cut them back first to what a checkpoint knows, by `cut_back`.
+    """
+
+    def __init__(self, simulation, scene, comm, folder: Path, say):
+        output, points = scene.output, simulation.points
+        self.scene, self.comm, self.say = scene, comm, say
+        self.tables = {"curve": CurveFile(folder / storage.CURVE_FILE, comm, output.every)}
+        if output.energy:
+            self.tables["energy"] = EnergyFile(folder / storage.ENERGY_FILE, comm, output.every)
+        self.tables["events"] = EventFile(folder / storage.EVENTS_FILE, comm)
+        self.fields = FieldsFile(
+            folder / storage.FIELDS_FILE, comm, points.grid.n, points.grid.length, points.block_start, points.nb,
+            points.row_start, points.rows, points.inside(), surface=output.surface,
+        )  # fmt: skip
+        surface = _surface(simulation, scene) if output.surface else None
+        watch, table = self._contact_observers(points, folder) if output.patches else (None, None)
+        self.snapshots = observers.Snapshots(self.fields, [], [], surface, table)
+        simulation.observers += [
+            observers.Curve(self.tables["curve"], self.tables.get("energy")),
+            *([watch] if watch else []),
+            observers.Events(self.tables["events"], watch),
+            self.snapshots,
+            observers.Progress(comm, say),
+        ]
+
+    def _contact_observers(self, points, folder: Path) -> tuple[ContactWatch, PatchTable]:
+        """Who watches the sites and the patches, with their tables."""
+        scene, comm = self.scene, self.comm
+        self.tables["patches"] = PatchFile(folder / storage.PATCHES_FILE, comm)
+        self.tables["sites"] = SiteFile(folder / storage.SITES_FILE, comm)
+        periodic = scene.punch.radius is None
+        places = SitePoints(points, launch.on_first(comm, lambda: _sites_of(scene)))
+        # Explicit steps follow every motion of the surface: they know no jumps.
+        jumps = scene.solver.scheme != "gfmd"
+        watch = ContactWatch(self.tables["sites"], points, places, jumps)
+        return watch, PatchTable(self.tables["patches"], points, places, periodic)
+
+    def plan_snapshots(self, state) -> None:
+        """Has the snapshots taken that the scene asks for, as far as they are still to come."""
+        asked = self.scene.output.snapshot_times
+        wanted = [(value, f"t = {value:g} s") for value, relative in asked if not relative]
+        fractions = [value for value, relative in asked if relative]
+        if state.preload_time is None:
+            wanted += _scouted(self.scene, self.comm, [value for value in fractions if value < 1.0], self.say)
+        self.snapshots.replan(state, wanted, [value for value in fractions if value > 1.0])
+
+    def marks(self) -> dict:
+        """What a checkpoint has to know of the files, which are brought to the disk for it. ResultError on every rank."""
+        return {name: table.mark() for name, table in self.tables.items()} | {"fields": {"frames": self.fields.frames}}
+
+    def cut_back(self, marks: dict) -> None:
+        """Takes back what was written after a checkpoint. ResultError on every rank."""
+        for name, table in self.tables.items():
+            table.cut_back(marks[name])
+        self.fields.truncate(marks["fields"]["frames"])
+
+    def close(self) -> None:
+        """Closes the files; nothing is lost without it."""
+        for table in self.tables.values():
+            table.close()
+
+
+def _scouted(scene, comm, fractions: list[float], say) -> list[tuple[float, str]]:
+    """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
+
+    How long the approach takes is known only at its end, so a coarse one is run ahead; its t_pl is good to a few tenths
+    of a percent. Nothing is run where no such snapshot is asked for.
+    """
+    if not fractions:
+        return []
+    if comm.rank == 0:
+        say("a coarse approach is run ahead to place the snapshots before the preload")
+    accuracy = SCOUT_ACCURACY if scene.solver.scheme == "gfmd" else max(SCOUT_ACCURACY, scene.solver.accuracy)
+    # Explicit steps can't be coarse.
+    scheme = "inertialess" if scene.solver.scheme == "gfmd" else scene.solver.scheme
+    coarse = scene.solver.model_copy(update={"scheme": scheme, "accuracy": accuracy})
+    quiet = scene.output.model_copy(update={"energy": False})
+    state = assemble(scene.model_copy(update={"solver": coarse, "output": quiet}), comm).run(only_to_preload=True)
+    if state.preload_time is None:
+        return []
+    return [(observers.time_of(state, value), f"{value:g} t_pl") for value in fractions]
+
+
+def _sites_of(scene) -> ContactSites:
+    return contact_sites(topography_of(scene.punch), scene.grid.length)
+
+
+def _surface(simulation, scene) -> observers.Surface:
+    """How this scene's whole surface is had."""
+    scheme = simulation.scheme
+    if scene.solver.scheme == "gfmd":
+        plane = scheme.plane
+        return observers.Surface(
+            lambda state: plane.real.flatten(), lambda rows: (rows.reshape(plane.real.shape), plane.row_start)
+        )
+    if scene.substrate.boundary == "periodic":
+        whole_cell = scheme.solver.convolve.whole_cell
+    else:
+        # A free surface needs a larger transform of its own.
+        def whole_cell(load):
+            return convolution_of(scene, simulation.points, whole_cell=True).whole_cell(load)
+
+    return observers.Surface(lambda state: state.load.copy(), whole_cell)

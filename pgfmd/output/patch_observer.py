@@ -1,0 +1,134 @@
+"""What watches the contact: its patches in every snapshot, the sites that join and leave, what changes in a jump."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple, dataclass
+
+import numpy as np
+
+from pgfmd.files.curve_file import PatchFile, PatchRow, SiteFile, SiteRow
+from pgfmd.physics.contact_sites import KINDS
+from pgfmd.solver.grid import PunchPoints
+from pgfmd.solver.patches import SitePoints, patches_of
+
+from .observers import Frame, Observer
+
+JOINS, LEAVES = "joins", "leaves"
+SAME = 1e-6
+"""Relative difference below which the tractions of two points have changed as much."""
+
+
+class PatchTable:
+    """Writes the rows of `patches.csv` for a snapshot. Collective."""
+
+    def __init__(self, file: PatchFile, points: PunchPoints, places: SitePoints, periodic: bool):
+        self.file, self.points, self.places, self.periodic = file, points, places, periodic
+
+    def __call__(self, snapshot: int, frame: Frame, gap: np.ndarray) -> None:
+        """snapshot: its number; gap [m]: of the frame, (size,)."""
+        self.file.extend([
+            PatchRow(snapshot, frame.time, *astuple(patch))
+            for patch in patches_of(self.points, gap, frame.traction, self.places, self.periodic)
+        ])
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a jump changed: sites that joined and left, such as "1 summit; 3 saddle", the place x, y [m] where the
+    traction changed most, NaN where nobody looked, and the site nearest to it, such as "saddle 40"."""
+
+    joined: str = ""
+    left: str = ""
+    x: float = math.nan
+    y: float = math.nan
+    at: str = ""
+
+
+class ContactWatch(Observer):
+    """Writes a row of `sites.csv` whenever a site joins the contact or leaves it; `change` tells of the last jump.
+
+    A site is in contact while the gap of its grid point is below zero. jumps: whether the scene may jump; only then the
+    traction is kept from step to step. (It changes where the surface snaps; a machine's spring moves the whole surface.)
+
+    What there was before a step is found from the state, so a checkpoint has to hold nothing of it.
+    """
+
+    def __init__(self, file: SiteFile, points: PunchPoints, places: SitePoints, jumps: bool):
+        self.file, self.points, self.places, self.jumps = file, points, places, jumps
+        self.change = Change()
+        self._held: np.ndarray | None = None
+        self._traction: np.ndarray | None = None
+
+    def next_time(self, simulation) -> float:
+        """Asks for no time. Called before each step, and so before the first one after a restart."""
+        if self._held is None:
+            self._remember(simulation.state, self._look(simulation))
+        return math.inf
+
+    def observe(self, simulation, event) -> None:
+        if event.kind not in ("start", "step", "jump"):
+            return
+        if self._held is None:
+            # At the start, everything in contact joins it.
+            self._held = np.zeros(len(self.places.sites), bool)
+        held = self._look(simulation)
+        joined, left = held & ~self._held, self._held & ~held
+        self._write(simulation, joined, left)
+        if event.kind == "jump":
+            place = self._place(simulation.state)
+            self.change = Change(self._told(joined), self._told(left), *place, self._nearest(*place))
+        self._remember(simulation.state, held)
+
+    def _look(self, simulation) -> np.ndarray:
+        """Which sites are in contact now. Collective, unless there are no sites."""
+        if not len(self.places.sites):
+            return np.zeros(0, bool)
+        state, local = simulation.state, self.places.local
+        gap = np.float64(state.position) + simulation.scheme.height[local] - state.displacement[local]
+        return self.places.collect(gap < 0.0)
+
+    def _remember(self, state, held: np.ndarray) -> None:
+        self._held = held
+        if self.jumps:
+            if self._traction is None:
+                self._traction = np.empty_like(state.traction)
+            self._traction[:] = state.traction
+
+    def _write(self, simulation, joined: np.ndarray, left: np.ndarray) -> None:
+        """A row for each site that changed, those that leave first."""
+        if not (joined | left).any():
+            return
+        sites, state, now = self.places.sites, simulation.state, self.places.sites.count(self._held)
+        rows, totals = [], sites.count()
+        for changed, event, step in ((left, LEAVES, -1), (joined, JOINS, 1)):
+            for site in np.flatnonzero(changed).tolist():
+                kind = sites.kind[site]
+                now[kind] += step
+                rows.append(
+                    SiteRow(state.time, simulation.punch_position, state.force, simulation.phase.name, KINDS[kind],
+                            site, sites.x[site], sites.y[site], event, now[kind], totals[kind])
+                )  # fmt: skip
+        self.file.extend(rows)
+
+    def _told(self, changed: np.ndarray) -> str:
+        counts = self.places.sites.count(changed)
+        return "; ".join(f"{count} {kind}" for count, kind in zip(counts, KINDS) if count)
+
+    def _nearest(self, x: float, y: float) -> str:
+        sites = self.places.sites
+        if not len(sites) or math.isnan(x):
+            return ""
+        site = int(np.argmin(np.hypot(sites.x - x, sites.y - y)))
+        return f"{KINDS[sites.kind[site]]} {site}"
+
+    def _place(self, state) -> tuple[float, float]:
+        """x and y [m] of the point whose traction changed most in the last step; of several, the first. Collective."""
+        if self._traction is None:
+            return math.nan, math.nan
+        points, changed = self.points, np.abs(state.traction - self._traction)
+        most = points.maximum_of(float(changed.max(initial=0.0)))
+        # Mirror images differ by rounding.
+        here = np.flatnonzero(changed >= (1.0 - SAME) * most)[:1]
+        place = points.coordinate_of(int(here[0])) if here.size else None
+        return next(found for found in points.comm.allgather(place) if found is not None)

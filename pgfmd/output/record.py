@@ -1,0 +1,84 @@
+"""The record of a run, `run.json`: how it ended, its main results, what it cost, and with what it was made."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import resource
+import sys
+
+from pgfmd.parts import inertia_of_scene
+from pgfmd.restart.history import History
+
+from . import observers
+
+_LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
+
+
+def record_of(simulation, scene, comm, history: History) -> dict:
+    """The contents of `run.json` (docs: results). Collective."""
+    state, scheme = simulation.state, simulation.scheme
+    counters, energies = state.counters, state.energies
+    memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+    links = history.update(counters.steps, max(comm.allgather(scheme.transform_seconds)))
+    audit = scene.output.energy and energies.work != 0.0
+    return {
+        "finished": state.finished,
+        "scheme": scene.solver.scheme,
+        "precision": scene.solver.precision,
+        **_numerics(scene),
+        "ranks": comm.size,
+        "n": scene.grid.n,
+        "range_m": scene.adhesion.range,
+        "steps": counters.steps,
+        "rejected_steps": counters.rejected_steps,
+        "newton_iterations": counters.newton_iterations,
+        "cg_iterations": counters.cg_iterations,
+        "transform_pairs": counters.transform_pairs,
+        "jumps": counters.jumps,
+        "wall_s": history.total("wall_s"),
+        "transform_s": history.total("transform_s"),
+        "checkpoint_s": history.total("checkpoint_s"),
+        "pull_off_force_N": -state.pull_off_force,
+        "snap_in_force_N": -state.snap_in_force,
+        "preload_N": state.preload,
+        "time_to_preload_s": _span(state),
+        "work_of_separation_J": energies.work_of_separation,
+        "work_J": energies.work,
+        "viscous_J": energies.viscous if scene.output.energy else None,
+        "released_J": energies.released,
+        "energy_residual": energies.largest_residual / abs(energies.work) if audit else None,
+        "indentation_offset_m": observers.INDENTATION_OFFSET,
+        "peak_rss_bytes": memory,
+        "versions": history.now.versions,
+        "links": links,
+    }
+
+
+def _numerics(scene) -> dict:
+    """What the scheme was run with: its accuracy and order, or its inertia."""
+    if scene.solver.scheme == "gfmd":
+        inertia = inertia_of_scene(scene)
+        return {"omega_rad_s": inertia.frequency, "dt_s": inertia.step}
+    return {"accuracy": scene.solver.accuracy, "order": scene.solver.order}
+
+
+def _span(state) -> float | None:
+    """t_pl [s]: from first contact to the preload."""
+    if state.preload_time is None or state.first_contact_time is None:
+        return None
+    return state.preload_time - state.first_contact_time
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, the libraries and MPI that this run used."""
+    from mpi4py import MPI
+
+    found = {"python": platform.python_version(), "platform": sys.platform}
+    for name in _LIBRARIES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = "unknown"
+    found["mpi"] = MPI.Get_library_version().splitlines()[0].split(",")[0]
+    return found

@@ -1,0 +1,1 @@
+"""The laws: elastomer, rheology, adhesion, the punch's surface and the loading programme. Plain NumPy, no MPI."""

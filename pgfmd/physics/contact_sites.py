@@ -1,0 +1,207 @@
+"""Where contact begins and closes: summits, saddles and valleys of a punch's lower face. Plain NumPy.
+
+They are the points with grad z = 0 within the outline: a summit is a local minimum of z, as lowest z touches first, a
+valley a local maximum. The face is taken without its printing layers, whose plateaus have no such points; macroscopic
+curvature and unequal heights count. An extremum or saddle that only the outline makes, at the rim, is none.
+
+A face that varies along one direction only has whole lines of them. It gets one site a line, where the line crosses
+the x axis: a summit for each ridge, a valley for each trough. A flat face has no sites, a sphere or power law has one
+summit. Height maps from files get none: the noise of a measured map has an extremum every few pixels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
+from scipy.spatial import cKDTree
+
+from .topography import PATTERNS, Topography
+
+Array = NDArray[np.float64]
+
+SUMMIT, SADDLE, VALLEY = KINDS = ("summit", "saddle", "valley")
+
+PER_WAVE = 16
+"""Points a wavelength of the lattice from which the search begins."""
+SHORT = 1.5
+"""A Newton step this long, in spacings of that lattice, leads to a site close by."""
+DIFFERENCE = 1e-3
+"""Step of the finite differences, in wavelengths: fourth order leaves 1e-10 of a gradient, rounding 1e-12."""
+MOST_ITERATIONS = 50
+FAR = 0.2
+"""A search that has come this far from where it began, in wavelengths, is given up: others began nearer."""
+CLOSE = 1e-9
+"""Last step of a search that has converged, in wavelengths."""
+SAME = 1e-3
+"""Sites closer than this, in wavelengths, are one."""
+DEGENERATE = 1e-6
+"""Ratio of the two curvatures below which the smaller one is taken for zero."""
+SLACK = 1e-9
+"""Relative width by which a site may be beyond the outline."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSites:
+    """Sites in order of kind, then y, then x; a site's number is its place here.
+
+    x, y [m]: positions (count,) relative to the punch's axis. z [m]: raw heights there (topography.py), without layers.
+    kind: for each an index of KINDS (count,).
+    """
+
+    x: Array
+    y: Array
+    z: Array
+    kind: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return self.x.size
+
+    def names(self) -> list[str]:
+        """The kinds as words."""
+        return [KINDS[kind] for kind in self.kind]
+
+    def count(self, which: NDArray[np.bool_] | slice = slice(None)) -> list[int]:
+        """How many of a selection of the sites are summits, saddles and valleys."""
+        return np.bincount(self.kind[which], minlength=len(KINDS)).tolist()
+
+
+def contact_sites(topography: Topography, side: float | None = None) -> ContactSites:
+    """The sites of a punch's lower face.
+
+    side [m]: of the cell that the face fills, where the punch has no radius. ValueError if neither is there.
+    """
+    if topography.radius is None and side is None:
+        raise ValueError("a face without an outline: give the side of the cell")
+    face = replace(topography, layer_step=0.0)
+    pattern = PATTERNS[face.pattern]
+    if pattern.lattice is not None:
+        x, y, kind = _found(face, side, in_row=pattern.lattice(face).row)
+    elif face.pattern == "file":
+        x, y, kind = np.zeros(0), np.zeros(0), np.zeros(0, np.int64)
+    else:
+        x, y, kind = _on_axis(face)
+    order = np.lexsort((x, np.round(y / _smallest_length(face, side), 6), kind))
+    x, y, kind = x[order], y[order], kind[order]
+    return ContactSites(x, y, face.heights(x, y) if x.size else np.zeros(0), kind)
+
+
+def _smallest_length(face: Topography, side: float | None) -> float:
+    return face.wavelength or face.radius or side
+
+
+def _on_axis(face: Topography) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Of a face of revolution: its axis, unless it is flat there."""
+    radius = 1e-3 * (face.radius or face.curvature_radius)
+    middle, beside = face.heights(np.array([0.0, radius]), np.zeros(2))
+    count = int(middle != beside)
+    return np.zeros(count), np.zeros(count), np.full(count, KINDS.index(SUMMIT if beside > middle else VALLEY))
+
+
+def _found(face: Topography, side: float | None, in_row: bool) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Of a pattern with a wavelength: Newton's method from where the slope is least on a fine lattice.
+
+    in_row: the pattern varies along x only; all sites are then sought on the x axis.
+    """
+    wave, reach = face.wavelength, face.radius or 0.5 * side
+    x, y = _candidates(face, reach, in_row)
+    start_x, start_y, arrived = x.copy(), y.copy(), np.zeros(x.shape, bool)
+    under_way = np.arange(x.size)
+    for _ in range(MOST_ITERATIONS):
+        here = x[under_way], y[under_way]
+        step_x, step_y = _newton_step(_derivatives(face.heights, *here, DIFFERENCE * wave), in_row)
+        long = np.hypot(step_x, step_y)
+        # Where a curvature vanishes close by, the full step leads to another site far away.
+        share = np.minimum(1.0, wave / PER_WAVE / np.maximum(long, 1e-300))
+        x[under_way], y[under_way] = here[0] + share * step_x, here[1] + share * step_y
+        arrived[under_way] = long < CLOSE * wave
+        lost = np.hypot(x - start_x, y - start_y)[under_way] > FAR * wave
+        under_way = under_way[~(arrived[under_way] | lost)]
+        if not under_way.size:
+            break
+    kind = _kinds(_derivatives(face.heights, x, y, DIFFERENCE * wave), in_row)
+    good = arrived & (kind >= 0) & _within(face.radius, reach, x, y)
+    x, y, kind = x[good], y[good], kind[good]
+    keep = _without_repeats(x, y, SAME * wave)
+    return x[keep], y[keep], kind[keep]
+
+
+def _candidates(face: Topography, reach: float, in_row: bool) -> tuple[Array, Array]:
+    """Lattice points from which a Newton step by differences on the lattice is short, and those at which |grad z| is
+    not larger than at any neighbour.
+
+    The latter alone miss one of two sites that are close together, as where macroscopic curvature is about to undo
+    them; the former alone, sites where the curvature is large on the scale of the lattice.
+    """
+    # Beyond the outline too, so that a site at the rim has all its neighbours.
+    count = math.ceil(reach * PER_WAVE / face.wavelength) + 2
+    line = np.arange(-count, count + 1) * (face.wavelength / PER_WAVE)
+    if in_row:
+        slope = np.abs(np.gradient(face.heights(line, 0.0)))
+        lowest = slope <= minimum_filter(slope, 3)
+        return line[lowest], np.zeros(np.count_nonzero(lowest))
+    x, y = np.meshgrid(line, line)
+    slope_y, slope_x = np.gradient(face.heights(x, y))
+    _, xx = np.gradient(slope_x)
+    yy, xy = np.gradient(slope_y)
+    slope = np.hypot(slope_x, slope_y)
+    step = np.hypot(*_newton_step((slope_x, slope_y, xx, yy, xy), in_row))
+    chosen = (slope <= minimum_filter(slope, 3)) | (step < SHORT)
+    return x[chosen], y[chosen]
+
+
+def _derivatives(height: Callable[[Array, Array], Array], x: Array, y: Array, d: float) -> tuple[Array, ...]:
+    """z_x, z_y, z_xx, z_yy, z_xy at points, by central differences of fourth order (the last of second order)."""
+    here = height(x, y)
+    slopes, bends = [], []
+    for a, b in ((d, 0.0), (0.0, d)):
+        near = height(x + a, y + b), height(x - a, y - b)
+        far = height(x + 2 * a, y + 2 * b), height(x - 2 * a, y - 2 * b)
+        slopes.append((8.0 * (near[0] - near[1]) - (far[0] - far[1])) / (12.0 * d))
+        bends.append((16.0 * (near[0] + near[1]) - (far[0] + far[1]) - 30.0 * here) / (12.0 * d * d))
+    mixed = height(x + d, y + d) + height(x - d, y - d) - height(x + d, y - d) - height(x - d, y + d)
+    return (*slopes, *bends, mixed / (4.0 * d * d))
+
+
+def _newton_step(derivatives: tuple[Array, ...], in_row: bool) -> tuple[Array, Array]:
+    """The step to where the slope vanishes; infinite, or any other number, where the face is not curved."""
+    slope_x, slope_y, xx, yy, xy = derivatives
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if in_row:
+            steps = -slope_x / xx, np.zeros_like(xx)
+        else:
+            determinant = xx * yy - xy * xy
+            steps = (xy * slope_y - yy * slope_x) / determinant, (xy * slope_x - xx * slope_y) / determinant
+    return tuple(np.nan_to_num(step, posinf=1e300, neginf=-1e300) for step in steps)
+
+
+def _kinds(derivatives: tuple[Array, ...], in_row: bool) -> NDArray[np.int64]:
+    """Indices of KINDS by the signs of the two curvatures; -1 where one is zero, unless the site stands for a line."""
+    _, _, xx, yy, xy = derivatives
+    middle, radius = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    low, high = middle - radius, middle + radius
+    large, small = (np.where((np.abs(low) > np.abs(high)) == first, low, high) for first in (True, False))
+    flat = np.abs(small) <= DEGENERATE * np.abs(large)
+    small = np.where(flat, large if in_row else 0.0, small)
+    up = (large > 0.0).astype(int) + (small > 0.0)
+    kind = np.array([KINDS.index(VALLEY), KINDS.index(SADDLE), KINDS.index(SUMMIT)])[up]
+    return np.where((small == 0.0) | (large == 0.0), -1, kind)
+
+
+def _within(radius: float | None, reach: float, x: Array, y: Array) -> NDArray[np.bool_]:
+    """Which points are within the outline, or in the cell: its left and lower edges belong to it."""
+    if radius is not None:
+        return np.hypot(x, y) <= radius * (1.0 + SLACK)
+    edge = reach * SLACK
+    return (x >= -reach - edge) & (x < reach - edge) & (y >= -reach - edge) & (y < reach - edge)
+
+
+def _without_repeats(x: Array, y: Array, distance: float) -> list[int]:
+    """The first of the points of every cluster."""
+    twins = cKDTree(np.column_stack([x, y])).query_pairs(distance) if x.size else ()
+    later = {max(pair) for pair in twins}
+    return [k for k in range(x.size) if k not in later]

@@ -1,0 +1,1 @@
+"""Pictures of results folders and of rheologies. Reads files only; no MPI."""

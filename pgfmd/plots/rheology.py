@@ -1,0 +1,152 @@
+"""Pictures of a rheology: modulus and creep of a series, in the manner of the paper's figure, and a fit to DMA data.
+
+matplotlib is loaded when a picture is made, without pyplot, as in folder.py.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pgfmd.characterisation.dma import ABSOLUTE_ZERO
+from pgfmd.characterisation.prony_fit import moduli_of
+from pgfmd.errors import ResultError
+from pgfmd.physics.rheology import PronySeries
+from pgfmd.reference.prony import gfmd_creep
+
+from .folder import GREY, RED, STYLE, TURQUOISE
+from .maps import new_figure, signed
+
+if TYPE_CHECKING:
+    from pgfmd.characterisation.rheology_table import Material
+
+GUIDES = {0.8: "-", 0.5: (0, (5, 1.5))}
+"""The power laws of the paper's figure and their line styles."""
+GFMD_PHASES = {1: "#d18f00", 2: RED, 4: "#6a4c93", 8: TURQUOISE}
+"""omega_GFMD tau_min in units of pi, and colour; the paper works with 2 pi."""
+MOST_TEMPERATURES = 8
+
+
+def plot_rheology(series: PronySeries, path: str | Path, title: str = "") -> None:
+    """Draw the modulus ratio against frequency, and the creep of target and implemented model against time.
+
+    Raises ValueError for a series without elements, ResultError if the picture can't be written.
+    """
+    from matplotlib import rc_context
+
+    if not series.elements:
+        raise ValueError("an elastic material has one modulus at all frequencies: there is nothing to draw")
+    with rc_context(STYLE):
+        figure = new_figure(9.0, 4.1)
+        left, right = figure.subplots(1, 2)
+        draw_modulus(left, series)
+        draw_creep(right, series)
+        if title:
+            figure.suptitle(title, fontsize=9.5)
+        _save(figure, path)
+
+
+def plot_fit(material: Material, path: str | Path) -> None:
+    """Draw measured moduli, shifted if they were, with the fitted series and the misfit. Raises ResultError."""
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        _save(fit_figure(material), path)
+
+
+def draw_modulus(axis: Any, series: PronySeries) -> None:
+    """Storage and loss modulus over E(0), each element's share of the storage, and power laws through the middle."""
+    omega = np.geomspace(1e-2 / series.tau[0], 1e2 / series.tau[-1], 600)
+    storage, loss = series.storage(omega), series.loss(omega)
+    axis.plot(omega, storage, color="black", label="storage, E′/E(0)", zorder=3)
+    axis.plot(omega, loss, color=RED, label="loss, E″/E(0)", zorder=2.5)
+    for number, (weight, time) in enumerate(zip(series.kappa, series.tau, strict=True)):
+        x = omega * time
+        label = "storage of one element" if number == 0 else None
+        axis.plot(omega, weight * x**2 / (1 + x**2), ":", color=TURQUOISE, linewidth=0.9, label=label)
+    # The legend stands on top of the curves' rise, where nothing else is.
+    bottom, top = 0.3 * min(1.0, float(series.kappa.min())), 12 * series.kappa_inf
+    # Through the frequency where E' is the geometric mean of its limits, as the paper compares them.
+    middle = np.sqrt(series.kappa_inf)
+    at = np.exp(np.interp(np.log(middle), np.log(storage), np.log(omega)))
+    for exponent, line in GUIDES.items():
+        values = middle * (omega / at) ** exponent
+        shown = (values > 0.6) & (values < 1.6 * series.kappa_inf)
+        label = f"power law $\\omega^{{{exponent}}}$"
+        axis.plot(omega[shown], values[shown], color=GREY, linestyle=line, linewidth=1.1, label=label, zorder=1)
+    axis.set(xscale="log", yscale="log", xlim=omega[[0, -1]], ylim=(max(bottom, 1e-2), top))
+    axis.set(xlabel="angular frequency ω (rad/s)", ylabel="modulus over static modulus", title="(a) modulus")
+    axis.legend(loc="upper left")
+
+
+def draw_creep(axis: Any, series: PronySeries) -> None:
+    """Response to a force switched on at time 0: the target, and what auxiliary masses and dampers make of it."""
+    shortest = float(series.tau[-1])
+    creep = series.to_creep()
+    time = np.geomspace(3e-2 * shortest, 20 * creep.retardation_times[0], 600)
+    axis.plot(time, creep.creep(time), color="black", linewidth=1.8, label="target")
+    for phase, colour in GFMD_PHASES.items():
+        response = gfmd_creep(time, series, phase * np.pi / shortest)
+        label = rf"$\omega_\mathrm{{GFMD}}\,\tau_\mathrm{{min}} = {phase if phase > 1 else ''}\pi$"
+        axis.plot(time, response, color=colour, linestyle=(0, (4, 2)), linewidth=1.2, label=label)
+    axis.axvline(shortest, color="0.8", linewidth=0.8, zorder=0)
+    axis.annotate(r" $\tau_\mathrm{min}$", (shortest, 1.0), xycoords=("data", "axes fraction"), va="top", color=GREY)
+    axis.set(xscale="log", yscale="log", xlim=time[[0, -1]], ylim=(0.2 / series.kappa_inf, 2.0))
+    axis.set(xlabel="time since the force was switched on (s)", ylabel="displacement over its final value")
+    axis.set_title("(b) response to a point force")
+    axis.legend(loc="lower right")
+
+
+def fit_figure(material: Material) -> Any:
+    """Moduli (MPa) against angular frequency, points measured and lines fitted; the relative misfit below."""
+    fit, figure = material.fit, new_figure(5.6, 5.2)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    # The master curve is sorted: its points are told apart by temperature again from the sweeps.
+    colours = _colours(len(material.sweeps))
+    for sweep, shift, colour in zip(material.sweeps, material.shifts(), colours, strict=True):
+        omega = sweep.omega * 10**shift
+        scale = sweep.temperature / material.wlf.reference_temperature if material.vertical else 1.0
+        label = f"{signed(sweep.temperature + ABSOLUTE_ZERO)} °C" if sweep.temperature is not None else "measured"
+        upper.plot(omega, sweep.storage / scale / 1e6, "o", color=colour, markersize=3.5, label=label)
+        viscous = sweep.loss > 0
+        upper.plot(omega[viscous], sweep.loss[viscous] / scale / 1e6, "s", color=colour, markersize=3.5, mfc="none")
+    omega = np.geomspace(fit.omega[0], fit.omega[-1], 600)
+    for values, line, label in zip(moduli_of(fit, omega), ("-", (0, (4, 2))), ("fit, E′", "fit, E″"), strict=True):
+        upper.plot(omega, values / 1e6, color="black", linestyle=line, linewidth=1.0, label=label)
+    upper.set(xscale="log", yscale="log", ylabel="E′ (filled), E″ (open) (MPa)")
+    smallest = min(fit.storage.min(), fit.loss[fit.loss > 0].min(initial=np.inf))
+    upper.set_ylim(bottom=0.4 * smallest / 1e6)
+    upper.set_title(f"{fit.series.elements} elements, misfit {100 * fit.rms:.2g} % rms", loc="left")
+    handles, labels = upper.get_legend_handles_labels()
+    if len(handles) > MOST_TEMPERATURES + 2:
+        kept = [*np.linspace(0, len(handles) - 3, MOST_TEMPERATURES).round().astype(int), -2, -1]
+        handles, labels = [handles[k] for k in kept], [labels[k] for k in kept]
+    upper.legend(handles, labels, loc="best", ncols=2 if len(handles) > 5 else 1)
+    lower.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+    lower.plot(fit.omega, 100 * fit.misfit[0], "o", color="0.35", markersize=2.5)
+    lower.plot(fit.omega, 100 * fit.misfit[1], "s", color="0.35", markersize=2.5, mfc="none")
+    lower.set(xlabel="angular frequency ω (rad/s)", ylabel="misfit (%)")
+    if material.wlf is not None:
+        celsius = signed(material.wlf.reference_temperature + ABSOLUTE_ZERO)
+        lower.set_xlabel(f"angular frequency ω $a_T$ (rad/s) at {celsius} °C")
+    figure.align_ylabels()
+    return figure
+
+
+def _colours(count: int) -> list:
+    """One colour for a single sweep; from violet (cold) to green for several."""
+    if count == 1:
+        return [TURQUOISE]
+    from matplotlib import colormaps
+
+    # Not cmcrameri's, which loads pyplot. The palest end is hard to see on white.
+    return [colormaps["viridis"](value) for value in np.linspace(0.0, 0.85, count)]
+
+
+def _save(figure: Any, path: str | Path) -> None:
+    try:
+        figure.savefig(path)
+    except (OSError, ValueError) as problem:
+        raise ResultError(f"{path}: could not be written: {problem}") from problem

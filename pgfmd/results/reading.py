@@ -1,0 +1,231 @@
+"""Results read back: table, snapshots, record and scene of a run. No MPI; works while the run is going on."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import tomllib
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pgfmd.errors import ResultError
+from pgfmd.files.curve_file import (
+    CURVE_COLUMNS,
+    ENERGY_COLUMNS,
+    EVENT_COLUMNS,
+    PATCH_COLUMNS,
+    SITE_COLUMNS,
+    CurveRow,
+    EnergyRow,
+    EventRow,
+    PatchRow,
+    SiteRow,
+)
+from pgfmd.files.storage import (
+    CURVE_FILE,
+    ENERGY_FILE,
+    EVENTS_FILE,
+    FIELDS_FILE,
+    PATCHES_FILE,
+    RUN_FILE,
+    SCENE_FILE,
+    SITES_FILE,
+    UNDO_SUFFIX,
+)
+
+NUMPY_TYPES = {"float": "f8", "int": "i8", "str": "U64"}
+"""Of a column, by how the field of its row is declared."""
+
+
+def load(directory: str | Path) -> Results:
+    """The results in a folder.
+
+    Args:
+        directory: where a run wrote, or is still writing, its results.
+
+    Raises:
+        ResultError: if it is not a results folder; on first use of a part, if this part is missing or damaged.
+    """
+    directory = Path(directory)
+    if not directory.is_dir():
+        raise ResultError(f"{directory}: no such folder")
+    if not (directory / CURVE_FILE).is_file():
+        cure = "name the folder that a run wrote to"
+        raise ResultError(f"{directory}: not a results folder, it has no {CURVE_FILE}; {cure}")
+    return Results(directory)
+
+
+class Results:
+    """One run's results, each part read when it is first asked for. SI units.
+
+    Snapshots stay open until `close()`; also a context manager. To see what a live run has added, `load` again.
+    """
+
+    def __init__(self, directory: Path):
+        self.directory = directory
+
+    def __repr__(self) -> str:
+        return f"Results({str(self.directory)!r})"
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @cached_property
+    def curve(self) -> Any:
+        """`curve.csv`: a pandas DataFrame, or without pandas a structured array; columns as in the file's header."""
+        return _table(self.directory / CURVE_FILE, CURVE_COLUMNS, CurveRow)
+
+    @cached_property
+    def energy(self) -> Any | None:
+        """`energy.csv`, like `curve`; None if the run kept no energy audit."""
+        return self._table_if_there(ENERGY_FILE, ENERGY_COLUMNS, EnergyRow)
+
+    @cached_property
+    def events(self) -> Any | None:
+        """`events.csv`: preload, jumps, the end, like `curve`; None if there is none yet."""
+        return self._table_if_there(EVENTS_FILE, EVENT_COLUMNS, EventRow)
+
+    @cached_property
+    def patches(self) -> Any | None:
+        """`patches.csv`: the contact patches of every snapshot, like `curve`; None if the run kept none."""
+        return self._table_if_there(PATCHES_FILE, PATCH_COLUMNS, PatchRow)
+
+    @cached_property
+    def sites(self) -> Any | None:
+        """`sites.csv`: summits, saddles and valleys that join the contact or leave it, like `curve`; None if the run
+        kept none."""
+        return self._table_if_there(SITES_FILE, SITE_COLUMNS, SiteRow)
+
+    def _table_if_there(self, name: str, columns: tuple[str, ...], row: type) -> Any | None:
+        path = self.directory / name
+        return _table(path, columns, row) if path.exists() else None
+
+    @cached_property
+    def run(self) -> dict:
+        """`run.json`: how the run was made and how it ended; empty until it is written."""
+        path = self.directory / RUN_FILE
+        try:
+            return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        except (OSError, ValueError) as problem:
+            raise ResultError(f"{path}: could not be read: {problem}") from problem
+
+    @cached_property
+    def scene(self) -> dict:
+        """`scene.resolved.toml`: every setting of the run, defaults included."""
+        path = self.directory / SCENE_FILE
+        try:
+            return tomllib.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as problem:
+            raise ResultError(f"{path}: could not be read: {problem}") from problem
+
+    @property
+    def has_fields(self) -> bool:
+        """Whether there is a file with snapshots."""
+        return (self.directory / FIELDS_FILE).exists()
+
+    @cached_property
+    def fields(self) -> Any:
+        """`fields.h5`: an xarray Dataset, or without xarray and h5netcdf a mapping of arrays; both read lazily."""
+        path = self.directory / FIELDS_FILE
+        if not path.exists():
+            raise ResultError(f"{path}: missing, the run has written no snapshots")
+        try:
+            return _open_fields(path)
+        except (OSError, KeyError, ValueError) as problem:
+            hint = "try again in a moment if the run is going on; if it was killed, its next start repairs the file"
+            cure = hint if path.with_name(path.name + UNDO_SUFFIX).exists() else "the file is damaged"
+            raise ResultError(f"{path}: could not be read: {problem}; {cure}") from problem
+
+    @property
+    def labels(self) -> list[str]:
+        """The snapshots' labels, in order; empty without snapshots."""
+        return [str(label) for label in np.asarray(self.fields["label"][:])] if self.has_fields else []
+
+    def frame(self, name: str, snapshot: int) -> np.ndarray:
+        """One array of one snapshot, (rows, columns) over y and x; NaN outside the punch.
+
+        Args:
+            name: "gap" [m], "traction" [Pa], "displacement" [m] or "surface_displacement" [m].
+            snapshot: its number, from 0; negative counts from the end.
+
+        Raises:
+            ResultError: if there is no such array or snapshot.
+        """
+        fields = self.fields
+        if name not in fields:
+            raise ResultError(f"{self.directory / FIELDS_FILE}: has no array {name!r}")
+        count = len(fields["snapshot"])
+        if not -count <= snapshot < count:
+            raise ResultError(f"{self.directory / FIELDS_FILE}: has {count} snapshots, no number {snapshot}")
+        return np.asarray(fields[name][snapshot % count])
+
+    def close(self) -> None:
+        """Close the snapshots' file, if it was opened; asking for `fields` opens it again."""
+        fields = self.__dict__.pop("fields", None)
+        if fields is not None:
+            fields.close()
+
+
+class FieldsMapping(Mapping):
+    """`fields.h5` without xarray: name -> array on disk, read where it is indexed; `units[name]` gives the units."""
+
+    def __init__(self, path: Path):
+        import h5py
+
+        self._file = h5py.File(path, "r", locking=False)
+        self.units = {name: array.attrs["units"] for name, array in self._file.items() if "units" in array.attrs}
+
+    def __getitem__(self, name: str) -> Any:
+        array = self._file[name]
+        return array.asstr() if name == "label" else array
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._file)
+
+    def __len__(self) -> int:
+        return len(self._file)
+
+    def close(self) -> None:
+        """Close the file; its arrays can't be read any more."""
+        self._file.close()
+
+
+def _open_fields(path: Path) -> Any:
+    try:
+        import h5netcdf  # noqa: F401
+        import xarray
+    except ImportError:
+        return FieldsMapping(path)
+    return xarray.open_dataset(path, engine="h5netcdf")
+
+
+def _table(path: Path, columns: tuple[str, ...], row: type) -> Any:
+    """A table of the run. A last line without its end, which a live run has just begun, is left out."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as problem:
+        raise ResultError(f"{path}: could not be read: {problem}") from problem
+    whole = text[: text.rfind("\n") + 1]
+    header, _, body = whole.partition("\n")
+    if header != ",".join(columns):
+        raise ResultError(
+            f"{path}: its first line is {header!r}, expected {','.join(columns)!r}; a run of another version of pgfmd?"
+        )
+    dtype = [(name, NUMPY_TYPES[entry.type]) for name, entry in zip(columns, dataclasses.fields(row), strict=True)]
+    try:
+        rows = np.loadtxt(io.StringIO(body), dtype, delimiter=",", ndmin=1) if body else np.empty(0, dtype)
+    except ValueError as problem:
+        raise ResultError(f"{path}: could not be read: {problem}") from problem
+    try:
+        import pandas
+    except ImportError:
+        return rows
+    return pandas.DataFrame(rows)

@@ -1,0 +1,290 @@
+"""The rules of a scene that look at several keys at once.
+
+Each rule is a generator of Problems over a `Draft`: the values that could be read so far. A rule that asks for a value
+which is missing or wrong ends there, because that value has been reported already; so all problems of a scene come out
+together.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator
+
+from pgfmd.errors import Problem
+from pgfmd.units import format_quantity
+
+from .draft import MISSING, Draft, Unread, example
+from .fields import expectation
+from .model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
+
+ROUNDING = 1.0 + 1e-9
+LONGEST_TIME = 1e15
+SINGLE_ROUNDING, SINGLE_SHARE, FINEST_SINGLE = 6e-8, 0.02, 1e-3
+"""Single precision: its rounding, which the traction f = (w - w_hist)/J carries times E(inf)/E(0); what share of the
+accuracy that may be; and the finest accuracy."""
+_MIXED = 'set solver.precision = "mixed"'
+
+
+def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
+    """Demand the keys that a choice (such as the pattern "flat") needs; refuse those it has no use for."""
+    choice = draft[f"{section}.{selector}"]
+    required, optional = table[choice]
+    for name, model_field in SECTIONS[section].model_fields.items():
+        dotted = f"{section}.{name}"
+        if name in required and not draft.given(dotted):
+            extra = model_field.json_schema_extra
+            expected = f"{expectation(extra)}, for the {selector} '{choice}'" if extra else f"a value for '{choice}'"
+            yield Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")
+        elif draft.given(dotted) and name != selector and name not in required | optional:
+            users = [other for other, keys in table.items() if name in keys[0] | keys[1]]
+            cure = f"delete it, or choose {selector} = " + " or ".join(f'"{user}"' for user in users)
+            yield draft.problem(dotted, f"no such key for the {selector} '{choice}'", cure)
+
+
+def punch_keys(draft: Draft) -> Iterator[Problem]:
+    yield from _keys_of_choice(draft, "punch", "pattern", PATTERNS)
+
+
+def rheology_keys(draft: Draft) -> Iterator[Problem]:
+    yield from _keys_of_choice(draft, "rheology", "model", RHEOLOGIES)
+
+
+def punch_fits_the_cell(draft: Draft) -> Iterator[Problem]:
+    radius, length = draft["punch.radius"], draft["grid.length"]
+    if radius is not None and 2 * radius > length * ROUNDING:
+        most = format_quantity(length / 2, "length")
+        yield draft.problem(
+            "punch.radius",
+            f"at most half the cell, {most}",
+            f"reduce it, or raise grid.length to {2 * radius:g} m or more",
+        )
+
+
+def free_punch_has_room(draft: Draft) -> Iterator[Problem]:
+    if draft["substrate.boundary"] != "free":
+        return
+    radius, length = draft["punch.radius"], draft["grid.length"]
+    if radius is None and "radius" not in PATTERNS[draft["punch.pattern"]][0]:
+        yield draft.problem(
+            "punch.radius",
+            "a radius, because the boundary is free",
+            f'add {example("punch", "radius")} to [punch], or set substrate.boundary = "periodic"',
+        )
+    elif radius is not None and length / 2 * ROUNDING < 2 * radius <= length * ROUNDING:
+        yield draft.problem(
+            "punch.radius",
+            f"at most a quarter of the cell, {format_quantity(length / 4, 'length')}, because the boundary is free",
+            f"raise grid.length to {4 * radius:g} m or more",
+        )
+
+
+def curvature_has_an_axis(draft: Draft) -> Iterator[Problem]:
+    if draft["punch.radius"] is None and math.isfinite(draft["punch.curvature_radius"]):
+        if "radius" not in PATTERNS[draft["punch.pattern"]][0]:
+            yield draft.problem(
+                "punch.curvature_radius",
+                "no curvature for a profile that fills the whole cell",
+                "delete it, or give punch.radius",
+            )
+
+
+def punch_covers_grid_points(draft: Draft) -> Iterator[Problem]:
+    radius, n, length = draft["punch.radius"], draft["grid.n"], draft["grid.length"]
+    if radius is not None and radius < length / n:
+        yield draft.problem(
+            "grid.n", f"a spacing length/n below the punch's radius, {radius:g} m", _raise_n(length / radius)
+        )
+
+
+def _raise_n(least: float) -> str:
+    return f"raise grid.n to {math.ceil(least / ROUNDING)} or more"
+
+
+def wavelength_is_resolved(draft: Draft) -> Iterator[Problem]:
+    wavelength, n, length = draft["punch.wavelength"], draft["grid.n"], draft["grid.length"]
+    if wavelength is not None and wavelength * ROUNDING < 2 * length / n:
+        yield draft.problem(
+            "punch.wavelength",
+            f"at least two grid points, {format_quantity(2 * length / n, 'length')}",
+            _raise_n(2 * length / wavelength),
+        )
+
+
+def sinusoid_is_periodic(draft: Draft) -> Iterator[Problem]:
+    if draft["punch.pattern"] != "sinusoid" or draft["punch.radius"] is not None:
+        return
+    length, wavelength = draft["grid.length"], draft["punch.wavelength"]
+    if wavelength is None:
+        return
+    waves = length / wavelength
+    if round(waves) < 1 or abs(waves - round(waves)) > 1e-6 * waves:
+        near = format_quantity(length / max(round(waves), 1), "length")
+        yield draft.problem(
+            "punch.wavelength",
+            "a whole number of wavelengths in grid.length, because the sinusoid fills the cell",
+            f'write "{near}", or give punch.radius',
+        )
+
+
+def substrate_is_of_one_kind(draft: Draft) -> Iterator[Problem]:
+    film = math.isfinite(draft["substrate.thickness"])
+    own = draft["substrate.compliance_file"] is not None
+    free = draft["substrate.boundary"] == "free"
+    if draft.given("substrate.base") and not film:
+        cure = "delete it, or give a thickness"
+        yield draft.problem("substrate.base", "no base under an infinitely thick substrate", cure)
+    if draft["substrate.prestrain"] != (1.0, 1.0) and (film or free):
+        why = "a film" if film else "a free boundary"
+        cure = "delete it: prestrain needs a periodic half-space"
+        yield draft.problem("substrate.prestrain", f"[1, 1] with {why}", cure)
+    if not own:
+        return
+    if film:
+        cure = "delete it: the file holds the film's effect"
+        yield draft.problem("substrate.thickness", '"inf" with a compliance file', cure)
+    if draft["substrate.prestrain"] != (1.0, 1.0):
+        yield draft.problem("substrate.prestrain", "[1, 1] with a compliance file", "delete one of the two")
+    if free:
+        yield draft.problem("substrate.boundary", '"periodic" with a compliance file', "delete one of the two")
+
+
+def prony_series_is_sound(draft: Draft) -> Iterator[Problem]:
+    if draft["rheology.model"] != "prony":
+        return
+    kappa = draft["rheology.kappa"]
+    if kappa is not None and 1.0 + sum(kappa) > LARGEST_MODULUS_RATIO * ROUNDING:
+        expected = f"weights with 1 + sum <= {LARGEST_MODULUS_RATIO:g}"
+        yield draft.problem("rheology.kappa", expected, "reduce the weights")
+    tau = draft["rheology.tau"]
+    if kappa is not None and tau is not None and len(kappa) != len(tau):
+        yield draft.problem("rheology.tau", f"{len(kappa)} times, one for every weight in kappa", f"it has {len(tau)}")
+
+
+def geometric_times_are_finite(draft: Draft) -> Iterator[Problem]:
+    if draft["rheology.model"] != "geometric":
+        return
+    names = ("relaxation_time", "time_ratio", "elements")
+    shortest, ratio, elements = (draft[f"rheology.{name}"] for name in names)
+    if None in (shortest, ratio, elements):
+        return
+    if math.log10(shortest) + (elements - 1) * math.log10(ratio) > math.log10(LONGEST_TIME):
+        yield draft.problem(
+            "rheology.elements",
+            f"a longest time relaxation_time * time_ratio^(elements-1) of at most {LONGEST_TIME:g} s",
+            "use fewer elements or a smaller time_ratio",
+        )
+
+
+def files_exist(draft: Draft) -> Iterator[Problem]:
+    for dotted in ("punch.file", "substrate.compliance_file"):
+        try:
+            path = draft.path(dotted)
+        except Unread:
+            continue
+        if path is not None and not os.path.isfile(path):
+            cure = f"there is none at {path}; paths start at the scene's folder"
+            yield draft.problem(dotted, "a file that exists", cure)
+
+
+def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
+    if draft["solver.scheme"] != "gfmd":
+        return
+    keys = ("omega", "dt")
+    given = [draft.given(f"solver.gfmd.{name}") for name in keys]
+    elastic = draft["rheology.model"] == "elastic"
+    for name, here in zip(keys, given, strict=True):
+        if not here and (any(given) or elastic):
+            why = "an elastic substrate, which has no relaxation time" if elastic else "the other one given alone"
+            cure = 'add both, such as omega = "15700 rad/s" and dt = "20 us", to [solver.gfmd]'
+            yield draft.problem(f"solver.gfmd.{name}", f"both omega and dt, because of {why}", cure)
+    for name in ("omega_tau", "steps_per_tau", "fast_pull"):
+        if all(given) and draft.given(f"solver.gfmd.{name}"):
+            yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
+    if draft["substrate.boundary"] == "free":
+        cure = 'set substrate.boundary = "periodic", or solver.scheme = "inertialess"'
+        yield draft.problem("substrate.boundary", "a periodic cell, because the scheme gfmd steps its modes", cure)
+
+
+def gfmd_is_double(draft: Draft) -> Iterator[Problem]:
+    if draft["solver.scheme"] == "gfmd" and draft["solver.precision"] != "double":
+        yield draft.problem("solver.precision", "'double' with the scheme gfmd", "delete it")
+
+
+def quasistatic_alone_has_a_machine(draft: Draft) -> Iterator[Problem]:
+    control, stiffness = draft["drive.control"], draft["drive.machine_stiffness"]
+    if draft["solver.scheme"] == "quasistatic":
+        if control == "load" and math.isfinite(stiffness):
+            yield draft.problem("drive.machine_stiffness", "no such key under load control", "delete it")
+        return
+    cure = 'delete it, or set solver.scheme = "quasistatic"'
+    if control == "load":
+        yield draft.problem("drive.control", "'displacement', as only the scheme quasistatic controls a load", cure)
+    if math.isfinite(stiffness):
+        expected = "no such key, as only the scheme quasistatic has a machine with a spring"
+        yield draft.problem("drive.machine_stiffness", expected, cure)
+    if draft["solver.modulus"] == "instantaneous":
+        expected = "'relaxed', as only the scheme quasistatic has a modulus of its own"
+        yield draft.problem("solver.modulus", expected, cure)
+
+
+def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
+    if draft["solver.precision"] != "single":
+        return
+    accuracy = draft["solver.accuracy"]
+    if accuracy < FINEST_SINGLE:
+        yield draft.problem("solver.accuracy", f"at least {FINEST_SINGLE:g} in single precision", _MIXED)
+    if _modulus_ratio(draft) * SINGLE_ROUNDING > SINGLE_SHARE * accuracy:
+        most = SINGLE_SHARE * accuracy / SINGLE_ROUNDING
+        name = "rheology.kappa" if draft["rheology.model"] == "prony" else "rheology.modulus_ratio"
+        yield draft.problem(name, f"E(infinity)/E(0) of at most {most:.3g} at this accuracy in single precision", _MIXED)
+
+
+def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
+    precision = draft["solver.precision"]
+    if draft["solver.scheme"] != "quasistatic" or precision == "double":
+        return
+    if draft["drive.control"] == "load":
+        # The soft spring is a thousand times longer than the punch goes.
+        yield draft.problem("solver.precision", "'double' under load control", "delete it")
+    elif precision == "single" and math.isfinite(draft["drive.machine_stiffness"]):
+        yield draft.problem("solver.precision", "'double' or 'mixed' where the machine has a spring", _MIXED)
+
+
+def _modulus_ratio(draft: Draft) -> float:
+    model = draft["rheology.model"]
+    if model == "elastic":
+        return 1.0
+    return 1.0 + sum(draft["rheology.kappa"] or ()) if model == "prony" else draft["rheology.modulus_ratio"] or 1.0
+
+
+RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
+    punch_keys,
+    rheology_keys,
+    punch_fits_the_cell,
+    free_punch_has_room,
+    curvature_has_an_axis,
+    punch_covers_grid_points,
+    wavelength_is_resolved,
+    sinusoid_is_periodic,
+    substrate_is_of_one_kind,
+    prony_series_is_sound,
+    geometric_times_are_finite,
+    gfmd_can_run,
+    gfmd_is_double,
+    quasistatic_alone_has_a_machine,
+    single_precision_is_enough,
+    springs_are_not_single,
+    files_exist,
+)
+
+
+def check(draft: Draft) -> list[Problem]:
+    """All problems that the rules find in what could be read of a scene."""
+    problems: list[Problem] = []
+    for rule in RULES:
+        try:
+            problems.extend(rule(draft))
+        except Unread:
+            continue
+    return problems

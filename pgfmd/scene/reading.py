@@ -1,0 +1,226 @@
+"""Reading a scene: TOML file or shipped name, overrides, every problem at once, "auto" resolved, paths absolute.
+
+    scene = load_scene("tri-tack", ["grid.n=512", "drive.speed=10 um/s"])
+
+The models are in `scene_model`, the rules across keys in `scene_checks`.
+"""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import math
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from pgfmd.errors import Problem, SceneError
+from pgfmd.physics.drive import OVERSHOOT
+
+from .checks import check
+from .draft import MISSING, Draft, example
+from .fields import expectation
+from .model import PATTERNS, RHEOLOGIES, SECTIONS, Scene
+
+__all__ = ["Scene", "load_scene", "parse_scene", "scene_from_mapping", "shipped_scenes", "shipped_text"]
+
+
+def shipped_scenes() -> list[str]:
+    """Names of the scenes that come with pgfmd."""
+    return sorted(entry.name.removesuffix(".toml") for entry in _shelf().iterdir() if entry.name.endswith(".toml"))
+
+
+def shipped_text(name: str) -> str:
+    """The commented TOML of a shipped scene. Raises SceneError if there is none of this name."""
+    if name not in shipped_scenes():
+        known = ", ".join(shipped_scenes())
+        problem = Problem("scene", name, f"a shipped scene: {known}", _did_you_mean(name, shipped_scenes()))
+        raise SceneError(name, [problem])
+    return (_shelf() / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def load_scene(source: str | Path, overrides: Sequence[str] = ()) -> Scene:
+    """The checked and resolved scene of a TOML file or of a shipped name.
+
+    source: a path, or a name from `shipped_scenes()`; a file of that name wins. overrides: texts such as
+    "drive.speed=10 um/s". Paths in a file's scene start at its folder, those in a shipped scene at the working folder.
+    Raises SceneError with every problem found.
+    """
+    path = Path(source)
+    if isinstance(source, str) and not os.path.isfile(source) and source in shipped_scenes():
+        return parse_scene(shipped_text(source), overrides, source=source)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        cure = _did_you_mean(str(source), shipped_scenes()) or f"shipped scenes: {', '.join(shipped_scenes())}"
+        raise SceneError(str(source), [Problem("scene", str(source), "a file or a shipped scene", cure)]) from None
+    except (OSError, ValueError) as error:
+        raise SceneError(str(source), [Problem("scene", str(source), "a readable UTF-8 file", str(error))]) from None
+    return parse_scene(text, overrides, source=str(source), folder=path.parent)
+
+
+def parse_scene(text: str, overrides: Sequence[str] = (), *, source: str = "scene", folder: str | Path = ".") -> Scene:
+    """The checked and resolved scene of a TOML text; source names it in errors, relative paths start at folder."""
+    try:
+        mapping = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        cure = 'texts and quantities need quotes, such as speed = "1 um/s"'
+        raise SceneError(source, [Problem("scene", source, f"valid TOML, but: {error}", cure)]) from None
+    return scene_from_mapping(mapping, overrides, source=source, folder=folder)
+
+
+def scene_from_mapping(
+    mapping: Mapping[str, Any], overrides: Sequence[str] = (), *, source: str = "scene", folder: str | Path = "."
+) -> Scene:
+    """The checked and resolved scene of nested dicts as TOML would give them (quantities are texts with units)."""
+    mapping = copy.deepcopy(dict(mapping))
+    _flatten(mapping)
+    problems = _apply(mapping, overrides)
+    draft = Draft(Path(folder).absolute())
+    problems += _read_sections(mapping, draft)
+    problems += check(draft)
+    title = mapping.get("title", "")
+    if not isinstance(title, str):
+        problems.append(Problem("title", title, "a text", "put it in quotes"))
+    if problems:
+        raise SceneError(source, problems)
+    return _resolve(title, draft)
+
+
+def _shelf() -> Any:
+    return resources.files("pgfmd") / "scenes"
+
+
+def _did_you_mean(word: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    return f"did you mean {near[0]}?" if near else ""
+
+
+def _flatten(mapping: dict[str, Any]) -> None:
+    """Gives a table within a table, such as [solver.gfmd], its full name."""
+    for name in SECTIONS:
+        outer, dot, inner = name.rpartition(".")
+        if dot and isinstance(mapping.get(outer), dict) and inner in mapping[outer]:
+            mapping[outer] = dict(mapping[outer])
+            mapping[name] = mapping[outer].pop(inner)
+
+
+def _apply(mapping: dict[str, Any], overrides: Sequence[str]) -> list[Problem]:
+    """Write overrides into the mapping; a new pattern or model drops keys of the scene that it has no use for."""
+    problems, replaced = [], {}
+    for override in overrides:
+        name, equals, text = override.partition("=")
+        split = name.rpartition if name.rpartition(".")[0].strip() in SECTIONS else name.partition
+        section, dot, field_name = (part.strip() for part in split("."))
+        if not equals or not section or (dot and not field_name) or (not dot and section != "title"):
+            problems.append(Problem("override", override, "section.key=value", "for instance drive.speed=10 um/s"))
+            continue
+        value = _override_value(text.strip())
+        if not dot:
+            mapping[section] = value
+        elif isinstance(mapping.setdefault(section, {}), dict):
+            mapping[section][field_name] = value
+            replaced.setdefault(section, set()).add(field_name)
+    for section, selector, table in (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES)):
+        named = replaced.get(section, set())
+        choice = mapping[section][selector] if selector in named else None
+        if isinstance(choice, str) and choice in table:
+            unused = set(SECTIONS[section].model_fields).difference(*table[choice], named)
+            mapping[section] = {name: value for name, value in mapping[section].items() if name not in unused}
+    return problems
+
+
+def _override_value(text: str) -> Any:
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    return parsed["value"] if set(parsed) == {"value"} else text
+
+
+def _read_sections(mapping: Mapping[str, Any], draft: Draft) -> list[Problem]:
+    """Fill the draft; returns what is wrong with single keys."""
+    problems = []
+    for name, value in mapping.items():
+        if name not in SECTIONS and name != "title":
+            owners = [section for section, model in SECTIONS.items() if name in model.model_fields]
+            moved = owners and not isinstance(value, dict)
+            cure = f"move it to [{owners[0]}]" if moved else _did_you_mean(name, list(SECTIONS))
+            problems.append(Problem(name, value, "one of the sections " + ", ".join(SECTIONS), cure))
+    for section, model in SECTIONS.items():
+        raw = mapping.get(section, {})
+        if not isinstance(raw, dict):
+            cure = f"write [{section}] on a line of its own, its keys below"
+            problems.append(Problem(section, raw, "a section", cure))
+            raw = {}
+        draft.raw[section], draft.values[section] = raw, {}
+        try:
+            model.model_validate(raw, context=draft.values[section])
+        except ValidationError as error:
+            for details in error.errors(include_url=False):
+                problems += _problems_of(section, model, details)
+    return problems
+
+
+def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any]) -> list[Problem]:
+    """A pydantic error in the words of the scene."""
+    name, context = str(error["loc"][0]), error.get("ctx", {})
+    dotted = f"{section}.{name}"
+    if error["type"] == "scene":
+        return [Problem(dotted, *parts) for parts in context["problems"]]
+    if error["type"] == "extra_forbidden":
+        owners = [other for other, fields in SECTIONS.items() if name in fields.model_fields]
+        cure = f"move it to [{owners[0]}]" if owners else _did_you_mean(name, list(model.model_fields))
+        return [Problem(dotted, error["input"], f"a key of [{section}]: {', '.join(model.model_fields)}", cure)]
+    if error["type"] == "missing":
+        field = model.model_fields[name]
+        choices = getattr(field.annotation, "__args__", ())
+        words = " or ".join(f"'{choice}'" for choice in choices if isinstance(choice, str)) or "a whole number"
+        expected = expectation(field.json_schema_extra) if field.json_schema_extra else words
+        return [Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")]
+    expected = error["msg"].removeprefix("Input should be ")
+    if error["type"] == "literal_error":
+        words = [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]
+        return [Problem(dotted, error["input"], context["expected"], _did_you_mean(str(error["input"]), words))]
+    return [Problem(dotted, error["input"], expected)]
+
+
+def _resolve(title: str, draft: Draft) -> Scene:
+    """The scene with defaults, automatic values and absolute paths filled in; the draft is free of problems."""
+    from pgfmd.physics.cohesion import range_of_adhesion
+
+    parts = {name: model.model_construct(**draft.values[name]) for name, model in SECTIONS.items()}
+    adhesion, drive, substrate = parts["adhesion"], parts["drive"], parts["substrate"]
+    q_ref = adhesion.q_ref
+    if q_ref == "grid":
+        q_ref = 2.0 * math.pi * parts["grid"].n / parts["grid"].length
+    reach = adhesion.range
+    if reach == "auto":
+        modulus = substrate.contact_modulus
+        reach = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, q_ref)
+    automatic: dict[str, dict[str, Any]] = {
+        "adhesion": {"q_ref": q_ref, "range": reach},
+        "drive": {
+            "retract_speed": drive.retract_speed or drive.speed,
+            "turn_time": 4.0 * OVERSHOOT * reach / drive.speed if drive.turn_time == "auto" else drive.turn_time,
+            "clearance": reach if drive.clearance == "auto" else drive.clearance,
+        },
+        "punch": {"file": _text(draft.path("punch.file"))},
+        "substrate": {
+            "compliance_file": _text(draft.path("substrate.compliance_file")),
+            "base": (substrate.base or "bonded") if math.isfinite(substrate.thickness) else None,
+        },
+    }
+    resolved = {
+        name.replace(".", "_"): part.model_copy(update=automatic.get(name, {})) for name, part in parts.items()
+    }
+    return Scene.model_construct(title=title, **resolved)
+
+
+def _text(path: Path | None) -> str | None:
+    return None if path is None else str(path)

@@ -1,0 +1,63 @@
+"""The sections [solver] and [solver.gfmd] of a scene."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from pydantic import field_validator
+
+from .fields import Section, key, number, quantity, refuse
+
+PRECISIONS = ("double", "mixed", "single")
+
+class GfmdKeys(Section):
+    """The inertia and the step of the scheme `gfmd`; no other scheme reads them."""
+
+    omega_tau: float = number(
+        "omega tau_min: frequency omega of the auxiliary inertia times the shortest relaxation time",
+        2.0 * math.pi,
+        above=0.0,
+    )
+    steps_per_tau: float = number("time steps in the shortest relaxation time", 20.0, above=0.0)
+    fast_pull: float = number(
+        "largest motion of the punch in a step, in ranges of adhesion; where it shortens the step, omega dt stays "
+        "omega_tau/steps_per_tau",
+        0.01,
+        above=0.0,
+    )
+    omega: float | None = quantity(
+        "angular frequency", "frequency omega of the inertia, instead of omega_tau; needs dt", None
+    )
+    dt: float | None = quantity("time", "time step, instead of steps_per_tau and fast_pull; needs omega", None)
+
+    @field_validator("omega", mode="before")
+    @classmethod
+    def _not_in_hertz(cls, value: object) -> object:
+        if isinstance(value, str) and "hz" in value.lower():
+            raise refuse(value, "an angular frequency in rad/s", "multiply by 2 pi and write rad/s")
+        return value
+
+
+class Solver(Section):
+    """The numerics."""
+
+    scheme: Literal["inertialess", "gfmd", "quasistatic"] = key(
+        "`inertialess`: the massless limit by implicit steps; `gfmd`: the paper's explicit scheme; `quasistatic`: "
+        "infinitely slow, a path of equilibria with jumps",
+        "inertialess",
+    )
+    modulus: Literal["relaxed", "instantaneous"] = key(
+        "modulus of `quasistatic`: `relaxed`, E(0), or `instantaneous`, E(infinity)", "relaxed"
+    )
+    accuracy: float = number(
+        "relative error allowed in one step of `inertialess` or `quasistatic`; `gfmd` has [solver.gfmd]",
+        1e-2, at_least=1e-8, at_most=0.3,
+    )
+    order: Literal[2, 1] = key(
+        "order of the steps of `inertialess`: 2 (two stages, SDIRK2) or 1 (implicit Euler); `gfmd` is always of order 2", 2
+    )
+    precision: Literal["double", "mixed", "single"] = key(
+        "`double`; `mixed`: single within conjugate gradients, double in all that lasts; `single`: all fields", "double"
+    )
+    max_steps: int = key("largest number of steps", 1_000_000, ge=1)

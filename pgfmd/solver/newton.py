@@ -1,0 +1,247 @@
+"""One implicit step: a static adhesive contact problem, solved downhill by Newton's method with conjugate gradients.
+
+A step asks for w and u = G0 w with w = J f(d + z - u) + w_hist. Its solutions are the stationary points of
+
+    Phi(u) = sum u (w/2 - w_hist) / J + Gamma(d + z - u)
+
+Newton's correction s solves (A^-1 + K) s = r with A = J G0, K = Gamma'' and r = f - (w - w_hist) / J. It is found by
+conjugate gradients preconditioned by A. With every direction p its dual y = A^-1 p is carried along, so A^-1 is never
+applied; u, w and Phi are updated locally, and one application of G0 a CG iteration is the only transform. Where the
+curvature along p is negative, or the correction leaves the region of trust, the step ends at that region's edge; Phi
+must go down.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import kernels
+
+SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32", "float32"): 1e-6}
+"""How far Phi may rise by rounding, relative to itself: by the precision of u and w, and of the corrections."""
+SLIDES, MOST_SLIDE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), 4.0
+"""A saddle is left by first this many ranges of adhesion, by less where that leads upward, and by twice as much again and
+again, up to the last number, as long as that leads down."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a solve ended: whether it converged, its iterations, the force on the punch [N], by how much Phi fell, and
+    the adhesive energy [J].
+
+    moved: sum of the largest moves of the surface [ranges of adhesion] by all corrections.
+    """
+
+    converged: bool
+    newton_iterations: int
+    cg_iterations: int
+    force: float
+    potential_drop: float
+    adhesive: float
+    met_negative_curvature: bool
+    moved: float = 0.0
+
+
+class NewtonSolver:
+    """Solves implicit steps on point vectors. Holds the work arrays; keeps nothing from one solve to the next.
+
+    points: PunchPoints. convolve: the Convolution with G0. height z [m] (size,). law: CohesiveLaw. force_scale [N]: the
+    force that a relative error of one would be, the preload. rough: the same operator in single precision, if
+    corrections are to be found by it; residuals, u and w keep the precision of `convolve`.
+    After a solve, `traction` and `curvature` are those of the solution.
+    """
+
+    largest_newton_count = 60
+    largest_jump_count = 20_000
+    """Correction counts at which a solve gives up. In a jump a crack may run through the whole punch, a cell or so a
+    correction."""
+    largest_cg_count = 400
+    forcing = 0.1
+    """CG ends when its last move is below half this fraction of the correction so far (inexact Newton)."""
+    linear_share = 1.0
+    """CG also ends when its last move is below this share of the tolerance."""
+    patience = 1
+    """So many moves of CG in a row have to be that small. One is enough where the compliance is that of a short time;
+    for a relaxed or elastic surface, CG is slower, and one small move may be followed by larger ones."""
+    timid_way = 0.5
+    """A timid solve gives up when the surface moves by more than this many ranges of adhesion."""
+    force_share = 0.2
+    """The force out of balance, relative to the force scale, may be this share of the tolerance."""
+
+    def __init__(self, points, convolve, height: np.ndarray, law, force_scale: float, rough=None):
+        self.force_scale = force_scale
+        # A traction on the whole plane has a mean, and a half-space no compliance for it.
+        self.floating = points.total == points.grid.n**2 and convolve.mean_compliance == 0.0
+        self.points, self.convolve, self.height, self.law = points, convolve, height, law
+        self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
+        self.rough = rough or convolve
+        self.operators = [convolve, rough] if rough else [convolve]
+        self.dtype, self._slack = convolve.dtype, SLACK[convolve.dtype.name, self.rough.dtype.name]
+        self.traction = points.zeros(self.dtype)
+        vectors = [points.zeros(self.rough.dtype) for _ in range(7)]
+        self.curvature, self._r, self._s, self._t, self._p, self._y, self._z = vectors
+        self._rows = np.zeros((4, points.rows))
+
+    def solve(
+        self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False,
+        timid: bool = False,
+    ) -> Outcome:  # fmt: skip
+        """Moves u [m] and w [Pa] (in place, consistent: u = G0 w) to a minimum of Phi downhill of where they are.
+
+        position d [m]; history w_hist [Pa] (size,); compliance J (dimensionless, relative to the relaxed one);
+        tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the
+        force that is out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0
+        rho is no small stress.) jump: the way down may be long. timid: give up where the potential bends down along a
+        direction, or the surface has moved far: there is a better start, nearer by. Where it does not converge, u and w
+        stay at the lowest Phi found.
+        """
+        trust, way, cg_count, negative, renewed = 1.0, 0.0, 0, False, False
+        self._s[:] = 0.0
+        self._t[:] = 0.0
+        (pull, imbalance, potential, _), drop = self._evaluate(position, u, w, 0.0, 0.0, history, compliance), 0.0
+        if not math.isfinite(potential):
+            return self._outcome(False, 0, 0, pull, drop, potential, negative, way)
+        last_pull = pull
+        unbalanced = self.force_share * tolerance * self.force_scale / self.points.grid.cell_area
+        most = self.largest_jump_count if jump else self.largest_newton_count
+        for count in range(1, most + 1):
+            used, size, bent = self._correct(compliance, tolerance, unbalanced, trust, imbalance)
+            cg_count += used
+            negative |= bent
+            if timid and (bent or way + size > self.timid_way):
+                break
+            longest = trust / size if size > trust or (bent and size > 0.0) else 1.0
+            shortest = 1e-3 * tolerance / max(size, 1.0)
+            scale, (pull, imbalance, trial, growth) = self._go_down(
+                position, u, w, history, compliance, potential, longest, shortest
+            )
+            if scale == 0.0:
+                # Not downhill along a direction that should be: u has drifted off G0 w, or rounding is reached.
+                if renewed:
+                    break
+                self.convolve(w, u)
+                renewed = True
+                pull, imbalance, potential, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+                continue
+            kernels.move(u, w, self._s, self._t, scale, scale * compliance)
+            # Where the mean load balances by itself, the force is known as well as the last correction has left it.
+            unsettled = max(abs(imbalance), abs(pull - last_pull) if self.floating else 0.0)
+            last_pull = pull
+            gained, potential = potential - trial - growth, trial
+            drop += gained
+            small = size < tolerance or (self.forcing + size) * size < tolerance
+            if scale == 1.0 and not bent and small and unsettled <= unbalanced:
+                return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size)
+            moved = scale * size
+            way += moved
+            trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
+        return self._outcome(False, count, cg_count, pull, drop, potential, negative, way)
+
+    def _go_down(self, position, u, w, history, compliance, potential, longest, shortest):
+        """Halves the step along s until Phi does not rise; (step, what `_evaluate` gives there), step 0 where it always
+        rises."""
+        scale = longest
+        slack = self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+        while scale >= shortest:
+            values = self._evaluate(position, u, w, scale, scale * compliance, history, compliance)
+            if values[2] + values[3] <= potential + slack:
+                return scale, values
+            scale *= 0.5
+        return 0.0, self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+
+    def slide(self, position: float, history, compliance: float, u, w, mode, dual) -> float:
+        """Moves u [m] and w [Pa] along a mode of negative curvature, to about the lowest Phi either way; by how much it
+        fell [J].
+
+        mode [m] and its dual A^-1 mode [Pa]. A saddle is left that far that no descent leads back. Where there is no lower
+        place either way, nothing moves, and traction and curvature are those of the surface as it is. Collective.
+        """
+        self._s[:], self._t[:] = mode, dual
+        whole = self.law.range / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
+        values = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+        start, best, best_step = values[2], -self._slack * abs(values[2]), 0.0
+        for first in SLIDES:
+            for sign in (1.0, -1.0):
+                step = sign * first * whole
+                while abs(step) <= MOST_SLIDE * whole:
+                    values = self._evaluate(position, u, w, step, step * compliance, history, compliance)
+                    if values[2] + values[3] - start >= best:
+                        break
+                    best, best_step = values[2] + values[3] - start, step
+                    step *= 2.0
+            if best_step:
+                kernels.move(u, w, self._s, self._t, best_step, best_step * compliance)
+                return -best * self.points.grid.cell_area
+        self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+        return 0.0
+
+    def _outcome(self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved) -> Outcome:
+        area = self.points.grid.cell_area
+        return Outcome(converged, newton_count, cg_count, -pull * area, drop * area, adhesive * area, negative, moved)
+
+    def _evaluate(self, position, u, w, step, weight, history, compliance):
+        """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets
+        traction, curvature and residual at u + step s."""
+        kernels.evaluate(
+            self.height, position, u, w, self._s, self._t, step, weight, history, compliance,
+            self.law_numbers, self.points.offset, self.traction, self.curvature, self._r, self._rows,
+        )  # fmt: skip
+        return self.points.total_of(self._rows)
+
+    def _correct(
+        self, compliance: float, tolerance: float, unbalanced: float, trust: float, imbalance: float
+    ) -> tuple[int, float, bool]:
+        """Newton's correction s and its dual t by CG; (iterations, largest |s| in ranges, negative curvature met)."""
+        points, s, t, p, y, z, r = self.points, self._s, self._t, self._p, self._y, self._z, self._r
+        per_range = 1.0 / self.law.range
+        for vector in (s, t, p, y):
+            vector[:] = 0.0
+        size, previous, quiet = 0.0, 1.0, 0
+        imbalance = self._level(imbalance)
+        for count in range(1, self.largest_cg_count + 1):
+            self.rough(r, z, compliance)
+            kernels.dot(r, z, points.offset, self._rows)
+            energy = points.total_of(self._rows[:1])[0]
+            if energy <= 0.0:
+                return count, size, False
+            beta = 0.0 if count == 1 else energy / previous
+            kernels.turn_direction(z, r, beta, self.curvature, p, y, points.offset, self._rows)
+            bend = points.total_of(self._rows[:1])[0]
+            if bend <= 0.0:
+                return count, self._to_edge(trust), True
+            kernels.advance(energy / bend, p, y, self.curvature, s, t, r, points.offset, self._rows)
+            rows = points.all_rows(self._rows[:3])
+            change, size = rows[:2].max(axis=1) * per_range
+            previous, imbalance = energy, self._level(rows[2].sum())
+            small = change < max(self.linear_share * tolerance, 0.5 * self.forcing * size)
+            quiet = quiet + 1 if small and abs(imbalance) <= 0.5 * unbalanced else 0
+            if size > 2.0 * trust or quiet >= self.patience:
+                break
+        return count, size, False
+
+    def _level(self, imbalance: float) -> float:
+        """Lets the mean load take up the mean residual where it moves nothing, A being singular there.
+
+        Returns what was out of balance: there, by how much the last direction has changed the force.
+        """
+        if self.floating:
+            mean = imbalance / self.points.total
+            self._r -= mean
+            self._t += mean
+        return imbalance
+
+    def _to_edge(self, trust: float) -> float:
+        """Follows the last direction, along which Phi bends down, to the edge of the region of trust; largest |s| in
+        ranges."""
+        points = self.points
+        kernels.largest_in_rows(self._p, self.curvature, points.offset, self._rows)
+        largest = points.all_rows(self._rows[:1]).max()
+        if largest == 0.0:
+            # No interacting point moves, so the curvature was positive but for rounding: the solve has ended.
+            return 0.0
+        alpha = trust * self.law.range / largest
+        kernels.advance(alpha, self._p, self._y, self.curvature, self._s, self._t, self._r, points.offset, self._rows)
+        return points.all_rows(self._rows[:2]).max(axis=1)[1] / self.law.range

@@ -1,0 +1,84 @@
+"""Where within a step the force meets the preload, and how steps end where something is wanted. Plain Python."""
+
+from __future__ import annotations
+
+from pgfmd.physics.drive import PRELOAD, Phase
+
+PRELOAD_TOLERANCE, PRELOAD_SHARE, CLOSE_TO_PRELOAD = 1e-4, 0.1, 0.95
+"""The preload is met to this fraction, or to that share of a smaller tolerance: a late turn shifts the whole way back.
+From the last fraction of it on, steps are solved tightly."""
+
+
+def slack_of(preload: float, tolerance: float) -> float:
+    """By how much [N] the preload may be missed, at this tolerance of a step."""
+    return min(PRELOAD_TOLERANCE, PRELOAD_SHARE * tolerance) * preload
+
+
+class PreloadSearch:
+    """Finds the step at whose end the force meets the preload, from trials of one step; idle in other phases.
+
+    force [N]: at the start of the step.
+    """
+
+    def __init__(self, phase: Phase, force: float, preload: float, slack: float):
+        self.is_on = phase.ends_with == PRELOAD
+        self.start, self.preload, self.slack = force, preload, slack
+        self.bracket: Bracket | None = None
+
+    @property
+    def sharp(self) -> bool:
+        """Whether trials need a force that is known better than the preload is to be met."""
+        return self.bracket is not None or (self.is_on and self.start > CLOSE_TO_PRELOAD * self.preload)
+
+    def other_step(self, step: float, force: float) -> float | None:
+        """The step [s] to try after one that ended at `force` [N]; None where that one may stay."""
+        excess = force - self.preload
+        if not self.is_on or (excess <= self.slack and (self.bracket is None or excess >= -self.slack)):
+            return None
+        self.bracket = self.bracket or Bracket(0.0, self.start - self.preload)
+        return self.bracket.narrow(step, excess)
+
+    def is_met(self, force: float) -> bool:
+        """Whether a step that ends at `force` [N] ends the phase."""
+        return self.is_on and force >= self.preload - self.slack
+
+
+class Bracket:
+    """Regula falsi (Illinois) for the step at which the force meets the preload."""
+
+    def __init__(self, low: float, low_value: float):
+        self.low, self.low_value = low, low_value
+        self.high = self.high_value = self.first = None
+        self.last_side = 0
+
+    def narrow(self, step: float, value: float) -> float | None:
+        """Takes in the force excess [N] at a step [s]; returns the next step to try, None when there is nothing
+        between."""
+        side = 1 if value > 0.0 else -1
+        self.first = self.first or step
+        if side > 0:
+            self.high, self.high_value = step, value
+        else:
+            self.low, self.low_value = step, value
+        if self.last_side == side:
+            if side > 0:
+                self.low_value *= 0.5
+            else:
+                self.high_value *= 0.5
+        self.last_side = side
+        width = self.high - self.low
+        if width <= 1e-6 * self.first:
+            return None
+        inside = self.low - self.low_value * width / (self.high_value - self.low_value)
+        return min(max(inside, self.low + 1e-3 * width), self.high - 1e-3 * width)
+
+
+def fit(step: float, end: float, until: float) -> tuple[float, str]:
+    """The step, shortened or a little stretched to end at the phase's end or the wanted time; and which of them it
+    meets."""
+    target, why = (end, "duration") if end <= until else (until, "time")
+    if step >= target * (1.0 - 1e-9):
+        return target, why
+    if step > 0.5 * target:
+        return 0.5 * target, ""
+    return step, ""

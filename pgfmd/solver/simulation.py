@@ -1,0 +1,147 @@
+"""The loop: steps through the loading programme, and tells the observers what happened."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pgfmd.errors import RunError
+from pgfmd.files.packing import arrays_of
+from pgfmd.physics.drive import DETACHED, Drive
+
+from .finite import not_finite_on
+from .state import State
+
+FINISHED = "detached"
+STOPPED_PRELOAD = "preload not reached"
+STOPPED_STEPS = "max_steps reached"
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened at the end of a step: "start", "step", "jump", "preload", "time", or "end"."""
+
+    kind: str
+    released: float = 0.0
+
+
+class Simulation:
+    """A tack test: scheme, controller, programme and state, with observers that are called after each step.
+
+    scheme: of schemes/; controller: controller.Controller, or fixed_steps.FixedSteps for an explicit scheme. deepest
+    [m]: indentation at which an approach is given up. An observer is an object with `observe(simulation, event)` and
+    `next_time(simulation)`, the next time [s] at which a step must end, or infinity.
+    """
+
+    def __init__(self, scheme, controller, drive: Drive, deepest: float, max_steps: int):
+        self.scheme, self.controller, self.drive = scheme, controller, drive
+        self.points, self.deepest, self.max_steps = scheme.points, deepest, max_steps
+        self.phases = drive.phases
+        self.observers = []
+        self.state: State = scheme.new_state(drive.clearance)
+
+    @property
+    def phase(self):
+        """The phase that the next step belongs to."""
+        return self.phases[self.state.phase]
+
+    @property
+    def punch_position(self) -> float:
+        """Position d of the punch [m]: the machine's, or that at the end of its spring."""
+        return self.scheme.place(self.state)
+
+    def run(self, only_to_preload: bool = False, attend: Callable[[Simulation], bool] | None = None) -> State:
+        """Runs the programme to its end, or to the preload; returns the state, whose `finished` says how it ended.
+
+        Goes on from wherever the state is. attend: called at the start, after each step, and so also at the end before
+        the observers hear of it; the run stops, unfinished, where it returns True.
+        """
+        state = self.state
+        earlier = state.counters.transform_pairs - self.scheme.pairs
+
+        def is_to_stop() -> bool:
+            state.counters.transform_pairs = earlier + self.scheme.pairs
+            return attend is not None and attend(self)
+
+        stopped = False
+        if not state.started:
+            self._start()
+            stopped = is_to_stop()
+        while not (stopped or state.finished or (only_to_preload and state.preload_time is not None)):
+            phase = self.phase
+            until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
+            released = state.energies.released
+            try:
+                taken, why = self.controller.advance(state, phase, until)
+            except RunError:
+                # Not for want of an equilibrium, if the numbers have gone.
+                self._require_finite()
+                raise
+            self._measure()
+            self._note(Event("jump" if taken.is_jump else "step", state.energies.released - released))
+            if why == "time":
+                self._note(Event("time"))
+            self._turn_page(phase, why)
+            stopped = is_to_stop()
+        if not stopped:
+            self._note(Event("end"))
+            state.counters.transform_pairs = earlier + self.scheme.pairs
+        return state
+
+    def _start(self) -> None:
+        self.state.started = True
+        self.state.force = self.state.least_force = self.scheme.start(self.state)
+        self._measure()
+        self.state.energies.adhesive_start = self.state.energies.adhesive
+        self.state.energies.largest_residual = 0.0
+        self._note(Event("start"))
+
+    def _turn_page(self, phase, why: str) -> None:
+        """Ends phases and the run."""
+        state = self.state
+        if why in ("duration", "preload"):
+            if why == "preload":
+                state.preload_time, state.preload, state.preload_place = state.time, state.force, state.place
+                self._note(Event("preload"))
+            state.phase += 1
+            state.elapsed, state.phase_start, state.step = 0.0, state.position, 0.0
+            state.forget_history()
+        elif phase.ends_with == DETACHED and state.smallest_gap >= self.scheme.law.reach:
+            state.finished = FINISHED
+        elif phase.name == "approach" and -self.punch_position > self.deepest:
+            state.finished = STOPPED_PRELOAD
+        if not state.finished and state.counters.steps >= self.max_steps:
+            state.finished = STOPPED_STEPS
+
+    def _measure(self) -> None:
+        """Derives from the fields what rows of the curve and of the energy audit hold."""
+        state, energies = self.state, self.state.energies
+        self.scheme.measure(state)
+        state.place = self.punch_position
+        if not math.isfinite(state.force + energies.adhesive + energies.residual + state.far_displacement):
+            self._require_finite()
+        if self.scheme.audit:
+            energies.largest_residual = max(energies.largest_residual, abs(energies.residual))
+        if state.contact_points and state.first_contact_time is None:
+            state.first_contact_time = state.time
+        name = self.phase.name
+        if name == "approach":
+            state.snap_in_force = min(state.snap_in_force, state.least_force)
+        elif name != "dwell":
+            state.pull_off_force = min(state.pull_off_force, state.least_force)
+
+    def _require_finite(self) -> None:
+        """RunError, naming array and entry, if a field of the state is no longer finite. Collective."""
+        state = self.state
+        where = not_finite_on(self.points.comm, arrays_of(state))
+        if where or not math.isfinite(state.force):
+            raise RunError(
+                f"the surface is no longer finite in step {state.counters.steps} ({self.phase.name}, "
+                f"t = {state.time:.6g} s, d = {self.punch_position:.6g} m): {where or f'force = {state.force}'}. What was "
+                f"written before is valid. {self.scheme.cure}"
+            )
+
+    def _note(self, event: Event) -> None:
+        for observer in self.observers:
+            observer.observe(self, event)

@@ -1,0 +1,283 @@
+"""Traction to displacement on the punch block by one fused, pruned pair of distributed Fourier transforms.
+
+The only module that imports mpi4py-fft. A traction that lives on `nb` rows and columns is convolved with an even
+kernel, whose multiplier G(kx, ky) is real and even, and the result is wanted on `out` rows and columns:
+
+1. real-to-complex along x, of the occupied rows only;
+2. global transpose of those rows (on one rank: none);
+3. for a few columns at a time, in cache: pad with zeros, complex transform along y, times G, back, keep the wanted
+rows; 4. transpose back; 5. complex-to-real along x of the wanted rows.
+
+No array of the whole plane exists. All sums run in an order that does not depend on the number of ranks, and plans are
+made with FFTW_ESTIMATE unless asked otherwise, so the result has the same bits for any number of ranks.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from mpi4py_fft import PFFT, fftw, newDistArray
+from mpi4py_fft.pencil import Pencil, Subcomm
+
+from . import transform_kernels as kernels
+
+EFFORTS = {"estimate": fftw.FFTW_ESTIMATE, "measure": fftw.FFTW_MEASURE}
+_CACHE_BYTES = 1 << 18
+"""Working set of one batch of columns or rows: a quarter of a usual second-level cache."""
+_LARGEST_BATCH = 16
+"""Most transforms done at a time. With 8, those below n = 1024 take 4 to 25 % longer; with more, ranks that have few
+columns do more transforms than they need."""
+
+
+def _batch(length: int, itemsize: int, count: int) -> int:
+    """How many transforms of this length to do at a time; a multiple of 4 where there are enough.
+
+    count: of all ranks together. FFTW may do a transform in another way where there are more or fewer beside it: so
+    that last bits don't depend on the number of ranks, nor must this.
+    """
+    fitting = max(1, _CACHE_BYTES // (length * itemsize))
+    fitting = fitting - fitting % 4 if fitting >= 4 else fitting
+    return max(1, min(fitting, count, _LARGEST_BATCH))
+
+
+class Spectrum:
+    """The columns of the half spectrum that this rank owns, for a transform of `n` points a side.
+
+    `kx` (columns,) are its x-indices, out of 0 ... n//2; y-indices run over `ky` = 0 ... n//2, as G is even in them.
+    """
+
+    def __init__(self, n: int, nb: int, comm):
+        self.n, self.width = n, n // 2 + 1
+        self.comm = comm
+        self.subcomm = Subcomm(comm, [0, 1])
+        # Rows shared out, columns whole; and the other way round.
+        self.rows = Pencil(self.subcomm, (nb, self.width), axis=1)
+        self.columns = self.rows.pencil(0)
+        self.first_column = self.columns.substart[1]
+        self.column_count = self.columns.subshape[1]
+        self.kx = np.arange(self.first_column, self.first_column + self.column_count)
+        self.ky = np.arange(self.width)
+
+
+def periodic_multiplier(compliance, length: float):
+    """Multiplier of a compliance G0(qx, qy) in a cell of this length [m], for the columns of a Spectrum."""
+
+    def columns(spectrum: Spectrum) -> np.ndarray:
+        unit = 2.0 * np.pi / length
+        return compliance(unit * spectrum.kx[:, None], unit * spectrum.ky[None, :])
+
+    return columns
+
+
+def free_multiplier(compliance, spacing: float):
+    """Multiplier of a free surface: the transform of its kernel on the doubled domain, for the columns of a Spectrum.
+
+    compliance: with `kernel(dx, dy, spacing)`, even in both offsets, so that one quadrant is enough.
+    """
+
+    def columns(spectrum: Spectrum) -> np.ndarray:
+        n, mine = spectrum.n, slice(spectrum.first_column, spectrum.first_column + spectrum.column_count)
+        fold = np.minimum(np.arange(n), n - np.arange(n))
+        offsets = np.arange(spectrum.width) * spacing
+        along_x = np.empty((spectrum.column_count, spectrum.width))
+        for row, dy in enumerate(offsets):
+            values = compliance.kernel(offsets, np.full_like(offsets, dy), spacing)
+            along_x[:, row] = np.fft.rfft(values[fold]).real[mine]
+        result = np.empty_like(along_x)
+        for column in range(spectrum.column_count):
+            result[column] = np.fft.rfft(along_x[column][fold]).real
+        return result
+
+    return columns
+
+
+class Convolution:
+    """u = G * w between point vectors: one pair of transforms a call.
+
+    points: the PunchPoints that the traction lives on. n: points a side of the transform, at least what the kernel
+    needs not to wrap around. make_multiplier: gives G for a Spectrum's columns, (columns, n//2 + 1), as
+    `periodic_multiplier`. Counts its calls in `pairs` and their time in `seconds`.
+    """
+
+    def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
+        self.points, self.n, self.comm = points, n, points.comm
+        self.dtype, self.complex = np.dtype(dtype), np.result_type(dtype, np.complex64)
+        self.pairs, self.seconds = 0, 0.0
+        self.spectrum = Spectrum(n, points.nb, points.comm)
+        if self.spectrum.rows.subshape[0] != points.rows or self.spectrum.rows.substart[0] != points.row_start:
+            raise AssertionError("the pencils of mpi4py-fft share rows in another way than grid.share")
+        self.multiplier = np.ascontiguousarray(make_multiplier(self.spectrum) / n**2, dtype=self.dtype)
+        # G at q = 0, the same on every rank.
+        self.mean_compliance = self.comm.bcast(float(self.multiplier[0, 0])) * n**2
+        self._rows = np.empty(self.spectrum.rows.subshape, self.complex)
+        if self.comm.size == 1:
+            self._columns, self._transfer = self._rows, None
+        else:
+            self._columns = np.empty(self.spectrum.columns.subshape, self.complex)
+            self._transfer = self.spectrum.rows.transfer(self.spectrum.columns, self.complex)
+        self._plan((EFFORTS[effort],))
+
+    def _plan(self, flags):
+        # What FFTW has planned before, in this process, would decide which of its ways of the same transform it takes,
+        # and so the last bits.
+        fftw.forget_wisdom()
+        n, width = self.n, self.spectrum.width
+        lines = _batch(n, self.complex.itemsize, self.points.nb)
+        self._line = fftw.aligned((lines, n), dtype=self.dtype, fill=0)
+        self._line_hat = fftw.aligned((lines, width), dtype=self.complex, fill=0)
+        # Both ways on the same buffers: c2r destroys its input, which is filled anew each time.
+        self._r2c = fftw.rfftn(self._line, axes=(1,), flags=flags, output_array=self._line_hat)
+        self._c2r = fftw.irfftn(self._line_hat, s=(n,), axes=(1,), flags=flags, output_array=self._line)
+        batch = _batch(n, self.complex.itemsize, width)
+        self._column = fftw.aligned((batch, n), dtype=self.complex, fill=0)
+        self._forward = fftw.fftn(self._column, axes=(1,), flags=flags, output_array=self._column)
+        self._backward = fftw.ifftn(self._column, axes=(1,), flags=flags, output_array=self._column)
+
+    def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
+        """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
+        start = time.perf_counter()
+        self._rows_forward(traction, scale)
+        self._convolve_columns(self._columns, 0)
+        if self._transfer:
+            self._transfer.backward(self._columns, self._rows)
+        points, lines = self.points, self._line.shape[0]
+        for row in range(0, points.rows, lines):
+            count = min(lines, points.rows - row)
+            self._line_hat[:count] = self._rows[row : row + count]
+            self._c2r()
+            kernels.gather_rows(self._line, points.offset, points.first, row, count, displacement)
+        self.pairs += 1
+        self.seconds += time.perf_counter() - start
+        return displacement
+
+    def whole_cell(self, traction: np.ndarray) -> tuple[np.ndarray, int]:
+        """Displacement of every point of the cell for a traction on the punch: (rows of this rank, n), first row;
+        collective.
+
+        The transform must be large enough for the whole cell: its n at least the cell's in a periodic cell, the cell's
+        plus the block's for a free surface.
+        """
+        cell, start = self.points.grid.n, self.points.block_start
+        rows = Pencil(self.spectrum.subcomm, (cell, self.spectrum.width), axis=1)
+        columns = rows.pencil(0)
+        wide_columns = np.empty(columns.subshape, self.complex)
+        wide_rows = np.empty(rows.subshape, self.complex)
+        self._rows_forward(traction, 1.0)
+        # Row and column 0 of the transform are the block's; the cell begins `start` before them.
+        self._convolve_columns(wide_columns, -start)
+        rows.transfer(columns, self.complex).backward(wide_columns, wide_rows)
+        surface = np.empty((rows.subshape[0], cell))
+        lines = self._line.shape[0]
+        wanted = (np.arange(cell) - start) % self.n
+        for row in range(0, surface.shape[0], lines):
+            count = min(lines, surface.shape[0] - row)
+            self._line_hat[:count] = wide_rows[row : row + count]
+            self._c2r()
+            surface[row : row + count] = self._line[:count, wanted]
+        self.pairs += 1
+        return surface, rows.substart[0]
+
+    def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
+        """Point vector -> transformed along x, columns whole on each rank."""
+        points, lines = self.points, self._line.shape[0]
+        for row in range(0, points.rows, lines):
+            count = min(lines, points.rows - row)
+            kernels.scatter_rows(traction, points.offset, points.first, row, count, points.nb, scale, self._line)
+            self._r2c()
+            self._rows[row : row + count] = self._line_hat[:count]
+        if self._transfer:
+            self._transfer.forward(self._rows, self._columns)
+
+    def _convolve_columns(self, out: np.ndarray, first: int) -> None:
+        """Column by column: transform along y, times G, back; rows first, first + 1, ... of the result go to `out`."""
+        batch = self._column.shape[0]
+        for column in range(0, self.spectrum.column_count, batch):
+            count = min(batch, self.spectrum.column_count - column)
+            kernels.load_columns(self._columns, column, count, self._column)
+            self._forward()
+            kernels.multiply_columns(self._column, self.multiplier, column, count)
+            self._backward()
+            kernels.store_columns(self._column, column, count, first, out)
+
+
+class Plane:
+    """The whole plane in real and in spectral space, by mpi4py-fft's own slab-decomposed pair of transforms.
+
+    `real` (rows of this rank, n) holds the rows from `row_start` on. `spectral` (n, columns of this rank) is the half
+    spectrum from column `first_column` on, whole along axis 0. Both are the transform's own buffers: `forward` and
+    `backward` overwrite one from the other, and destroy what they start from. Neither normalises, so that a backward
+    after a forward multiplies by n^2. Counts pairs (as backward transforms) and the time of both.
+    """
+
+    def __init__(self, comm, n: int, effort: str = "estimate"):
+        self.comm, self.n = comm, n
+        fftw.forget_wisdom()
+        self._plan = _whole_plane(comm, n, effort)
+        self.real, self.spectral = self._plan.forward.input_array, self._plan.forward.output_array
+        self.real[:] = 0.0
+        self.spectral[:] = 0.0
+        self.row_start = self._plan.local_slice(False)[0].start
+        self.first_column = self._plan.local_slice(True)[1].start
+        self.column_counts = np.array(comm.allgather(self.spectral.shape[1]))
+        self.pairs, self.seconds = 0, 0.0
+
+    @property
+    def kx(self) -> np.ndarray:
+        """Indices 0 ... n//2 of this rank's columns."""
+        return np.arange(self.first_column, self.first_column + self.spectral.shape[1])
+
+    def forward(self) -> None:
+        """`spectral` = sum over points of `real` exp(-i q r). Collective."""
+        start = time.perf_counter()
+        self._plan.forward(normalize=False)
+        self.seconds += time.perf_counter() - start
+
+    def backward(self) -> None:
+        """`real` = sum over modes of `spectral` exp(i q r). Collective."""
+        start = time.perf_counter()
+        self._plan.backward(normalize=False)
+        self.pairs += 1
+        self.seconds += time.perf_counter() - start
+
+
+    def sum_over_ranks(self, values: np.ndarray) -> np.ndarray:
+        """Sums of a few numbers over the ranks; of the same bits for any number of them if all but one are zero.
+        Collective."""
+        if self.comm.size == 1:
+            return values
+        total = np.empty_like(values)
+        self.comm.Allreduce(values, total)
+        return total
+
+    def total_of(self, sums: np.ndarray) -> np.ndarray:
+        """Sums over all columns of the half spectrum, of this rank's (kinds, columns); returns (kinds,). Collective.
+
+        The order does not depend on the number of ranks.
+        """
+        if self.comm.size == 1:
+            return sums.sum(axis=1)
+        kinds = sums.shape[0]
+        gathered = np.empty((self.column_counts.sum(), kinds))
+        self.comm.Allgatherv(np.ascontiguousarray(sums.T), [gathered, self.column_counts * kinds])
+        return np.ascontiguousarray(gathered.T).sum(axis=1)
+
+
+def _whole_plane(comm, n: int, effort: str) -> PFFT:
+    """mpi4py-fft's pair of transforms. It measures plans unless told otherwise, and then the last bits of a run depend
+    on how busy the machine was when it began."""
+    name = {"estimate": "FFTW_ESTIMATE", "measure": "FFTW_MEASURE"}[effort]
+    return PFFT(comm, (n, n), axes=(0, 1), dtype=np.float64, grid=(-1, 1), planner_effort=name)
+
+
+def plain_pair(comm, n: int, effort: str = "estimate"):
+    """mpi4py-fft's own r2c + c2r pair on the whole n x n plane, for comparison: a function that does one."""
+    plan = _whole_plane(comm, n, effort)
+    real, spectral = newDistArray(plan, False), newDistArray(plan, True)
+    real[:] = 1.0
+
+    def pair():
+        plan.forward(real, spectral)
+        plan.backward(spectral, real)
+
+    return pair
