@@ -9,9 +9,10 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+from marked_page import fill
+
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 SOURCE, PAGE = DOCS / "figures" / "stability.csv", DOCS / "stability.md"
-BEGIN, END = "<!-- table -->\n", "<!-- end -->"
 
 
 def lines(rows: list[dict[str, str]]) -> list[str]:
@@ -38,8 +39,7 @@ def cause(message: str) -> str:
 def main() -> None:
     with open(SOURCE, newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-    PAGE.write_text(before + BEGIN + "\n".join(lines(rows)) + "\n" + END + rest.split(END, 1)[1], encoding="utf-8")
+    fill(PAGE, "table", lambda name: "\n".join(lines(rows)))
     print(f"{PAGE}: {len(rows)} cases")
 
 

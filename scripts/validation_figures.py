@@ -13,11 +13,11 @@ Into docs/figures/validation: a PNG a figure, and errors.csv. The tables of docs
 from __future__ import annotations
 
 import csv
-import re
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from marked_page import fill
 from matplotlib import rc_context
 from validation import ROOT, flat, numbers, response, schemes, spheres, waves
 from validation.choice import chosen
@@ -87,14 +87,9 @@ def table(rows: Iterable[dict[str, str]]) -> str:
     return "\n".join(text)
 
 
-def with_tables(page: str, rows: list[dict[str, str]]) -> str:
-    """The page with the table of every figure put between `<!-- errors NAME -->` and `<!-- end -->`."""
-
-    def filled(match: re.Match) -> str:
-        own = [row for row in rows if row["figure"] == match[1]]
-        return f"<!-- errors {match[1]} -->\n\n{table(own)}\n\n<!-- end -->"
-
-    return re.sub(r"<!-- errors ([\w-]+) -->\n.*?<!-- end -->", filled, page, flags=re.DOTALL)
+def table_of(figure: str, rows: list[dict[str, str]]) -> str:
+    """The rows of one figure as a table of the page."""
+    return table([row for row in rows if row["figure"] == figure])
 
 
 def make(name: str, quick: bool, folder: Path) -> list[dict[str, str]]:
@@ -120,7 +115,8 @@ def main() -> None:
         new = make(name, quick, folder)
         write_rows(folder, [row for row in read_rows(folder) if row["figure"] != name] + new)
     if not quick:
-        PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8"), read_rows(folder)), encoding="utf-8")
+        rows = read_rows(folder)
+        fill(PAGE, "errors", lambda name: table_of(name, rows))
 
 
 if __name__ == "__main__":

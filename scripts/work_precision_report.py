@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from marked_page import fill
 from matplotlib import rc_context
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -156,22 +157,17 @@ def _power(value: float) -> str:
 
 # The tables ----------------------------------------------------------------------------------------------------------
 def fill_page(rows: Sequence[dict], path: Path) -> None:
-    """Writes the tables between their marks, `<!-- table: NAME -->` and `<!-- end -->`, in a Markdown page.
-
-    Raises ValueError for a mark that is none of the tables.
-    """
+    """Writes the tables into a Markdown page. ValueError for a mark that is none of the tables."""
     made = {"claims": claims(rows)}
     for panel in ("cost", "time", "inertia", "mesh", "range"):
         made[panel] = error_table(rows, panel)
-    pieces = path.read_text(encoding="utf-8").split("<!-- table: ")
-    text = pieces[0]
-    for piece in pieces[1:]:
-        name, rest = piece.split(" -->", 1)
-        _, after = rest.split("<!-- end -->", 1)
+
+    def table(name: str) -> str:
         if name not in made:
             raise ValueError(f"{path}: no table {name}; there are {', '.join(made)}")
-        text += f"<!-- table: {name} -->\n\n{made[name]}\n<!-- end -->{after}"
-    path.write_text(text, encoding="utf-8")
+        return made[name]
+
+    fill(path, "table", table)
 
 
 def markdown(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:

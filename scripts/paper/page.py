@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -129,12 +128,3 @@ def block(figure: str, folder: Path) -> str:
             command = f"python scripts/paper/run.py {figure} --size {size}"
             parts.append(f"Not run here ({word}): {told}. `{command}` runs them.")
     return "\n\n".join(parts)
-
-
-def filled(page: str, folder: Path) -> str:
-    """The page with every figure's block written anew."""
-
-    def replaced(match: re.Match) -> str:
-        return f"<!-- figure {match[1]} -->\n\n{block(match[1], folder)}\n\n<!-- end -->"
-
-    return re.sub(r"<!-- figure ([\w-]+) -->\n.*?<!-- end -->", replaced, page, flags=re.DOTALL)

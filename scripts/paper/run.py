@@ -20,6 +20,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from marked_page import fill  # noqa: E402
 from matplotlib import rc_context  # noqa: E402
 
 from paper import ROOT, page  # noqa: E402
@@ -162,7 +163,7 @@ def main(texts: list[str] | None = None) -> int:
     for name in wanted.figures:
         draw(name, pool, wanted.out, finished, folder)
     if in_docs:
-        page.PAGE.write_text(page.filled(page.PAGE.read_text(encoding="utf-8"), folder), encoding="utf-8")
+        fill(page.PAGE, "figure", lambda name: page.block(name, folder))
     return code
 
 

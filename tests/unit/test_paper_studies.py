@@ -2,6 +2,7 @@
 
 import re
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "scripts"))
 
+from marked_page import filled  # noqa: E402
 from paper import HERE, page  # noqa: E402
 from paper import run as driver  # noqa: E402
 from paper.drawing import Claim, Drawing  # noqa: E402
@@ -118,14 +120,15 @@ def test_the_page_has_both_sizes_side_by_side_and_keeps_the_rest(tmp_path):
         page.keep(tmp_path, size, "hex", drawing, FIGURES)
         page.keep(tmp_path, size, "hex", drawing, FIGURES)
     (tmp_path / "hex-paper.png").write_bytes(b"")
-    text = page.filled("before\n\n<!-- figure hex -->\nold\n<!-- end -->\n\nafter\n", tmp_path)
+    block = partial(page.block, folder=tmp_path)
+    text = filled("before\n\n<!-- figure hex -->\nold\n<!-- end -->\n\nafter\n", "figure", block)
     assert "| pull-off [mN] | quasi-static | 1.2 | 2 | 1.25 | agrees |" in text
     assert text.startswith("before\n\n<!-- figure hex -->\n\n![hex, paper's size]") and text.endswith("after\n")
     assert "*at paper*" in text and "at reduced" not in text and "old" not in text
-    assert page.filled(text, tmp_path) == text
+    assert filled(text, "figure", block) == text
 
 
 def test_the_page_is_what_its_numbers_make_it():
-    assert page.filled(PAGE, page.FOLDER) == PAGE
+    assert filled(PAGE, "figure", partial(page.block, folder=page.FOLDER)) == PAGE
     for name in re.findall(r"\]\(figures/paper/([\w-]+\.png)\)", PAGE):
         assert (page.FOLDER / name).stat().st_size < 400_000

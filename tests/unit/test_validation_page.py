@@ -3,6 +3,7 @@
 import math
 import re
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "scripts"))
 
+import marked_page  # noqa: E402
 import validation_figures as script  # noqa: E402
 from validation.drawing import Line, number  # noqa: E402
 
@@ -79,10 +81,13 @@ def test_errors_of_the_csv_are_those_of_its_numbers():
 def test_tables_are_filled_from_rows_and_the_rest_of_the_page_is_kept():
     page = "before\n\n<!-- errors a -->\n\n| old |\n\n<!-- end -->\n\nbetween\n\n<!-- errors b -->\n<!-- end -->\n"
     rows = [script.row_of(name, Line("force [N]", "n = 8", 2.0, 1.9)) for name in ("a", "b")]
-    filled = script.with_tables(page, rows)
+    own = partial(script.table_of, rows=rows)
+    filled = marked_page.filled(page, "errors", own)
     assert filled.count("| force [N] | n = 8 | 2 | 1.9 | −5.0\N{NO-BREAK SPACE}% |") == 2
     assert "old" not in filled and filled.startswith("before\n\n<!-- errors a -->\n\n|") and "\n\nbetween\n\n" in filled
-    assert script.with_tables(filled, rows) == filled
+    assert marked_page.filled(filled, "errors", own) == filled
+    with pytest.raises(ValueError, match="no block of the kind 'table'"):
+        marked_page.filled(page, "table", own)
 
 
 @pytest.mark.parametrize(
