@@ -17,6 +17,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from .processes import cores
+
 TIME_LIMIT = 60.0
 _LEAST_PYTHON = (3, 11)
 _LARGEST_ERROR = 1e-12
@@ -161,10 +163,9 @@ def _transform() -> str:
 
 def _memory() -> str:
     pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     if pages < 1e9:
         raise Trouble(f"{pages / 1e9:.1f} GB", "a run needs about 0.2 GB for each rank and its fields")
-    return f"{pages / 1e9:.1f} GB, {cores} cores for this process"
+    return f"{pages / 1e9:.1f} GB, {cores()} cores for this process"
 
 
 CHECKS: dict[str, Callable[[], str]] = {

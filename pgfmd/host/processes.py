@@ -92,3 +92,8 @@ def end_with_launcher() -> None:
         if ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0) == 0 and os.getppid() != parent:
             # It died in between.
             os.kill(os.getpid(), signal.SIGKILL)
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -22,6 +22,7 @@ from typing import Any
 
 from pgfmd.errors import PgfmdError, ResultError
 from pgfmd.files.storage import reason
+from pgfmd.host.processes import cores
 
 STOPPED = 75
 """Exit code of a run that stopped with a checkpoint."""
@@ -202,14 +203,10 @@ def environment(ranks: int, jobs: int) -> dict[str, str]:
     if jobs > 1:
         # mpirun would bind the ranks of each job to the first cores.
         kept.setdefault("OMPI_MCA_hwloc_base_binding_policy", "none")
-    if ranks * jobs > _cores():
+    if ranks * jobs > cores():
         # Ranks that wait would take the cores from those that compute; mpirun knows of its own ranks alone.
         kept.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
     return kept
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def last_words(log: Path, start: int) -> str:
