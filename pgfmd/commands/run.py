@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 import typer
 
-from pgfmd.errors import PgfmdError, Problem, SceneError
 from pgfmd.host import launch
 from pgfmd.host.walltime import end_of_job, seconds_of
 

@@ -13,7 +13,6 @@ import fcntl
 import getpass
 import json
 import os
-import socket
 import sys
 import time
 import uuid

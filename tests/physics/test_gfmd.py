@@ -9,7 +9,7 @@ from runs import run
 
 from pgfmd import parts
 from pgfmd.assemble import assemble
-from pgfmd.errors import RunError, SceneError
+from pgfmd.errors import SceneError
 from pgfmd.scene import load_scene
 
 FIVE = (

@@ -15,7 +15,7 @@ from pgfmd.study import refinement
 from pgfmd.study.cases import Case
 from pgfmd.study.convergence import HIGHEST, LOWEST, disagreement, doubts, finest_limit, fit_power_law, local_powers
 from pgfmd.study.extrapolation import extrapolate, figure_of, report, write
-from pgfmd.study.refinement import HYSTERESIS_POWER, MEASURES, Levels, expected_power, levels_of
+from pgfmd.study.refinement import HYSTERESIS_POWER, MEASURES, expected_power, levels_of
 from pgfmd.study.standing import FINISHED, Standing
 from pgfmd.study.table import rows_of
 
