@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import center_of_mass, label, minimum_filter
 
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, SUMMIT, contact_sites
-from pgfmd.physics.topography import Topography
+from pgfmd.physics.topography import Topography, height_map
 from pgfmd.solver.grid import Grid
 
 from .loop import Array
@@ -43,26 +42,22 @@ class Summits:
 def summits_of(scene: Any) -> Summits:
     """The summits of a scene's punch.
 
-    Those of `contact_sites` for a face that is a formula; for a height map, the grid points that are lower than their
-    eight neighbours. Summits whose top is beyond the rim do not count, nor do ridges; layers of a printed face, which
-    have no curvature, are left out.
+    Those of `contact_sites`: of a height map, only those that stand out by `punch.file_relief`, as noise makes no
+    asperities; its curvatures are taken over one step of the grid, or one pixel if that is larger. Summits whose top is
+    beyond the rim do not count, nor do ridges; layers of a printed face, which have no curvature, are left out.
 
     scene: from `pgfmd.scene.load_scene`. Raises ValueError, OSError for a topography file that can't be used.
     """
     face = dataclasses.replace(topography_of(scene.punch), layer_step=0.0)
     grid = Grid(scene.grid.n, scene.grid.length)
-    z, axis = _on_grid(face, grid)
-    lowest = float(z.min())
+    lowest = float(_on_grid(face, grid).min())
+    sites = contact_sites(face, grid.length)
+    top = sites.kind == KINDS.index(SUMMIT)
+    x, y = sites.x[top], sites.y[top]
     if face.pattern == "file":
-        around = minimum_filter(z, size=3, mode="wrap" if face.radius is None else "constant", cval=np.inf)
-        # Neighbours of equal height are one summit.
-        patches, count = label((z == around) & np.isfinite(z), structure=np.ones((3, 3)))
-        place = np.array(center_of_mass(patches > 0, patches, range(1, count + 1))).reshape(-1, 2)
-        x, y, step = axis[0] + grid.spacing * place[:, 1], axis[0] + grid.spacing * place[:, 0], grid.spacing
+        step = max(grid.spacing, *height_map(face).pixel)
     else:
-        sites = contact_sites(face, grid.length)
-        top = sites.kind == KINDS.index(SUMMIT)
-        x, y, step = sites.x[top], sites.y[top], (face.wavelength or FINE * grid.spacing) / FINE
+        step = (face.wavelength or FINE * grid.spacing) / FINE
     xx, yy, xy = _curvatures(face, x, y, step)
     determinant = xx * yy - xy**2
     peaked = (xx + yy > 0) & (determinant > FLATTEST * (xx + yy) ** 2)
@@ -72,14 +67,14 @@ def summits_of(scene: Any) -> Summits:
     return Summits(x[order], y[order], height[order], 1 / np.sqrt(determinant[order]))
 
 
-def _on_grid(face: Topography, grid: Grid) -> tuple[Array, Array]:
-    """Heights [m] on the grid's block under the punch, infinite beyond the rim, and the positions along a side [m]."""
+def _on_grid(face: Topography, grid: Grid) -> Array:
+    """Heights [m] on the grid's block under the punch, infinite beyond the rim."""
     start, nb = grid.block(face.radius)
     axis = grid.coordinate(np.arange(start, start + nb))
     z = face.heights(axis, axis[:, np.newaxis])
     if face.radius is not None:
         z[np.hypot(axis, axis[:, np.newaxis]) > face.radius * (1 + 1e-12)] = np.inf
-    return z, axis
+    return z
 
 
 def _curvatures(face: Topography, x: Array, y: Array, e: float) -> Array:

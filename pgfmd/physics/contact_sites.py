@@ -6,7 +6,18 @@ curvature and unequal heights count. An extremum or saddle that only the outline
 
 A face that varies along one direction only has whole lines of them. It gets one site a line, where the line crosses
 the x axis: a summit for each ridge, a valley for each trough. A flat face has no sites, a sphere or power law has one
-summit. Height maps from files get none: the noise of a measured map has an extremum every few pixels.
+summit.
+
+The noise of a measured height map has an extremum every few pixels. Of these only those count that stand out
+(`persistence`): a summit can't be left for a lower place without a climb of `file_relief`; a valley likewise downwards;
+saddles are the passes between such summits, and those that close the ring around such a valley. They sit on pixels of
+the map, or of a coarser lattice where the map has more than MOST_SAMPLES along a side. On a plateau or a level ridge
+one pixel counts, whichever comes first.
+
+A map is looked at beyond the outline too, as far as it goes, up to MARGIN: what is cut off by the outline still has its
+whole relief, and the outline makes no extrema. From a summit near the rim, a lower place beyond the outline, or at the
+edge of the map, may be less than `file_relief` of a climb away: then it is none, as the face goes on down there. The
+last pixels within the outline have no sites, as a map may end there, or drop from the face to the ground.
 """
 
 from __future__ import annotations
@@ -17,10 +28,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter
+from scipy.ndimage import binary_erosion, minimum_filter
 from scipy.spatial import cKDTree
 
-from .topography import PATTERNS, Topography
+from .persistence import critical_points
+from .topography import PATTERNS, Topography, height_map
 
 Array = NDArray[np.float64]
 
@@ -43,6 +55,15 @@ DEGENERATE = 1e-6
 """Ratio of the two curvatures below which the smaller one is taken for zero."""
 SLACK = 1e-9
 """Relative width by which a site may be beyond the outline."""
+
+RELIEF = 0.05
+"""Least relief of the sites of a height map, over the height range of the face, where the scene has no other."""
+FLAT = 1e-12
+"""Height range over the largest height below which a map is flat: what is left is rounding."""
+MARGIN = 0.5
+"""How far beyond the outline a height map is looked at, in radii."""
+MOST_SAMPLES = 2048
+"""Most samples of a height map along a side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +94,8 @@ class ContactSites:
 def contact_sites(topography: Topography, side: float | None = None) -> ContactSites:
     """The sites of a punch's lower face.
 
-    side [m]: of the cell that the face fills, where the punch has no radius. ValueError if neither is there.
+    side [m]: of the cell that the face fills, where the punch has no radius. ValueError if neither is there. Raises
+    ValueError, OSError for a height map that can't be used.
     """
     if topography.radius is None and side is None:
         raise ValueError("a face without an outline: give the side of the cell")
@@ -82,7 +104,7 @@ def contact_sites(topography: Topography, side: float | None = None) -> ContactS
     if pattern.lattice is not None:
         x, y, kind = _found(face, side, in_row=pattern.lattice(face).row)
     elif face.pattern == "file":
-        x, y, kind = np.zeros(0), np.zeros(0), np.zeros(0, np.int64)
+        x, y, kind = _standing_out(face, side)
     else:
         x, y, kind = _on_axis(face)
     order = np.lexsort((x, np.round(y / _smallest_length(face, side), 6), kind))
@@ -100,6 +122,44 @@ def _on_axis(face: Topography) -> tuple[Array, Array, NDArray[np.int64]]:
     middle, beside = face.heights(np.array([0.0, radius]), np.zeros(2))
     count = int(middle != beside)
     return np.zeros(count), np.zeros(count), np.full(count, KINDS.index(SUMMIT if beside > middle else VALLEY))
+
+
+def _standing_out(face: Topography, side: float | None) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Of a height map: the extrema that stand out, and their saddles."""
+    x, y = _samples(face, side)
+    z = face.heights(x, y[:, np.newaxis])
+    inside = inner = np.ones(z.shape, bool)
+    if face.radius is not None:
+        inside = np.hypot(x, y[:, np.newaxis]) <= face.radius * (1.0 + SLACK)
+        inner = binary_erosion(inside, np.ones((3, 3)))
+    if not inner.any() or np.ptp(z[inside]) <= FLAT * np.abs(z[inside]).max():
+        return np.zeros(0), np.zeros(0), np.zeros(0, np.int64)
+    relief = face.file_relief or RELIEF * np.ptp(z[inside])
+    points = critical_points(z, relief, periodic=face.radius is None)
+    place = np.concatenate([points.minima, points.saddles, points.maxima])
+    kind = np.repeat(np.arange(len(KINDS)), [points.minima.size, points.saddles.size, points.maxima.size])
+    kept = inner.ravel()[place]
+    row, column = np.unravel_index(place[kept], z.shape)
+    return x[column], y[row], kind[kept]
+
+
+def _samples(face: Topography, side: float | None) -> tuple[Array, Array]:
+    """x and y [m] at which a height map is looked at: its pixels within outline and margin, or in the cell."""
+    heights, radius = height_map(face), face.radius
+    if radius is None:
+        counts = [min(max(round(side / pixel), 1), MOST_SAMPLES) for pixel in heights.pixel]
+        return tuple(((np.arange(count) + 0.5) / count - 0.5) * side for count in counts)
+    # Refuses a map that is smaller than the punch.
+    heights(np.array([-radius, radius, 0.0, 0.0]), np.array([0.0, 0.0, -radius, radius]), radius)
+    lines = []
+    for size, pixel in zip(heights.size, heights.pixel, strict=True):
+        reach, middle, count = (1.0 + MARGIN) * radius / pixel, 0.5 * (size / pixel - 1.0), round(size / pixel)
+        first, last = math.ceil(middle - reach), math.floor(middle + reach)
+        if not heights.periodic:
+            first, last = max(first, 0), min(last, count - 1)
+        step = math.ceil((last - first + 1) / MOST_SAMPLES)
+        lines.append((np.arange(first, last + 1, step) - middle) * pixel)
+    return tuple(lines)
 
 
 def _found(face: Topography, side: float | None, in_row: bool) -> tuple[Array, Array, NDArray[np.int64]]:

@@ -77,6 +77,11 @@ class HeightMap:
             raise ValueError(f"{path}: says no size; give file_size = (x, y) [m]")
         return cls(heights, size if size is not None else stored_size, periodic, order)
 
+    @property
+    def pixel(self) -> tuple[float, float]:
+        """Size [m] of a pixel along x and y."""
+        return self.size[0] / self.heights.shape[1], self.size[1] / self.heights.shape[0]
+
     def __call__(self, x: Array, y: Array, radius: float | None = None) -> Array:
         """Heights [m] at (x, y) [m] relative to the punch axis, of equal shapes.
 

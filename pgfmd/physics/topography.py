@@ -60,10 +60,14 @@ def _sinusoid(punch: Topography, x: Array, y: Array) -> Array:
     return punch.amplitude * (1 + np.cos(2 * math.pi / punch.wavelength * x))
 
 
-def _file(punch: Topography, x: Array, y: Array) -> Array:
+def height_map(punch: Topography) -> HeightMap:
+    """The map of a face with the pattern "file", read anew. Raises ValueError, OSError."""
     periodic = punch.radius is None if punch.file_periodic is None else punch.file_periodic
-    height_map = HeightMap.from_file(punch.file, punch.file_size, periodic, punch.file_order)
-    return height_map(x, y, radius=punch.radius)
+    return HeightMap.from_file(punch.file, punch.file_size, periodic, punch.file_order)
+
+
+def _file(punch: Topography, x: Array, y: Array) -> Array:
+    return height_map(punch)(x, y, radius=punch.radius)
 
 
 def _triangular_lattice(punch: Topography) -> Lattice:
@@ -143,6 +147,8 @@ class Topography:
     seed: any integer; the offset of an asperity follows from the seed and the asperity's lattice indices alone.
     file, file_size (x, y) [m], file_periodic, file_order: see `pgfmd.physics.heightfile`; a map is periodic where nothing else
         is said and there is no radius.
+    file_relief [m]: least height by which a summit or valley of a map stands out (`contact_sites`), no matter for the
+        heights; None for a share of the height range.
 
     Raises ValueError naming the field that is wrong or missing.
     """
@@ -161,6 +167,7 @@ class Topography:
     file_size: tuple[float, float] | None = None
     file_periodic: bool | None = None
     file_order: Literal[1, 3] = 1
+    file_relief: float | None = None
 
     def __post_init__(self) -> None:
         if self.pattern not in PATTERNS:
@@ -168,7 +175,7 @@ class Topography:
         for name in PATTERNS[self.pattern].needs:
             if getattr(self, name) is None:
                 raise ValueError(f"{name}: missing, pattern {self.pattern!r} needs it")
-        for name in ("radius", "wavelength", "amplitude", "exponent"):
+        for name in ("radius", "wavelength", "amplitude", "exponent", "file_relief"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} = {value!r}: expected a positive finite number")

@@ -32,7 +32,7 @@ PATTERNS: dict[str, Keys] = {
     "sphere": _keys("radius curvature_radius", "layer_step"),
     "power": _keys("radius curvature_radius exponent", "layer_step"),
     "sinusoid": _keys("wavelength amplitude", "radius curvature_radius layer_step height_jitter seed"),
-    "file": _keys("file", "file_size radius curvature_radius layer_step"),
+    "file": _keys("file", "file_size file_relief radius curvature_radius layer_step"),
 }
 """For every `punch.pattern` the keys of [punch] it needs and those it may have."""
 
@@ -77,6 +77,12 @@ class Punch(Section):
     file: str | None = key("file with the heights, relative to the scene's folder", None, min_length=1)
     file_size: tuple[float, float] | None = quantity(
         "length", "size of the height map along x and y, where the file itself does not say", None, count=2
+    )
+    file_relief: float | None = quantity(
+        "length",
+        "least height by which a summit or a valley of the map must stand out to count as a site; 5 % of the height "
+        "range of the face unless said otherwise",
+        None,
     )
 
 

@@ -71,6 +71,11 @@ def test_summits_of_a_height_map(tmp_path):
     assert len(found) == 2
     np.testing.assert_allclose(found.radius, 80e-6, rtol=0.1)
     assert found.height[1] - found.height[0] == pytest.approx(1e-6, abs=0.1e-6)
+    # The extrema of its noise are no asperities, nor is what stands out by less than it should.
+    np.save(tmp_path / "map.npy", two + 20e-9 * np.random.default_rng(0).normal(size=two.shape))
+    changes += ["punch.radius=90 um", "grid.length=512 um", "grid.n=512"]
+    assert len(summits_of(load_scene("hertz", changes))) == 2
+    assert len(summits_of(load_scene("hertz", [*changes, "punch.file_relief=12 um"]))) == 1
 
 
 @pytest.mark.parametrize("count", [1, 7])

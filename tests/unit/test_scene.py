@@ -27,6 +27,7 @@ PUNCH_VALUES = {
     "seed": 7,
     "file": "heights.npy",
     "file_size": ["1 mm", "1 mm"],
+    "file_relief": "0.2 um",
 }
 RHEOLOGY_VALUES = {
     "modulus_ratio": 250,
@@ -180,14 +181,14 @@ def test_paths_start_at_the_scenes_folder_and_become_absolute(tmp_path, monkeypa
     (tmp_path / "maps" / "z.npy").touch()
     (tmp_path / "green.txt").touch()
     text = scene_from_mapping(mapping()).to_toml()
-    text = text.replace('"flat"', '"file"\nfile = "maps/z.npy"\nfile_size = ["1 mm", "2 mm"]')
+    text = text.replace('"flat"', '"file"\nfile = "maps/z.npy"\nfile_size = ["1 mm", "2 mm"]\nfile_relief = "80 nm"')
     text = text.replace("[substrate]", '[substrate]\ncompliance_file = "green.txt"')
     (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path / "maps")
     scene = load_scene("../scene.toml")
     assert Path(scene.punch.file).is_absolute() and Path(scene.punch.file).samefile(tmp_path / "maps" / "z.npy")
     assert Path(scene.substrate.compliance_file).samefile(tmp_path / "green.txt")
-    assert scene.punch.file_size == (1e-3, 2e-3)
+    assert (scene.punch.file_size, scene.punch.file_relief) == ((1e-3, 2e-3), 80e-9)
     assert parse_scene(scene.to_toml(), folder="/") == scene
 
 
@@ -479,6 +480,13 @@ def test_missing_keys_and_sections_are_reported_key_by_key():
     assert found.keys() == required
     assert all(problem.value is MISSING for (problem,) in found.values())
     assert found["drive.preload"][0].cure == 'add preload = "40 mN" to [drive]'
+
+
+def test_the_relief_of_a_map_is_a_length_above_zero(tmp_path):
+    (tmp_path / "heights.npy").touch()
+    for value in ("0 nm", "-1 um", "1 mN"):
+        key, problem = only_problem(mapping(punch=punch("file", "file", file_relief=value)), folder=tmp_path)
+        assert key == "punch.file_relief" and "a length above 0" in problem.expected
 
 
 # Several keys -------------------------------------------------------------------------------------------------------

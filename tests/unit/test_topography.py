@@ -333,6 +333,7 @@ def test_file_without_a_size_is_refused(tmp_path):
         ({"pattern": "flat", "curvature_radius": 0.0}, "curvature_radius"),
         ({"pattern": "flat", "height_jitter": 1e-7}, "no asperities"),
         ({"pattern": "flat", "layer_step": -1e-7}, "layer_step"),
+        ({"pattern": "file", "file": "map.npy", "file_relief": 0.0}, "file_relief"),
         ({"pattern": "flat", "layer_step": 1e-7, "layer_smoothing": 0.0}, "layer_smoothing"),
     ],
 )
