@@ -42,6 +42,9 @@ the noise of a solve, at which the equilibrium is taken for a minimum."""
 BENT, STRAIGHT = 1.0, 1e-2
 """Error of the trapezoid that is reckoned with: this multiple of what the polynomial makes of it, and at least this share
 of half of the changes of force and place."""
+LEAST_TENSION = 1e-2
+"""Where the punch pulls, changes of its force are measured by the largest tension so far, at least this share of the
+preload: a pull-off force may be far below that."""
 NOISE = 1e-13
 """Rounding of a step's energies in double precision, as a share of those at stake."""
 
@@ -113,7 +116,7 @@ class Quasistatic(PathFollowing):
         trial.position = state.phase_start + phase.displacement(state.elapsed + step)
         self._predict(state, trial, 0, step)
         u, w = self._u[0], self._w[0]
-        if self.machine_compliance and not state.past_u and state.contact_points:
+        if self.machine_compliance and not state.past_u:
             self._carry(trial.position - state.position, state, u, w)
         tolerance = SHARPNESS * self.tolerance
         tolerance = min(EVENT_TOLERANCE, tolerance) if sharp else tolerance
@@ -134,7 +137,7 @@ class Quasistatic(PathFollowing):
         plain = self.spring.work(state, trial)
         trial.potential_drop = plain - gained
         # What the spring stores is known, wherever the jump was: of the machine's way, the jump's part of the force counts.
-        way, jumped = abs(self.spring.end(trial) - self.place(state)), abs(trial.force - state.force)
+        way, jumped = abs(self.spring.end(state, trial) - self.place(state)), abs(trial.force - state.force)
         from_path = trial.change.force_distance * self._scale(state, trial) * abs(trial.position - state.position)
         trial.uncertainty = 0.5 * min(jumped * way, from_path)
         # How far the trapezoid is off; where the force happens not to bend, the next order counts.
@@ -161,12 +164,15 @@ class Quasistatic(PathFollowing):
         """Carries the surface with the punch where nothing is known yet of how it moves: a soft spring's end may go a
         long way [m] while punch and surface hardly move, and without this it went through the surface.
 
-        The load that this takes is spread evenly over the contact.
+        The load that this takes is spread evenly over the points that interact: under tension few of them have a negative
+        gap, or none.
         """
-        touching = np.flatnonzero(state.position + self.height - state.displacement < 0.0)
+        count = self.interacting(state)
+        if count == 0:
+            return
         stiffness = 1.0 / (self.machine_compliance + 1.0 / self.contact_stiffness)
-        area = self.points.grid.cell_area * state.contact_points
-        w[touching] += self.compliance * way * stiffness / area
+        area = self.points.grid.cell_area * count
+        w[np.flatnonzero(state.traction)] += self.compliance * way * stiffness / area
         self.solver.convolve(w, u)
 
     def _solve(self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool) -> Outcome:
@@ -212,6 +218,13 @@ class Quasistatic(PathFollowing):
         trial.converged = False
         return outcome, left
 
+    def interacting(self, state: State) -> int:
+        """How many points of the punch feel the elastomer, within the reach of the law. Collective."""
+        self._rows[:] = 0.0
+        if self.points.rows:
+            self._rows[0, 0] = np.count_nonzero(state.traction)
+        return int(self.points.total_of(self._rows)[0])
+
     def _is_free(self) -> bool:
         """Whether nothing interacts at the surface of the last solve. Collective."""
         return self.points.maximum_of(float(np.abs(self.solver.curvature).max(initial=0.0))) == 0.0
@@ -230,11 +243,17 @@ class Quasistatic(PathFollowing):
         """Position d of the punch [m], at the end of its spring (spring_work.py)."""
         return self.spring.place(state)
 
+    def _scale(self, state: State, trial: Trial) -> float:
+        if max(state.force, trial.force) >= 0.0:
+            return super()._scale(state, trial)
+        largest = max(-trial.force, -state.force, -state.pull_off_force, -state.snap_in_force)
+        return max(largest, LEAST_TENSION * self.solver.force_scale)
+
     def _noise(self, state: State, trial: Trial, tolerance: float) -> float:
         """How far a step's energies may be off for the errors of its two equilibria [J]: they are minima, so these enter
         squared; and by rounding."""
         law, area = self.law, self.points.grid.cell_area
-        interacting = math.pi**2 * law.work_of_adhesion * tolerance**2 * area * max(state.contact_points, 1)
+        interacting = math.pi**2 * law.work_of_adhesion * tolerance**2 * area * max(self.interacting(state), 1)
         rounding = SINGLE_NOISE if self.solver.dtype == np.float32 else NOISE
         at_stake = self._stored + law.work_of_adhesion * self.points.total * area
         at_stake += 0.5 * self.machine_compliance * trial.force**2

@@ -29,21 +29,22 @@ class SpringWork:
     reach: float
 
     def place(self, state: State) -> float:
-        """Position d of the punch [m]. A punch that a dead load flings away is followed until it is out of reach: there
-        is no end to its way."""
+        """Position d of the punch [m]. A punch that a dead load flings away is followed until it is out of reach of the
+        elastomer at rest: there is no end to its way. If it let go of an elastomer pulled up beyond that, it stays."""
         place = state.position + self.compliance * state.force
         flung = self.dead_load and state.preload_time is not None and state.smallest_gap >= self.reach
-        return min(place, self.reach) if flung else place
+        # The place in the state is that of the step before, until the step has ended.
+        return min(place, max(self.reach, state.place)) if flung else place
 
-    def end(self, trial: Trial) -> float:
+    def end(self, state: State, trial: Trial) -> float:
         """The same at the end of a trial."""
         place = trial.position + self.compliance * trial.force
-        return min(place, self.reach) if trial.flung else place
+        return min(place, max(self.reach, self.place(state))) if trial.flung else place
 
     def work(self, state: State, trial: Trial, smooth: bool = False) -> float:
         """Work of the punch [J] over the step: by the trapezoid; smooth: by the polynomial through the last steps' starts
         too."""
-        start, end = self.place(state), self.end(trial)
+        start, end = self.place(state), self.end(state, trial)
         trapezoid = -0.5 * (state.force + self._last_force(state, trial)) * (end - start)
         if not smooth or end == start:
             return trapezoid
@@ -66,11 +67,11 @@ class SpringWork:
         if trial.phase.velocity_end <= 0.0 or max(first, last) <= 0.0:
             return 0.0
         share = 1.0 if min(first, last) >= 0.0 else max(first, last) / abs(last - first)
-        way = max(self.end(trial) - self.place(state), 0.0)
+        way = max(self.end(state, trial) - self.place(state), 0.0)
         return 0.5 * share * (max(first, 0.0) + max(last, 0.0)) * way
 
     def _last_force(self, state: State, trial: Trial) -> float:
         """Force [N] at the end of a step; of a flight, that of the load, which is still there."""
         if not trial.flung:
             return trial.force
-        return min(trial.force, state.force + (self.end(trial) - self.place(state)) / self.compliance)
+        return min(trial.force, state.force + (self.end(state, trial) - self.place(state)) / self.compliance)

@@ -25,6 +25,9 @@ LONGEST_FOLLOWED, ROOM = 0.25, 0.25
 """Jumps that hardly count, their uncertainty being below this part of what is allowed, are followed in longer and longer
 steps: up to this part of the range of adhesion."""
 CUT = 0.25
+LONGEST_PULLING = 0.125
+"""Longest step in which the punch pulls, in ranges of adhesion: there the force turns round within about one of
+them, and the largest tension is that at the end of a step."""
 
 
 class LoadSteps:
@@ -55,6 +58,7 @@ class LoadSteps:
         end = phase.duration - state.elapsed
         wanted = state.step or self.tolerance * unit
         longest = unit if self.attractive else math.inf
+        longest = LONGEST_PULLING * unit if self.attractive and state.force < 0.0 else longest
         step, why = fit(min(wanted, longest), end, until)
         search = PreloadSearch(phase, state.force, self.preload, self.slack)
         for _ in range(self.largest_try_count):
@@ -92,8 +96,8 @@ class LoadSteps:
     def _unit(self, state: State, phase: Phase) -> float:
         """Time [s] in which the punch moves by one range of adhesion, about."""
         scheme = self.scheme
-        # In contact, a spring has its share of the machine's way.
-        shared = scheme.machine_compliance > 0.0 and state.contact_points > 0
+        # Where punch and elastomer hold each other, a spring has its share of the machine's way.
+        shared = scheme.machine_compliance > 0.0 and scheme.interacting(state) > 0
         share = 1.0 + scheme.contact_stiffness * scheme.machine_compliance if shared else 1.0
         return share * self.reach / phase.fastest
 

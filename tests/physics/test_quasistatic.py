@@ -323,6 +323,50 @@ def test_a_dead_load_pulls_off_at_the_largest_tension():
     assert abs(loaded.state.snap_in_force) < 0.01 * abs(driven.state.snap_in_force)
 
 
+@pytest.mark.parametrize(
+    "machine",
+    [
+        ["drive.machine_stiffness=1 N/m"], ["drive.machine_stiffness=10 N/m"], ["drive.machine_stiffness=1 kN/m"],
+        ["drive.control=load"],
+    ],
+)  # fmt: skip
+def test_a_flat_punch_holds_as_firmly_on_any_machine(machine):
+    # All of it lets go at once, at a force that no machine has a say in; the gap is not negative anywhere before.
+    rigid, _ = run(load_scene("flat-punch", [QUASISTATIC, "grid.n=32"]))
+    soft, _ = run(load_scene("flat-punch", [QUASISTATIC, "grid.n=32", *machine]))
+    assert soft.state.pull_off_force == pytest.approx(rigid.state.pull_off_force, rel=5e-3)
+    energies, counters = soft.state.energies, soft.state.counters
+    assert abs(energies.residual) < 1e-3 * energies.work and counters.steps < 100
+    assert energies.released == pytest.approx(energies.work, rel=1e-2)
+
+
+def test_an_elastomer_that_a_dead_load_has_pulled_up_far_springs_back():
+    # Farther than the range of adhesion, so that the punch is out of reach where it lets go.
+    scene = load_scene("hertz", [QUASISTATIC, "grid.n=64", "adhesion.law=cosine", "drive.control=load",
+                                 "drive.preload=1 mN"])  # fmt: skip
+    simulation, path = run(scene)
+    place, _, _, released, _ = np.array(path.rows).T
+    energies = simulation.state.energies
+    assert abs(energies.residual) < 1e-3 * energies.released
+    # The pull-off is the last jump; the punch was above the elastomer's own level by more than the range, and stays.
+    last = int(np.flatnonzero(released)[-1])
+    assert released[last] > 0.2 * energies.released
+    assert place[last] == place[-1] > 2.0 * simulation.scheme.law.reach
+
+
+@pytest.mark.parametrize("accuracy", [0.03, 0.01])
+@pytest.mark.parametrize(("name", "n"), [("tri-tack", 96), ("hex-tack", 64)])
+def test_a_run_without_jumps_comes_back_as_it_went(name, n, accuracy):
+    # The preload is thirty times the tension.
+    overrides = [QUASISTATIC, f"grid.n={n}", "solver.modulus=instantaneous", f"solver.accuracy={accuracy}"]
+    state = run(load_scene(name, overrides))[0].state
+    # Coarse steps may book what they miss of the work as a jump's.
+    assert state.counters.jumps <= (accuracy > 0.01)
+    assert state.pull_off_force == pytest.approx(state.snap_in_force, rel=0.01)
+    sharp = [QUASISTATIC, f"grid.n={n}", "solver.modulus=instantaneous", "solver.accuracy=0.003"]
+    assert state.pull_off_force == pytest.approx(run(load_scene(name, sharp))[0].state.pull_off_force, rel=0.01)
+
+
 def test_the_instantaneous_body_is_a_stiffer_one():
     common = ["grid.n=32", QUASISTATIC, "adhesion.law=repulsive", "adhesion.range=0.2 um", "solver.accuracy=1e-4"]
     soft, path = run(load_scene("flat-punch", [*common, "drive.preload=1 mN"]))
