@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .assemble import assemble
-from .errors import RunError
+from .errors import ResultError, RunError
 from .files import storage
+from .files.curve_file import CURVE_COLUMNS
+from .files.curve_tail import count_ends
 from .files.fields_layout import Layout
 from .files.packing import arrays_of, unpack
 from .host import launch
@@ -22,11 +24,14 @@ from .restart.disk_space import require_space
 from .restart.history import History
 from .restart.keeper import Keeper, Stopped, Timing
 from .restart.scene_changes import contents_of, review
+from .results.reading import require_record
 from .scene import load_scene
 from .solver.simulation import STOPPED_STEPS
 
 LEAST_STEPS = 2
 """Steps that a process must have made before its limit of time to call that progress."""
+LINES_OF_START = 2
+"""Lines of a curve whose run has not made a step: such a curve is replaced (resume.plan)."""
 
 
 @dataclass(frozen=True)
@@ -77,11 +82,32 @@ def _enter(folder: Path, ranks: int, say) -> RunLock:
 
 
 def _planned(folder: Path, scene, options: Options) -> resume.Plan:
-    what = f"{folder}: can't be used as a results folder"
-    found, error = storage.attempt(what, lambda: resume.plan(folder, scene, options.fresh, options.allow))
+    def plan() -> resume.Plan:
+        if not options.fresh:
+            _require_own(folder)
+        return resume.plan(folder, scene, options.fresh, options.allow)
+
+    found, error = storage.attempt(f"{folder}: can't be used as a results folder", plan)
     if error is not None:
         raise error
     return found
+
+
+def _require_own(folder: Path) -> None:
+    """ResultError if a file in the folder has the name of a run's, but was not written by one."""
+    record = resume.finished_record(folder)
+    if record is not None:
+        require_record(folder / storage.RUN_FILE, record)
+    curve, header = folder / storage.CURVE_FILE, ",".join(CURVE_COLUMNS).encode() + b"\n"
+    if curve.exists() and count_ends(curve) <= LINES_OF_START:
+        with open(curve, "rb") as file:
+            start = file.read(len(header))
+        # A run that was killed at its very beginning may have written a part of it.
+        if not header.startswith(start):
+            raise ResultError(
+                f"{curve}: not written by a run, it does not begin with the columns of one. Choose another --out, or "
+                "start with --fresh, which keeps it"
+            )
 
 
 def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: float) -> dict:

@@ -4,8 +4,8 @@
     2.1, -0.03, 0.00
 
 Columns are separated by commas, semicolons or tabs (decimal commas are read with the latter two); lines starting with #
-and columns with other names are passed over. Nothing is guessed: a column without a unit is an error, and so is a sign
-that contradicts the data.
+and columns with other names are passed over. Nothing is guessed: a column without a unit is an error, and so are a row
+with more cells than the header, a time that falls, and a sign that contradicts the data.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ DIMENSIONS = {"indentation": "length", "displacement": "length", "force": "force
 EXAMPLE = "displacement (um), force (mN)"
 LEAST_ROWS = 4
 MOST_PROBLEMS = 5
+CURES = {",": "decimal commas need semicolons between the columns"}
+"""What else may be wrong with rows that are longer than the header, by the mark between their columns."""
 
 
 def read_experiment(
@@ -96,6 +98,7 @@ def _columns(path: Path) -> dict[str, Array]:
     delimiter = next((mark for mark in "\t;," if mark in lines[0][1]), ",")
     rows = [(number, _cells(line, delimiter)) for number, line in lines]
     places = _places(path, *rows[0])
+    _refuse_surplus(path, rows, delimiter)
     found: dict[str, list[float]] = {quantity: [] for quantity in places}
     problems = []
     for number, cells in rows[1:]:
@@ -108,7 +111,39 @@ def _columns(path: Path) -> dict[str, Array]:
     if problems:
         more = [f"... and {len(problems) - MOST_PROBLEMS} more like these"] * (len(problems) > MOST_PROBLEMS)
         raise MeasurementError("\n".join([*problems[:MOST_PROBLEMS], *more, "correct or delete these lines"]))
+    _refuse_falling_time(path, rows[1:], places, found)
     return {quantity: np.array(values) for quantity, values in found.items()}
+
+
+def _refuse_surplus(path: Path, rows: list[tuple[int, list[str]]], delimiter: str) -> None:
+    """Raises MeasurementError where a row has cells that belong to no column: those before them may be misplaced."""
+    (_, header), *others = rows
+    width = _width(header)
+    for number, cells in others:
+        if _width(cells) > width:
+            cure = CURES.get(delimiter, "give every column a name in the header")
+            raise MeasurementError(
+                f"{path}, line {number}: expected {width} cells as in the header, found {_width(cells)} "
+                f"('{delimiter.join(cells)}'); {cure}"
+            )
+
+
+def _width(cells: list[str]) -> int:
+    """Number of cells up to the last one that is not empty."""
+    return max((place for place, cell in enumerate(cells, 1) if cell), default=0)
+
+
+def _refuse_falling_time(path: Path, rows: list[tuple[int, list[str]]], places: dict, found: dict) -> None:
+    """Raises MeasurementError where the time of a row is before that of the row above: the order is lost."""
+    times = found.get("time", [])
+    for row in range(1, len(times)):
+        if times[row] < times[row - 1]:
+            place, (above, earlier), (number, cells) = places["time"][0], rows[row - 1], rows[row]
+            raise MeasurementError(
+                f"{path}, line {number}: time = '{cells[place]}': expected a time that does not fall, it was "
+                f"'{earlier[place]}' in line {above}; bring the rows into the order in which they were measured, or "
+                "delete the column if their order is right"
+            )
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

@@ -86,8 +86,8 @@ def audit_of(results: Results) -> Audit | None:
 def twin_of(results: Results, loop: Loop, twin: Results) -> Twin:
     """A run against its quasi-static twin, of which there are results as well.
 
-    Loops are integrated from both curves. Whether the twin is one is looked up in both scenes: what differs beyond the
-    rheology, the solver and the output becomes a remark.
+    Loops are those that both runs have integrated. Whether the twin is one is looked up in both scenes: what differs
+    beyond the rheology, the solver and the output becomes a remark.
     """
     other = Loop.of(twin)
     return Twin(str(twin.directory), net_work(loop), net_work(other), tuple(_remarks(results, loop, twin, other)))

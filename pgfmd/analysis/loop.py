@@ -13,6 +13,8 @@ from pgfmd.errors import ResultError
 from pgfmd.plots.folder import branches, column
 from pgfmd.results import Results
 
+from .works import net_work_of_rows, separation_of_rows
+
 Array = NDArray[np.float64]
 
 
@@ -23,7 +25,12 @@ class Loop:
     name: what a legend calls it. time [s]; displacement [m], negative when the punch is pushed in; force [N], positive
     in compression; area [m^2] of contact and u_inf [m], NaN where they are not known; phase: part of the programme;
     jump: rows at whose end the surface jumped; held: whether the punch goes up to a jump against the force before it (in
-    runs with time the jump comes at the end of its step, in quasi-static ones anywhere within it). offset [m]: k of indentation = -displacement - k.
+    runs with time the jump comes at the end of its step, in quasi-static ones anywhere within it). offset [m]: k of
+    indentation = -displacement - k.
+
+    Of a run, what it knows better than its rows, whatever filter they have gone through: work [J] of the loop,
+    separation [J], the work of separation, None before the retraction; tension [N] of the pull-off, where rows are left
+    out of the curve. None of a measured loop.
     """
 
     name: str
@@ -36,6 +43,9 @@ class Loop:
     jump: NDArray[np.bool_]
     offset: float = 0.0
     held: bool = True
+    work: float | None = None
+    separation: float | None = None
+    tension: float | None = None
 
     @classmethod
     def of(cls, results: Results, name: str = "") -> Self:
@@ -56,7 +66,8 @@ class Loop:
         slow = scene.get("solver", {}).get("scheme") == "quasistatic"
         held = not slow or scene.get("drive", {}).get("control") == "load"
         name = name or results.directory.name
-        return cls(name, time, displacement, force, area, u_inf, phase, jump, offset, held)
+        loop = cls(name, time, displacement, force, area, u_inf, phase, jump, offset, held)
+        return dataclasses.replace(loop, **_known_to_the_run(results, loop))
 
     @property
     def indentation(self) -> Array:
@@ -80,11 +91,34 @@ class Loop:
 
     def pushed_in_by(self, extra: Array | float) -> Self:
         """The same loop, pushed in further by `extra` [m], of shape (rows,) or a number."""
-        return dataclasses.replace(self, displacement=self.displacement - extra)
+        moved = dataclasses.replace(self, displacement=self.displacement - extra)
+        if self.work is None or np.ndim(extra) == 0:
+            return moved
+        # What the rows say of the difference is added to what the run knows of the whole.
+        work = self.work + net_work_of_rows(moved) - net_work_of_rows(self)
+        separation = self.separation
+        if separation is not None:
+            separation += separation_of_rows(moved) - separation_of_rows(self)
+        return dataclasses.replace(moved, work=work, separation=separation)
 
     def with_force(self, force: Array) -> Self:
-        """The same loop with other forces [N], of shape (rows,). Filtered forces have no jumps."""
-        return dataclasses.replace(self, force=force, jump=np.zeros_like(self.jump))
+        """Another loop with the same displacements and these forces [N], of shape (rows,), and without jumps."""
+        jump = np.zeros_like(self.jump)
+        return dataclasses.replace(self, force=force, jump=jump, work=None, separation=None, tension=None)
+
+
+def _known_to_the_run(results: Results, loop: Loop) -> dict[str, float | None]:
+    """Work, separation and tension of a Loop: from `run.json`, the work else from `energy.csv`, both else from rows."""
+    record, energy = results.run, results.energy
+    work, separation, tension = (record.get(key) for key in ("work_J", "work_of_separation_J", "pull_off_force_N"))
+    if work is None and energy is not None and len(energy):
+        work = float(column(energy, "work [J]")[-1])
+    if work is None:
+        work = net_work_of_rows(loop)
+    if separation is None and loop.retracted:
+        separation = separation_of_rows(loop)
+    thinned = results.scene.get("output", {}).get("every", 1) > 1
+    return {"work": work, "separation": separation, "tension": tension if thinned else None}
 
 
 def _jump_times(results: Results) -> Array:

@@ -13,6 +13,7 @@ which keeps the end points, and straight lines, where they are; jumps become ste
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -83,10 +84,13 @@ def _smoothed(means: Array, ends: tuple[float, float], width: float) -> Array:
 
 
 def filtered(loop: Loop, resolution: float = PAPER_RESOLUTION) -> Loop:
-    """A loop with the forces of each branch filtered; the turning point stays where it is. Raises ValueError."""
+    """A loop with the forces of each branch filtered; the turning point stays where it is. Raises ValueError.
+
+    The works that a run knows stay what they are: filtered forces have no jumps, and would give others.
+    """
     force = loop.force.copy()
     # Between the preload and the deepest point there is the turn, or a dwell: rows there keep their force.
     deepest = len(force) - 1 - int(np.argmin(loop.displacement[::-1]))
     for rows in (slice(0, loop.preload_row + 1), slice(max(deepest, loop.preload_row), len(force))):
         force[rows] = low_pass(loop.displacement[rows], loop.force[rows], resolution)
-    return loop.with_force(force)
+    return dataclasses.replace(loop.with_force(force), work=loop.work, separation=loop.separation)

@@ -1,22 +1,25 @@
-"""What a tack test measures: pull-off force, snap-in, work of separation, hysteresis; from the rows of its curve alone.
+"""What a tack test measures: pull-off force, snap-in, work of separation, hysteresis.
 
-Forces between two rows are taken to be linear in the displacement; a row at which the surface jumped is met with the
-force of the row before, as in the run itself (schemes/energy_audit.py).
+Works are those that the run integrated, where it tells them; else, as of a measured curve, they come from the rows
+(works.py). Forces come from the rows, which a filter may have changed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pgfmd.plots.folder import landmarks
 
 from .loop import Loop
+from .works import net_work_of_rows, separation_of_rows
 
 UNEVEN, OVERSHOOT = 4.0, 0.25
 """A parabola through three rows is trusted if neither step is so many times longer than the other, and if its vertex lies
 beyond the lowest row by no more than this share of the larger rise beside it."""
+LEAST_TENSION = 1e-3
+"""A tension is one from this share of the largest force on."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +52,11 @@ class Measures:
 def measure(loop: Loop) -> Measures:
     """The measures of a loop."""
     found = landmarks(loop.force, loop.phase)
-    pull_off = dip(loop, found["pull-off"]) if "pull-off" in found else None
-    area_there = float(loop.area[found["pull-off"]]) if pull_off else None
+    row = found.get("pull-off", _row_of_tension(loop))
+    pull_off = dip(loop, row) if row is not None else None
+    if pull_off and loop.tension is not None:
+        pull_off = replace(pull_off, tension=loop.tension)
+    area_there = float(loop.area[row]) if pull_off else None
     return Measures(
         largest_force=float(loop.force[found["preload"]]) if "preload" in found else None,
         pull_off=pull_off,
@@ -60,6 +66,14 @@ def measure(loop: Loop) -> Measures:
         largest_area=_known(np.max(loop.area)),
         area_at_pull_off=_known(area_there),
     )
+
+
+def _row_of_tension(loop: Loop) -> int | None:
+    """The row nearest to a pull-off that the run knows of, where all rows under tension are left out of the curve."""
+    if not loop.retracted or (loop.tension or 0.0) <= LEAST_TENSION * np.max(np.abs(loop.force)):
+        return None
+    rows = loop.branches["retraction"]
+    return rows.start + int(np.argmin(loop.force[rows]))
 
 
 def _known(value: float | None) -> float | None:
@@ -91,29 +105,15 @@ def dip(loop: Loop, row: int) -> Dip:
     return Dip(-float(depth), float(loop.displacement[row] + place), when)
 
 
-def forces_met(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
-    """Forces [N] at the start and at the end of each step between rows, (rows - 1,), as the punch meets them."""
-    before = loop.force[:-1]
-    return before, np.where(loop.jump[1:] & loop.held, before, loop.force[1:])
-
-
 def net_work(loop: Loop) -> float:
-    """Work of the punch [J] over all rows, -int F dd: the area of a closed loop."""
-    before, after = forces_met(loop)
-    return float(-0.5 * (before + after) @ np.diff(loop.displacement))
+    """Work of the punch [J] over the loop: as the run integrated it, or else from the rows."""
+    return net_work_of_rows(loop) if loop.work is None else loop.work
 
 
 def work_of_separation(loop: Loop) -> float:
     """Work [J] that the punch does while it goes up against a tensile force; of a step through zero force the part
     under tension.
 
-    The definition of `work_of_separation_J` in `run.json`, from the rows of the curve.
+    `work_of_separation_J` of `run.json`, or the same from the rows where there is none.
     """
-    before, after = forces_met(loop)
-    start, end = np.maximum(-before, 0.0), np.maximum(-after, 0.0)
-    mean = 0.5 * (start + end)
-    crossing = before * after < 0.0
-    span = np.abs(before - after)[crossing]
-    mean[crossing] = 0.5 * np.maximum(start, end)[crossing] ** 2 / span
-    moved = np.maximum(np.diff(loop.displacement), 0.0)
-    return float(mean @ moved)
+    return separation_of_rows(loop) if loop.separation is None else loop.separation

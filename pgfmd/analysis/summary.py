@@ -12,6 +12,7 @@ from typing import Any
 from pgfmd.errors import ResultError
 from pgfmd.files.storage import write_atomically
 from pgfmd.results import Results, load
+from pgfmd.results.audit import at_stake
 
 from . import pictures
 from .bulges import Bulge, bulges
@@ -29,6 +30,8 @@ RECORD_FILE = "analysis.json"
 BLURRED = 0.05
 """Scatter of u_inf, as a share of its range, from which on its line says little."""
 FOLLOWS = "by the parabola through the lowest rows"
+UNEXPLAINED = 0.1
+"""Residual of the energy audit, as a share of what is at stake (results/audit.py), that is remarked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +110,8 @@ def analyse(
         loop = whole if resolution is None else _filtered(whole, resolution)
         table = Table(f"{results.scene.get('title') or results.directory.name}: {results.directory}")
         found = measure(loop)
-        _add_forces(table, found, resolution)
+        _add_forces(table, found, resolution, thinned=loop.tension is not None)
+        _remark_thinned(table, results)
         places = bulges(loop, resolution or PAPER_RESOLUTION)
         _add_stiffness(table, loop)
         _add_bulges(table, places)
@@ -116,6 +120,7 @@ def analyse(
         _add_compliance(table, cell)
         audit, against = audit_of(results), twin_of(results, whole, other) if other else None
         _add_hysteresis(table, audit, against)
+        _remark_unexplained(table, results, audit)
         _add_tabor(table, results, found, other)
         predictions = []
         if bearing_area or single is not None:
@@ -133,13 +138,14 @@ def _filtered(loop: Loop, resolution: float) -> Loop:
         raise ResultError(f"{loop.name}: the curve could not be filtered: {problem}") from problem
 
 
-def _add_forces(table: Table, found: Measures, resolution: float | None) -> None:
+def _add_forces(table: Table, found: Measures, resolution: float | None, thinned: bool) -> None:
     if resolution is not None:
         table.add("Forces", "low_pass", "low-pass filter", resolution, "m", "of the curve; pull-off and all below")
     note = "the preload, and what the turn adds"
     table.add("Forces", "largest_force", "largest force", found.largest_force, "N", note)
     if found.pull_off:
-        table.add("Forces", "pull_off_force", "pull-off force", found.pull_off.tension, "N", FOLLOWS)
+        follows = "as the run found it between the rows" if thinned else FOLLOWS
+        table.add("Forces", "pull_off_force", "pull-off force", found.pull_off.tension, "N", follows)
         place = found.pull_off.displacement
         table.add("Forces", "pull_off_displacement", "at the displacement", place, "m", "negative when pushed in")
     else:
@@ -149,11 +155,29 @@ def _add_forces(table: Table, found: Measures, resolution: float | None) -> None
         table.add("Forces", "snap_in_force", "snap-in force", found.snap_in.tension, "N", note)
     note = "work against a tensile force on the way out"
     table.add("Work", "work_of_separation", "work of separation", found.work_of_separation, "J", note)
-    table.add("Work", "hysteresis", "hysteresis", found.hysteresis, "J", "net work of the loop, from the curve")
+    table.add("Work", "hysteresis", "hysteresis", found.hysteresis, "J", "net work of the loop")
     if found.largest_area is not None:
         table.add("Contact", "largest_area", "largest contact area", found.largest_area, "m^2")
     if found.area_at_pull_off is not None:
         table.add("Contact", "area_at_pull_off", "contact area at pull-off", found.area_at_pull_off, "m^2")
+
+
+def _remark_thinned(table: Table, results: Results) -> None:
+    every = results.scene.get("output", {}).get("every", 1)
+    if every > 1:
+        table.remarks.append(
+            f"output.every = {every} left rows out of the curve: places, areas and bulges, and filtered forces, are no "
+            "better than the rows that are there"
+        )
+
+
+def _remark_unexplained(table: Table, results: Results, audit: Audit | None) -> None:
+    """Of an audit that does not close well enough to split the hysteresis by it."""
+    if audit and abs(audit.residual) > UNEXPLAINED * at_stake(results, audit.work):
+        table.remarks.append(
+            f"the energy audit leaves {audit.residual * 1e9:.3g} nJ unexplained of a loop of {audit.work * 1e9:.3g} nJ"
+            ": run it again with a lower solver.accuracy before believing energies"
+        )
 
 
 def _add_stiffness(table: Table, loop: Loop) -> None:
@@ -228,7 +252,9 @@ def _add_tabor(table: Table, results: Results, found: Measures, twin: Results | 
     if not is_quasistatic(results.scene) and twin is not None and is_quasistatic(twin.scene):
         source, pull_off = twin, measure(Loop.of(twin)).pull_off
     if not is_quasistatic(source.scene):
-        table.remarks.append("the effective Tabor number needs a quasi-static pull-off: give --twin")
+        stiff = source.scene.get("solver", {}).get("modulus") == "instantaneous"
+        cure = 'with solver.modulus = "relaxed"; this run has the instantaneous one' if stiff else "give --twin"
+        table.remarks.append(f"the effective Tabor number needs a quasi-static pull-off: {cure}")
         return
     from pgfmd.files.storage import SCENE_FILE
     from pgfmd.scene import load_scene

@@ -22,7 +22,7 @@ Overrides = Annotated[
     typer.Option("--set", "-s", metavar="KEY=VALUE", help="The same, one key at a time."),
 ]
 UNBALANCED = 0.05
-"""Residual of the energy audit, as a share of the work of the loop, that is told at the end of a run."""
+"""Residual of the energy audit, as a share of what is at stake (results/audit.py), that is told at the end of a run."""
 LAUNCHER_NEEDS = 10.0
 """Time [s] before the end of a job at which a run has to be over: after a code other than 0, mpirun takes 5 s to end."""
 OFF = "off"
@@ -101,16 +101,42 @@ def _summary(record: dict, directory: Path) -> list[str]:
     lines = []
     if record["finished"] != "detached":
         lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
-    lines.append(
-        f"pull-off force {record['pull_off_force_N'] * 1e3 + 0.0:.4g} mN, "
-        f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ; "
-        f"{record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
-    )
-    residual = record["energy_residual"]
-    # Where nothing is lost, the residual is a share of nearly nothing.
-    if residual is not None and residual > UNBALANCED and (record["viscous_J"] or record["released_J"]):
-        lines.append(
-            f"The energy audit closes to {100 * residual:.2g} % of the loop's work: lower solver.accuracy before believing "
-            "energies."
+    if record["pull_off_force_N"] is None:
+        measured = "no pull-off force, the run ended before the retraction"
+    else:
+        measured = (
+            f"pull-off force {record['pull_off_force_N'] * 1e3 + 0.0:.4g} mN, "
+            f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ"
         )
+    lines.append(
+        f"{measured}; {record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
+    )
+    lines += _unbalanced(record, directory)
     return [*lines, f"results: {directory}    pictures: pgfmd plot {directory}"]
+
+
+def _unbalanced(record: dict, directory: Path) -> list[str]:
+    """What is said of an energy audit that does not close, in any scheme; nothing of one that does."""
+    from pgfmd.errors import ResultError
+    from pgfmd.results import load
+    from pgfmd.results.audit import LEAST_LOOP, at_stake
+
+    if record["energy_residual"] is None:
+        return []
+    work = record["work_J"]
+    residual = record["energy_residual"] * abs(work)
+    try:
+        scale = at_stake(load(directory), work)
+    except ResultError:
+        # The table of a finished run may be gone.
+        scale = abs(work)
+    if residual <= UNBALANCED * scale:
+        return []
+    way = "lower solver.accuracy" if "accuracy" in record else "take shorter steps ([solver.gfmd])"
+    cure = f"{way} before believing energies"
+    if scale == abs(work):
+        return [f"The energy audit closes to {100 * residual / scale:.2g} % of the loop's work: {cure}."]
+    return [
+        f"The energy audit closes to {residual * 1e9:.2g} nJ, and the loop's work is {work * 1e9:.2g} nJ, "
+        f"little beside {scale / LEAST_LOOP * 1e9:.2g} nJ on the way in: {cure}."
+    ]

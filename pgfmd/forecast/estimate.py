@@ -13,12 +13,14 @@ from types import SimpleNamespace
 import numpy as np
 import scipy.fft
 
-from pgfmd.parts import inertia_of_scene, relaxation_of, series_of, transform_side
+from pgfmd.parts import inertia_of_scene, quasistatic_compliance, relaxation_of, series_of, transform_side
 from pgfmd.reference import flat_punch, hertz
 from pgfmd.solver.grid import Grid, PunchPoints
 
 PROGRAM_BYTES = 245e6
 """Python, compiled kernels and libraries on every rank: peak resident memory less the fields, with 1 and 2 ranks."""
+SMOOTH = 0.1
+"""E(0)/E of a quasi-static run up to which the surface does not jump from one row of grid points to the next."""
 
 
 @dataclass(frozen=True)
@@ -119,9 +121,14 @@ class Effort:
         return self.pairs * self.pair_seconds / 0.6
 
 
+def modulus_of(scene) -> float:
+    """E* [Pa] of a slow contact: static, but for a quasi-static run with the instantaneous modulus."""
+    return scene.substrate.contact_modulus / quasistatic_compliance(scene)
+
+
 def depth_of(scene) -> float:
     """Rough static indentation [m] at the preload."""
-    punch, modulus, preload = scene.punch, scene.substrate.contact_modulus, scene.drive.preload
+    punch, modulus, preload = scene.punch, modulus_of(scene), scene.drive.preload
     if punch.radius is None:
         return 2.0 * (punch.amplitude or 0.0) + scene.adhesion.range
     if punch.pattern in ("sphere", "power"):
@@ -135,12 +142,13 @@ def effort_of(scene) -> Effort:
 
     With adhesion, steps go like the travel in ranges, times sqrt(gamma/(E* v lambda)), lambda the longest
     retardation time, times accuracy^(-0.4); pairs a step hardly depend on the grid; elastic scenes jump at every
-    instability and cost far more. Quasi-static runs: n = 64 to 256, accuracy 0.01 to 0.05. Without adhesion a few dozen steps are enough; fitted to elastic scenes, it is five
-    times too much for a fast viscoelastic one.
+    instability and cost far more. Quasi-static runs: n = 64 to 256, accuracy 0.01 to 0.05; n = 32 and 48 with the
+    instantaneous modulus. Without adhesion a few dozen steps are enough; fitted to elastic scenes, it is five times too
+    much for a fast viscoelastic one.
     """
     if scene.solver.scheme == "gfmd":
         return _gfmd_effort(scene)
-    adhesion, drive, modulus = scene.adhesion, scene.drive, scene.substrate.contact_modulus
+    adhesion, drive, modulus = scene.adhesion, scene.drive, modulus_of(scene)
     creep, quasistatic = relaxation_of(scene).to_creep(), scene.solver.scheme == "quasistatic"
     way = depth_of(scene)
     back = way
@@ -158,7 +166,9 @@ def effort_of(scene) -> Effort:
             longest = float(creep.retardation_times.max())
             rate, each = min(max(20.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0), 7.5
         elif quasistatic:
-            rate, each = 110.0 * refinement, 30.0 * (scene.grid.n / 128) ** 0.4 * refinement**0.4
+            smooth = quasistatic_compliance(scene) <= SMOOTH
+            rate, each = 110.0 * refinement, 12.0 if smooth else 30.0 * (scene.grid.n / 128) ** 0.4
+            each *= refinement**0.4
         else:
             rate, each = 70.0, 25.0
         here = rate * length / adhesion.range * refinement

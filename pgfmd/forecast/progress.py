@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from pgfmd.parts import deepest_indentation, inertia_of_scene
 
-from .estimate import depth_of, effort_of
+from .estimate import depth_of, effort_of, modulus_of
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _pull_off_height(scene) -> float:
         return 0.0
     if punch.pattern != "flat":
         return adhesion.range
-    stretch = math.sqrt(2.0 * math.pi * adhesion.work_of_adhesion * punch.radius / scene.substrate.contact_modulus)
+    stretch = math.sqrt(2.0 * math.pi * adhesion.work_of_adhesion * punch.radius / modulus_of(scene))
     return adhesion.range + stretch
 
 

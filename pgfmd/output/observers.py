@@ -33,7 +33,8 @@ class Observer:
 class Curve(Observer):
     """Writes a row of `curve.csv`, and of `energy.csv` where energies are followed, for each accepted step.
 
-    A jump has a row before it and one after it, whatever rows `every` leaves out.
+    A jump has a row before it and one after it, and the preload, the end of a phase and that of the run have theirs,
+    whatever rows `every` leaves out.
     """
 
     def __init__(self, curve: CurveFile, energy: EnergyFile | None):
@@ -43,26 +44,43 @@ class Curve(Observer):
     def next_time(self, simulation) -> float:
         """Asks for no time. Called before each step: what the rows are then is known after a restart as well."""
         if self.files[0][0].every > 1 and simulation.state.started:
+            if _at_turn_of_phase(simulation):
+                self._make_up(simulation)
             self.before = [row(simulation) for _, row in self.files]
         return math.inf
 
     def observe(self, simulation, event) -> None:
         if event.kind in ("start", "step", "jump"):
-            last = bool(simulation.state.finished)
             for (file, row), before in zip(self.files, self.before, strict=True):
                 # The first step's row is there in any case: it tells a run from one that never began.
                 first = simulation.state.counters.steps == 1
-                forced = first or last or event.kind != "step"
+                forced = first or event.kind != "step"
                 file.append(row(simulation), forced, before if event.kind == "jump" else None)
+        elif event.kind in ("preload", "end"):
+            # That a step is the last of its phase, or of the run, is known only after it.
+            self._make_up(simulation)
+
+    def _make_up(self, simulation) -> None:
+        """Writes the rows of the present state where `every` has left them out."""
+        for file, row in self.files:
+            if file.skipped:
+                file.append(row(simulation), force_write=True)
+
+
+def _at_turn_of_phase(simulation) -> bool:
+    """Whether the last step ended a phase, and the next one has not moved the punch yet."""
+    return simulation.state.phase > 0 and simulation.state.elapsed == 0.0
 
 
 def curve_row(simulation) -> CurveRow:
     """The row of the present state."""
     state = simulation.state
     area = state.contact_points * simulation.points.grid.cell_area
+    # The phase that the step belongs to, not the one that comes next.
+    phase = simulation.phases[state.phase - _at_turn_of_phase(simulation)]
     return CurveRow(
         state.time, simulation.punch_position, -simulation.punch_position - INDENTATION_OFFSET, state.force, area,
-        state.far_displacement, state.last_step, simulation.phase.name,
+        state.far_displacement, state.last_step, phase.name,
     )  # fmt: skip
 
 

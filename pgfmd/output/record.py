@@ -22,6 +22,7 @@ def record_of(simulation, scene, comm, history: History) -> dict:
     memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
     links = history.update(counters.steps, max(comm.allgather(scheme.transform_seconds)))
     audit = scene.output.energy and energies.work != 0.0
+    retracted = _has_retracted(simulation)
     return {
         "finished": state.finished,
         "scheme": scene.solver.scheme,
@@ -39,11 +40,11 @@ def record_of(simulation, scene, comm, history: History) -> dict:
         "wall_s": history.total("wall_s"),
         "transform_s": history.total("transform_s"),
         "checkpoint_s": history.total("checkpoint_s"),
-        "pull_off_force_N": -state.pull_off_force,
+        "pull_off_force_N": -state.pull_off_force if retracted else None,
         "snap_in_force_N": -state.snap_in_force,
-        "preload_N": state.preload,
+        "preload_N": state.preload if state.preload_time is not None else None,
         "time_to_preload_s": _span(state),
-        "work_of_separation_J": energies.work_of_separation,
+        "work_of_separation_J": energies.work_of_separation if retracted else None,
         "work_J": energies.work,
         "viscous_J": energies.viscous if scene.output.energy else None,
         "released_J": energies.released,
@@ -61,6 +62,11 @@ def _numerics(scene) -> dict:
         inertia = inertia_of_scene(scene)
         return {"omega_rad_s": inertia.frequency, "dt_s": inertia.step}
     return {"accuracy": scene.solver.accuracy, "order": scene.solver.order}
+
+
+def _has_retracted(simulation) -> bool:
+    """Whether a step of the retraction has been made."""
+    return simulation.phase.name == "retract" and simulation.state.elapsed > 0.0
 
 
 def _span(state) -> float | None:

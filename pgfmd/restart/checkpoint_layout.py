@@ -19,6 +19,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from pgfmd.errors import ResultError
 from pgfmd.files.checksum import block_sums
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.files.storage import reason, secure_space
@@ -35,6 +36,14 @@ PIECE = 2**20
 
 class Damaged(Exception):
     """A file that is no valid checkpoint; says what is wrong with it."""
+
+
+def none_valid(problems: list[str], further: str = "") -> ResultError:
+    """The error of a folder in which no checkpoint is valid. problems: of each; further: a sentence, with its end."""
+    return ResultError(
+        "no valid checkpoint to go on from:\n  - " + "\n  - ".join(problems) + "\n"
+        f"{further}Start anew with --fresh, which keeps the old results"
+    )
 
 
 @dataclass(frozen=True)

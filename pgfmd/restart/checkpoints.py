@@ -20,7 +20,7 @@ from pgfmd.errors import ResultError
 from pgfmd.files.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, bring_to_disk, on_root
 
 from . import checkpoint_file
-from .checkpoint_layout import Damaged
+from .checkpoint_layout import Damaged, none_valid
 
 UNFINISHED = ".tmp"
 
@@ -83,10 +83,7 @@ class Checkpoints:
             if problems and self.comm.rank == 0:
                 warn(f"warning: {problems[0]}; going on from the checkpoint before it, {path.name}")
             return path
-        raise ResultError(
-            "no valid checkpoint to go on from:\n  - " + "\n  - ".join(problems) + "\n"
-            "Start anew with --fresh, which keeps the old results"
-        )
+        raise none_valid(problems)
 
     def _rotate(self, unfinished: Path) -> None:
         if self._newest_is_whole:

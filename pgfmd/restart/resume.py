@@ -15,8 +15,8 @@ from pgfmd.files import storage
 from pgfmd.files.curve_tail import count_ends
 from pgfmd.solver.simulation import STOPPED_STEPS
 
-from .checkpoint_layout import Damaged, read_head
-from .scene_changes import contents_of, require_known, review
+from .checkpoint_layout import Damaged, none_valid, read_head
+from .scene_changes import DERIVED, contents_of, differing, require_known, review
 
 FAILED = "failed"
 """What `run.json` calls a run that could not go on; it has a checkpoint from before."""
@@ -36,7 +36,7 @@ def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
     """The plan for a folder whose lock is held. Moves away what is there if `fresh`.
 
     Raises SceneError where the scene is not the one that the run began with, or `allow` names no key; ResultError where
-    there are results, but nothing to go on from.
+    there are results, but nothing to go on from, with what differs in the scene.
     """
     require_known(allow)
     if fresh:
@@ -81,17 +81,22 @@ def _of_finished(folder: Path, record: dict | None, scene) -> Plan | None:
 
 def _plan_from(folder: Path, checkpoints: list[Path], scene, allow: Sequence[str]) -> Plan:
     """The plan where there are checkpoints; whether their arrays are whole turns out when they are read."""
-    head = None
+    head, problems = None, []
     for path in checkpoints:
         try:
             head = read_head(path)
             break
-        except (Damaged, FileNotFoundError):
-            continue
+        except Damaged as damage:
+            problems.append(f"{path}: {damage}")
+        except FileNotFoundError:
+            problems.append(f"{path}: missing")
     record = finished_record(folder)
     if head is None:
-        # A finished run needs none. Of another, what is wrong with each is said by whoever tries to read them.
-        return _of_finished(folder, record, scene) or Plan(go_on=True)
+        # A finished run needs none.
+        done = _of_finished(folder, record, scene)
+        if done:
+            return done
+        raise none_valid(problems, _told_of_scene(folder, scene))
     try:
         changed = review(head, scene, allow, folder)
         finished = head["state"]["finished"]
@@ -101,3 +106,14 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene, allow: Sequence[str
     if finished and record and not (finished == STOPPED_STEPS and "solver.max_steps" in changed):
         return Plan(record=record)
     return Plan(go_on=True)
+
+
+def _told_of_scene(folder: Path, scene) -> str:
+    """A line with the keys in which a scene differs from that of the run in a folder; empty if none is known to."""
+    try:
+        text = (folder / storage.SCENE_FILE).read_text(encoding="utf-8")
+        found = {key: f"{key} = {now!r}, the run's is {before!r}" for key, before, now in differing(text, scene)}
+    except (OSError, ValueError):
+        return ""
+    told = [line for key, line in found.items() if key not in DERIVED] or list(found.values())
+    return f"The scene is not that of the run, either: {'; '.join(told)}.\n" if told else ""

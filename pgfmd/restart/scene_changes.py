@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pgfmd.errors import Problem, SceneError
@@ -46,18 +46,8 @@ def review(head: dict, scene, allow: Sequence[str], folder: Path) -> list[str]:
 
     allow: keys, or whole sections, that may change. Raises SceneError with every key that must not have changed.
     """
-    old, new = _flat(head["scene"]), _flat(scene.to_toml())
-    files = contents_of(scene)
     changed, problems = [], []
-    # What follows from other keys comes last.
-    for key in sorted(old.keys() | new.keys(), key=lambda key: (key in DERIVED, key)):
-        before, now = old.get(key, NOT_THERE), new.get(key, NOT_THERE)
-        if key in FILES:
-            if files.get(key) == head["files"].get(key):
-                continue
-            now = f"{now} with other contents" if before == now else now
-        elif before == now or key in UNIMPORTANT:
-            continue
+    for key, before, now in differing(head["scene"], scene, head["files"]):
         refusal = _refusal(key, head, scene, allow)
         if refusal is not None:
             problems.append(Problem(key, now, repr(before), refusal))
@@ -67,6 +57,26 @@ def review(head: dict, scene, allow: Sequence[str], folder: Path) -> list[str]:
         anew = "choose another --out, or start anew with --fresh"
         raise SceneError(f"{folder} holds a run of another scene: {anew}", problems)
     return changed
+
+
+def differing(text: str, scene, known: dict[str, str] | None = None) -> Iterator[tuple[str, object, object]]:
+    """Key, old value and new one where a scene differs from the one in `text`, as TOML.
+
+    known: SHA-256 of the contents of the old scene's files; without it they count by name. ValueError if the text is no
+    TOML.
+    """
+    old, new = _flat(text), _flat(scene.to_toml())
+    files = contents_of(scene) if known is not None else {}
+    # What follows from other keys comes last.
+    for key in sorted(old.keys() | new.keys(), key=lambda key: (key in DERIVED, key)):
+        before, now = old.get(key, NOT_THERE), new.get(key, NOT_THERE)
+        if known is not None and key in FILES:
+            if files.get(key) == known.get(key):
+                continue
+            now = f"{now} with other contents" if before == now else now
+        elif before == now or key in UNIMPORTANT:
+            continue
+        yield key, before, now
 
 
 def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:

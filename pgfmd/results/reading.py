@@ -53,11 +53,18 @@ def load(directory: str | Path) -> Results:
     """
     directory = Path(directory)
     if not directory.is_dir():
-        raise ResultError(f"{directory}: no such folder")
+        raise ResultError(f"{directory}: {'a file, not a results folder' if directory.exists() else 'no such folder'}")
     if not (directory / CURVE_FILE).is_file():
         cure = "name the folder that a run wrote to"
         raise ResultError(f"{directory}: not a results folder, it has no {CURVE_FILE}; {cure}")
     return Results(directory)
+
+
+def require_record(path: Path, found: Any) -> dict:
+    """What was read from `run.json`, if it is the record of a run that has ended; else ResultError."""
+    if not isinstance(found, dict) or not isinstance(found.get("finished"), str):
+        raise ResultError(f"{path}: damaged: it does not say how a run has finished; move it away")
+    return found
 
 
 class Results:
@@ -112,10 +119,13 @@ class Results:
     def run(self) -> dict:
         """`run.json`: how the run was made and how it ended; empty until it is written."""
         path = self.directory / RUN_FILE
+        if not path.exists():
+            return {}
         try:
-            return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+            found = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as problem:
             raise ResultError(f"{path}: could not be read: {problem}") from problem
+        return require_record(path, found)
 
     @cached_property
     def scene(self) -> dict:

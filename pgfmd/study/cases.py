@@ -12,7 +12,7 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.parts import confirm
 from pgfmd.scene import Scene, load_scene
 
-from .study_file import Axis, Study, StudyError
+from .study_file import Axis, Study, StudyError, is_settable
 from .values import override_of, slug
 
 LONGEST_NAME = 150
@@ -36,10 +36,15 @@ class Case:
 
 
 def cases_of(study: Study) -> list[Case]:
-    """Every case, the grid first, its first axis varying slowest. Raises StudyError with all problems of all cases."""
+    """Every case, the grid first, its first axis varying slowest.
+
+    Raises StudyError with all problems of the file and of all cases. Scenes of cases with wrong keys are not looked at.
+    """
     complaints: dict[str, list[str]] = {}
     cases = []
     for name, places, changes in _drafts(study):
+        if not study.scene or not all(map(is_settable, changes)):
+            continue
         overrides = tuple(override_of(key, value) for key, value in changes.items())
         try:
             scene = load_scene(study.scene, overrides)
@@ -49,8 +54,11 @@ def cases_of(study: Study) -> list[Case]:
                 complaints.setdefault(str(problem), []).append(name)
             continue
         cases.append(Case(name, study.scene, overrides, scene, places))
-    problems = [f"{_named(names)}: {text}" for text, names in complaints.items()]
-    problems += [*_names_refused(_drafts(study)), *_twins(cases)]
+    problems = [*study.problems, *(f"{_named(names)}: {text}" for text, names in complaints.items())]
+    problems += _names_refused(_drafts(study))
+    if not study.problems:
+        # Cases may be the same only for what is wrong.
+        problems += _twins(cases)
     if problems:
         raise StudyError(study.source, problems)
     return cases

@@ -23,6 +23,7 @@ HYSTERESIS_POWER = 1.0 / 3.0
 """Adhesion hysteresis converges with the cube root of the linear mesh size (paper, after Wang et al. 2021)."""
 FACTORS = {RHO: 2.0, N: 2.0, ACCURACY: math.sqrt(10.0)}
 """Ratio of the sizes of two levels, unless said otherwise."""
+LARGEST_FACTOR = 1000.0
 KEYS = {RHO: Axis("grid.n"), N: Axis("grid.n"), ACCURACY: Axis("solver.accuracy")}
 FEWEST = 2
 SHARE_OF_MEMORY = 0.8
@@ -102,13 +103,32 @@ def _places(coarse, axis: str, count: int, start: str | None, factor: float) -> 
             first = kind(start)
         except ValueError:
             raise SceneError("command line", [Problem("--from", start, words)]) from None
-    if not factor > 1.0 or not first > 0 or not math.isfinite(first * factor):
-        problem = Problem("--factor, --from", (factor, first), "a factor above 1, a start above 0")
-        raise SceneError("command line", [problem])
+    if not 1.0 < factor <= LARGEST_FACTOR or not 0 < first < math.inf:
+        words = f"a factor above 1, at most {LARGEST_FACTOR:g}, and a start above 0"
+        raise SceneError("command line", [Problem("--factor, --from", (factor, first), words)])
+    places = _rounded(axis, first, factor, count)
+    if len(set(places)) < count:
+        raise SceneError("command line", [_coincidence(axis, places, factor)])
+    return places
+
+
+def _rounded(axis: str, first: float, factor: float, count: int) -> list:
+    """The places of levels by a constant factor."""
     if axis == ACCURACY:
         return [float(f"{first / factor**k:.6g}") for k in range(count)]
     # Even, as transforms are fastest and lattices are symmetric there.
     return [first, *(2 * round(first * factor**k / 2.0) for k in range(1, count))]
+
+
+def _coincidence(axis: str, places: list, factor: float) -> Problem:
+    """What to say of levels that are the same, and the smallest factor, in hundredths, that parts them."""
+    repeated = [place for place in dict.fromkeys(places) if places.count(place) > 1]
+    key = KEYS[axis].name
+    same = [", ".join(f"{k}" for k, other in enumerate(places, 1) if other == place) for place in repeated]
+    told = "; ".join(f"levels {k} have {key} = {place:.6g}" for k, place in zip(same, repeated, strict=True))
+    first, count = places[0], len(places)
+    enough = next(k / 100 for k in range(101, 301) if len(set(_rounded(axis, first, k / 100, count))) == count)
+    return Problem("--factor", factor, "levels that differ", f"{told}; --factor {enough:.4g} would do")
 
 
 def _grid_overrides(source: str, common: list[str], axis: str, n: int, before: list[Case]) -> list[str]:

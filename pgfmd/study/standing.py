@@ -70,9 +70,10 @@ def standing_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> Standing
 
 def _record(folder: Path) -> dict | None:
     try:
-        return json.loads((folder / storage.RUN_FILE).read_text(encoding="utf-8"))
+        found = json.loads((folder / storage.RUN_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
+    return found if isinstance(found, dict) else None
 
 
 def _changes(case: Case, folder: Path, allow: Sequence[str]) -> str:

@@ -2,7 +2,7 @@
 
     study = read_study("preloads.toml")
 
-What only the scenes can tell, such as a value out of range, is found by `cases.cases_of`.
+What only the scenes can tell, such as a value out of range, is found by `cases.cases_of`, which tells of all problems.
 """
 
 from __future__ import annotations
@@ -63,7 +63,11 @@ class Axis:
 @dataclass(frozen=True)
 class Study:
     """A study as its file has it. scene: a shipped name or an absolute path; common: changes for every case; singles:
-    further cases, their changes by name; ranks of each job, jobs side by side, time between checkpoints."""
+    further cases, their changes by name; ranks of each job, jobs side by side, time between checkpoints.
+
+    problems: what is wrong with the file, which `cases_of` raises with what is wrong with its cases. A wrong scene is
+    empty; changes keep keys that are wrong.
+    """
 
     source: str
     title: str
@@ -74,6 +78,7 @@ class Study:
     ranks: int = 1
     jobs: int = 1
     checkpoint_every: str = "10min"
+    problems: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -82,7 +87,7 @@ class Study:
 
 
 def read_study(path: str | Path) -> Study:
-    """The study in a file. Raises StudyError with every problem found."""
+    """The study in a file, with its problems. Raises StudyError if it can't be read at all."""
     path = Path(path)
     try:
         mapping = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -97,7 +102,7 @@ def read_study(path: str | Path) -> Study:
 
 
 def study_from_mapping(mapping: Mapping[str, Any], source: str, folder: Path) -> Study:
-    """The study of nested dicts as TOML would give them. Raises StudyError with every problem found."""
+    """The study of nested dicts as TOML would give them, with its problems."""
     reader = _Reader(folder)
     for name in set(mapping) - set(PARTS):
         reader.wrong(name, mapping[name], "one of " + ", ".join(PARTS), did_you_mean(name, PARTS))
@@ -109,9 +114,12 @@ def study_from_mapping(mapping: Mapping[str, Any], source: str, folder: Path) ->
     if not axes and not singles and not reader.problems:
         reader.problems.append("nothing varies: give it [axes], or a [[case]]")
     run = reader.run(mapping.get("run", {}))
-    if reader.problems:
-        raise StudyError(source, reader.problems)
-    return Study(source, title, scene, common, axes, singles, **run)
+    return Study(source, title, scene, common, axes, singles, **run, problems=tuple(reader.problems))
+
+
+def is_settable(key: str) -> bool:
+    """Whether a study may set a key."""
+    return key in KEYS and key != OWN
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -149,14 +157,15 @@ class _Reader:
         if value not in shipped_scenes():
             cure = did_you_mean(value, shipped_scenes()) or f"shipped scenes: {', '.join(shipped_scenes())}"
             self.wrong("scene", value, f"a file in {self.folder}, or a shipped scene", cure)
+            return ""
         return value
 
     def changes(self, table: Any, where: str) -> dict[str, Any]:
-        """Keys and values of a table, nested or with dotted keys."""
+        """Keys and values of a table, nested or with dotted keys; wrong keys, too."""
         found = {}
         for name, value in _flat(self.typed(table, where, dict, {})):
-            if name in KEYS and name != OWN:
-                found[name] = self._at_home(name, value)
+            found[name] = self._at_home(name, value)
+            if is_settable(name):
                 continue
             cure = "a study chooses its folders itself" if name == OWN else did_you_mean(name, KEYS)
             self.wrong(f"{where}: {name}", value, "a key of the scene, such as drive.speed", cure)
@@ -199,13 +208,13 @@ class _Reader:
     def _key_axis(self, name: str, values: list) -> list[Axis]:
         if not values:
             self.wrong(f"axes: {name}", values, "at least one value")
-        places = [Value(label_of_value(value), self.changes({name: value}, "axes")) for value in values[:1]]
-        if places and not places[0].changes:
+        if not is_settable(name):
             # Said once.
+            self.changes({name: values[0] if values else values}, "axes")
             return []
-        places += [Value(label_of_value(value), {name: self._at_home(name, value)}) for value in values[1:]]
-        self._twice(f"axes: {name}", [place.label for place in places])
-        return [Axis(name, tuple(places))]
+        places = {label_of_value(value): {name: self._at_home(name, value)} for value in values}
+        self._twice(f"axes: {name}", [label_of_value(value) for value in values])
+        return [Axis(name, tuple(Value(label, changes) for label, changes in places.items()))]
 
     def _bundle_axis(self, name: str, table: dict) -> Axis:
         places = [Value(label, self.changes(bundle, f"axes.{name}, {label}")) for label, bundle in table.items()]
@@ -236,8 +245,8 @@ class _Reader:
         for name, value in self.typed(table, "run", dict, {}).items():
             if name not in kinds:
                 self.wrong(f"run: {name}", value, "one of " + ", ".join(kinds), did_you_mean(name, kinds))
-            else:
-                found[name] = self.typed(value, f"run: {name}", kinds[name], None)
+            elif (value := self.typed(value, f"run: {name}", kinds[name], None)) is not None:
+                found[name] = value
         return found
 
 

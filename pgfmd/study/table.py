@@ -36,6 +36,10 @@ MEASURED = {
     "peak_rss [bytes]": "peak_rss_bytes",
 }
 """Columns after the axes, and the keys of `run.json` that they hold."""
+OF_LOOP = ("work [J]", "energy_residual [1]")
+"""Columns that mean nothing where the loop is not closed."""
+WHOLE = "detached"
+"""How a run finishes whose loop is closed."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,8 @@ def rows_of(cases: Sequence[Case], axes: Sequence[Axis], standings: dict[str, St
         standing = standings[case.name]
         record = standing.record or {}
         measured = {column: record.get(key) for column, key in MEASURED.items()}
+        if record.get("finished", WHOLE) != WHOLE:
+            measured |= dict.fromkeys(OF_LOOP)
         rows.append(Row(case, standing, {axis.name: place_of(case, axis) for axis in axes}, measured))
     return rows
 

@@ -80,7 +80,7 @@ def write_results(
         write_energy(EnergyFile(directory / "energy.csv", comm), found)
     if contact:
         write_contact(directory, comm, found)
-    write_run_json(directory / "run.json", comm, {"status": "finished", "steps": rows})
+    write_run_json(directory / "run.json", comm, {"finished": "detached", "steps": rows})
     (directory / "scene.resolved.toml").write_text('[cell]\nlength = "1.5 mm"\nn = 192\n')
     return directory
 

@@ -123,14 +123,18 @@ def test_the_hysteresis_is_split_by_the_audit_and_by_the_twin(tmp_path):
     wide = wide.with_force(closed)
     way_in = np.interp(narrow.indentation, wide.indentation[:201], wide.force[:201])
     narrow = narrow.with_force(np.append(0.5 * (wide.force + way_in)[:-1], 0.0))
-    run = load(write_folder(tmp_path / "run", wide, SCENE.format(model="single", n=64), released=1e-9, viscous=3e-9))
-    twin = load(write_folder(tmp_path / "twin", narrow, SCENE.format(model="elastic", n=64)))
+    loss, of_twin = net_work(wide), net_work(narrow)
+    scene = SCENE.format(model="single", n=64)
+    run = load(write_folder(tmp_path / "run", wide, scene, released=0.25 * loss, viscous=0.75 * loss))
+    twin = load(write_folder(tmp_path / "twin", narrow, SCENE.format(model="elastic", n=64), released=of_twin))
     audit = audit_of(run)
     assert (audit.share(audit.viscous), audit.share(audit.released)) == pytest.approx((0.75, 0.25))
     found = twin_of(run, Loop.of(run), twin)
-    assert found.multistability_share == pytest.approx(net_work(narrow) / net_work(wide))
+    assert found.multistability_share == pytest.approx(of_twin / loss)
     assert found.multistability_share == pytest.approx(0.5, rel=0.02)
     assert found.twin_loop + found.rest == found.loop and found.remarks == ()
+    # The share is that of the audits, not of trapezoids between rows.
+    assert found.loop == audit.work and found.twin_loop == audit_of(twin).work
 
 
 def test_a_twin_that_is_none_is_remarked(tmp_path):

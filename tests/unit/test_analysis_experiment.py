@@ -74,12 +74,34 @@ def test_a_curve_of_pgfmd_itself_is_a_measurement_too(tmp_path):
         ("displacement (um),force (mN)", [(0, 0), (1,), (2, 3), (1, 1)], "line 3: force = '': expected a number"),
         ("displacement (um),force (mN)", [(0, 0), (1, 1)], "at least 4 rows of numbers, found 2"),
         ("displacement (um),force (mN)", [(1, 1)] * 6, "found neither"),
+        (
+            "displacement (um),force (mN),time (s)", [(0, 1, 2), (2, 3, 3), (1, 1, 2.5), (0, 0, 9)],
+            "line 4: time = '2.5': expected a time that does not fall, it was '3' in line 3; bring the rows",
+        ),
+        (
+            "time (s),displacement (um),force (mN)", [("0,00", "10,1", "20,0"), ("0,10", "10,2", "20,5")] * 2,
+            r"line 2: expected 3 cells as in the header, found 6 \('0,00,10,1,20,0'\); decimal commas need semicolons",
+        ),
+        ("displacement (um),force (mN),", [(0, 1), (2, 3), (1, 1, "x"), (0, 0)], "line 4: expected 2 cells .* found 3"),
+        ("displacement (um),force (mN)", [(0, 1), (2, "", 3), (1, 1), (0, 0)], "line 3: expected 2 cells .* found 3"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, header, rows, words):
     with pytest.raises(MeasurementError, match=words) as caught:
         read_experiment(write(tmp_path / "exp.csv", header, rows))
     assert "exp.csv" in str(caught.value)
+
+
+def test_empty_cells_at_the_end_and_equal_times_are_fine(tmp_path):
+    rows = [(*row[:2], min(row[2], 5.0), "", "") for row in ROWS]
+    loop = read_experiment(write(tmp_path / "exp.csv", "displacement (um),force (mN),time (s),", rows))
+    np.testing.assert_array_equal(loop.time, [0, 2, 4, 5, 5])
+
+
+def test_cells_beyond_the_header_need_a_name_where_commas_part_nothing(tmp_path):
+    path = write(tmp_path / "exp.csv", "displacement (um);force (mN)", ROWS, ";")
+    with pytest.raises(MeasurementError, match="found 3 .*; give every column a name in the header"):
+        read_experiment(path)
 
 
 def test_many_wrong_lines_are_counted(tmp_path):

@@ -15,6 +15,8 @@ GEOMETRIC = [
     "rheology.time_ratio=6", "rheology.exponent=0.8",
 ]  # fmt: skip
 
+INSTANTANEOUS = ["solver.scheme=quasistatic", "solver.modulus=instantaneous", "output.snapshots=[]"]
+
 
 def warnings_of(name: str, *overrides: str) -> str:
     return "\n".join(report(load_scene(name, overrides)).warnings)
@@ -176,6 +178,9 @@ def test_memory_is_shared_out():
         ("hertz", ["grid.n=64", "drive.preload=20 mN"]),
         ("tri-tack", ["grid.n=32", "rheology.model=elastic"]),
         ("tri-tack", ["grid.n=32", "solver.scheme=gfmd", "drive.speed=200 um/s"]),
+        ("hex-tack", ["grid.n=48", "solver.accuracy=0.03", *INSTANTANEOUS]),
+        ("tri-tack", ["grid.n=32", *INSTANTANEOUS]),
+        ("flat-punch", ["grid.n=48", "solver.accuracy=0.03", *INSTANTANEOUS]),
     ],
 )
 def test_effort_is_within_a_factor_of_three(name, overrides):

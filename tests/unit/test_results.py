@@ -43,7 +43,7 @@ def test_all_parts_come_back(folder):
         check_curve(results.curve)
         assert isinstance(results.fields, xarray.Dataset)
         check_fields(results)
-        assert results.run == {"status": "finished", "steps": 40}
+        assert results.run == {"finished": "detached", "steps": 40}
         assert results.scene["cell"]["n"] == 192
         assert len(results.energy) == 39
         assert list(results.sites["event"]) == ["joins", "leaves"] and list(results.sites["in_contact"]) == [1, 0]
@@ -93,6 +93,9 @@ def test_foreign_header(folder):
 def test_folders_that_hold_no_results(tmp_path):
     with pytest.raises(ResultError, match="gone: no such folder"):
         load(tmp_path / "gone")
+    (tmp_path / "letter.txt").write_text("Dear Sir")
+    with pytest.raises(ResultError, match="letter.txt: a file, not a results folder"):
+        load(tmp_path / "letter.txt")
     with pytest.raises(ResultError, match="not a results folder, it has no curve.csv"):
         load(tmp_path)
 
@@ -134,6 +137,10 @@ def test_damaged_record(folder):
     (folder / "run.json").write_text("{")
     with pytest.raises(ResultError, match="run.json: could not be read"):
         load(folder).run  # noqa: B018
+    for text in ('{"a": 1}', "[1]"):
+        (folder / "run.json").write_text(text)
+        with pytest.raises(ResultError, match="run.json: damaged: it does not say how a run has finished; move it away"):
+            load(folder).run  # noqa: B018
 
 
 def test_reading_and_plotting_start_no_mpi():

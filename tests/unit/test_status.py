@@ -192,12 +192,18 @@ def test_no_results_folder(tmp_path):
         status_of(tmp_path)
     with pytest.raises(ResultError, match="no such folder"):
         status_of(tmp_path / "nowhere")
+    with pytest.raises(ResultError, match="letter.txt: a file, not a results folder"):
+        status_of(tmp_path / "letter.txt")
 
 
 def test_a_broken_record_is_told(stopped):
     (stopped / "run.json").write_text("{")
     found = status_of(stopped)
     assert found.state == "resumable" and "run.json: damaged" in found.warnings[0]
+    for text in ('{"a": 1}', "[1]", '{"finished": null}', '"x"'):
+        (stopped / "run.json").write_text(text)
+        found = status_of(stopped)
+        assert found.state == "resumable" and "run.json: damaged" in found.warnings[0], text
 
 
 # -- running -----------------------------------------------------------------------------------------------------------

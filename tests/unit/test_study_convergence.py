@@ -178,6 +178,24 @@ def test_levels_that_make_no_sense(start, factor):
         levels_of("tri-tack", [], "rho", 4, start, factor)
 
 
+@pytest.mark.parametrize(
+    ("axis", "start", "factor", "count", "told"),
+    [
+        ("n", "24", 1.03, 4, "levels 1, 2 have grid.n = 24; levels 3, 4 have grid.n = 26; --factor 1.07 would do"),
+        ("rho", "24", 1.01, 3, "levels 1, 2, 3 have grid.n = 24; --factor 1.07 would do"),
+        ("n", "1024", 1.0001, 2, "levels 1, 2 have grid.n = 1024; --factor 1.01 would do"),
+        ("accuracy", "0.01", 1.0000001, 2, "levels 1, 2 have solver.accuracy = 0.01; --factor 1.01 would do"),
+    ],
+)
+def test_levels_that_coincide_are_refused(axis, start, factor, count, told):
+    with pytest.raises(SceneError) as caught:
+        levels_of("tri-tack", [], axis, count, start, factor)
+    assert told in str(caught.value) and len(caught.value.problems) == 1
+    enough = float(told.rpartition("--factor ")[2].split()[0])
+    levels = levels_of("tri-tack", [], axis, count, start, enough)
+    assert len({levels.size_of(case) for case in levels.cases}) == count
+
+
 # -- from rows to a verdict --------------------------------------------------------------------------------------------
 
 

@@ -133,6 +133,40 @@ grid.n = 3
         assert said in text, said
 
 
+def test_problems_of_the_file_hide_neither_names_nor_scenes(tmp_path):
+    problems = refused(tmp_path, """
+scene = "tri-tack"
+[axes]
+drive.preload = ["1 mN", "2 mm", "1 mN"]
+[run]
+ranks = "two"
+[[case]]
+name = "../x"
+set = { drive.preload = "2 mN" }
+[[case]]
+name = "a b"
+set = { drive.preload = "3 mN", grid.n = 2 }
+[[case]]
+name = "table.csv"
+[[case]]
+name = "wrong"
+set = { grid.m = 3, grid.n = 1 }
+""")  # fmt: skip
+    told = (
+        "axes: drive.preload: 1 mN is there twice", "run: ranks = 'two'", "case wrong: grid.m = 3",
+        "case preload-2mm: drive.preload = '2 mm'", "case a b: grid.n = 2",
+        "case = '../x'", "case = 'a b'", "case = 'table.csv'",
+    )  # fmt: skip
+    assert len(problems) == len(told)
+    for said in told:
+        assert any(said in problem for problem in problems), said
+
+
+def test_names_are_told_beside_a_wrong_scene(tmp_path):
+    problems = refused(tmp_path, 'scene = "tri-tak"\n[[case]]\nname = "a b"\n[[case]]\nname = "c"\n')
+    assert len(problems) == 2 and "did you mean tri-tack?" in problems[0] and "case = 'a b'" in problems[1]
+
+
 def test_problems_of_scenes_name_their_cases(tmp_path):
     problems = refused(tmp_path, """
 scene = "tri-tack"

@@ -309,6 +309,9 @@ def test_scene_and_record_can_be_read(finished):
     (finished / "scene.resolved.toml").write_text("= 1")
     found = wrong(finished)
     assert list(found) == ["scene.resolved.toml", "run.json"] and found["run.json"].startswith("damaged: ")
+    for text in ('{"a": 1}', "[1]"):
+        (finished / "run.json").write_text(text)
+        assert wrong(finished)["run.json"].startswith("damaged: it does not say how a run has finished"), text
 
 
 def test_folders_without_a_run(tmp_path):
