@@ -33,6 +33,8 @@ FIGURES: dict[str, Figure] = {
     "compliance": Figure(cell.compliance, "complianceCorr", ("cell",)),
     "profile": Figure(printed.profile, "printCurv"),
     "curvature": Figure(sensitivity.curvature, "", ("curvature-tri", "curvature-hex")),
+    "still": Figure(sensitivity.still, "", ("still-tri", "still-hex")),
+    "curved": Figure(tack.curved, "", ("curved-tri", "curved-hex")),
     "range": Figure(sensitivity.ranges, "", ("range",)),
     "halved": Figure(sensitivity.halved, "", ("halved",)),
     "broad": Figure(beyond.broad, "", ("dma-tri", "dma-hex")),

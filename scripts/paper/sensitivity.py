@@ -24,6 +24,7 @@ from paper.evolution import LAST, rim_last
 from paper.pool import Run, Runs
 from pgfmd.study.convergence import fit_power_law
 
+LINES = ("-", (0, (6, 2)), (0, (3, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))
 CURVATURES = ("flat", "200mm", "100mm", "50mm", "20mm", "100mm-layers")
 
 
@@ -135,3 +136,55 @@ def halved(runs: Runs) -> Drawing:
     right.legend()
     caption = "Hexagonal, way back from 10 mN at 25 µm/s. " + "; ".join(settings_of(run) for run in ordered) + "."
     return Drawing(figure, caption, claims)
+
+
+STILL = {"still-tri": ("triangular", TURQUOISE, 0.7), "still-hex": ("hexagonal", RED, 1.2)}
+"""Title, colour and the paper's quasi-static pull-off force [mN] of the studies of curved punches."""
+
+
+def still(runs: Runs) -> Drawing:
+    """Quasi-static loops of curved punches, and which curvature makes the paper's pull-off forces."""
+    figure, axes = panels(2, height=3.3)
+    left, right = axes[0]
+    claims, found = [], {}
+    for study, (title, colour, told) in STILL.items():
+        own = {run.scene.punch.curvature_radius: run for run in runs.of(study)}
+        for (radius, run), style in zip(sorted(own.items(), reverse=True), LINES, strict=False):
+            label = "no curvature" if np.isinf(radius) else f"{1e3 * radius:g} mm"
+            draw_loop(left, run, colour, label if study == "still-hex" else None, approach=False, ls=style)
+            words, settings = (f"{told:g}", told - 0.05, told + 0.05), f"{title}, {label}"
+            claims.append(Claim("pull-off force", settings, pull_off(run), "mN", *words))
+            claims.append(Claim("work of the loop", settings, 1e9 * run.results.run["work_J"], "nJ"))
+            if study == "still-hex":
+                pulled = -1e3 * float(run.loop.force[: run.loop.preload_row].min())
+                claims.append(Claim("largest tension on the way in", settings, pulled, "mN", "0.8", 0.75, 0.85))
+        found[title] = {radius: pull_off(run) for radius, run in sorted(own.items())}
+        bent = [1e-3 / radius for radius in found[title]]
+        right.plot(bent, list(found[title].values()), "o-", color=colour, mfc="white", label=title)
+        right.axhline(told, color=colour, ls=(0, (4, 2)), lw=0.8)
+        if len(bent) > 1:
+            settings = f"{title}, interpolated"
+            radius = _curvature_for(told, bent, list(found[title].values()))
+            claims.append(Claim("radius that makes the paper's pull-off force", settings, radius, "mm"))
+    for radius in found["triangular"].keys() & found["hexagonal"].keys():
+        label = "no curvature" if np.isinf(radius) else f"{1e3 * radius:g} mm"
+        ratio = found["triangular"][radius] / found["hexagonal"][radius]
+        claims.append(Claim("pull-off force, triangular over hexagonal", label, ratio, "", "0.6", 0.55, 0.65))
+    force_axes(left)
+    zoom(left, [run for study in STILL for run in runs.of(study)])
+    left.legend(fontsize=7)
+    right.set(xlabel="curvature of the punch (1/mm)", ylabel="pull-off force (mN)", ylim=(0, None))
+    right.legend()
+    notes = settings_of(next(iter(runs)))
+    caption = f"Quasi-static ways back, triangular in turquoise, hexagonal in red; dashed: the paper's forces. {notes}."
+    return Drawing(figure, caption, claims)
+
+
+def _curvature_for(force: float, curvatures: list[float], forces: list[float]) -> float:
+    """Radius [mm] at which the pull-off force, falling with the curvature [1/mm], is this; NaN beyond what was run."""
+    order = np.argsort(forces)
+    lowest, highest = forces[order[0]], forces[order[-1]]
+    if not lowest <= force <= highest:
+        return NAN
+    bent = np.interp(force, np.asarray(forces)[order], np.asarray(curvatures)[order])
+    return float(1.0 / bent) if bent > 0.0 else np.inf

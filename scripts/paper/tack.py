@@ -20,6 +20,7 @@ from paper.drawing import (
     settings_of,
     zoom,
 )
+from paper.evolution import LAST, rim_last
 from paper.pool import Run, Runs
 from pgfmd.analysis.bulges import bulges
 
@@ -27,6 +28,7 @@ TRI_PULL_OFF = {40.0: ("2.5 ± 0.5", 2.0, 3.0), 80.0: ("up to 14 ± 2", 12.0, 16
 MODELS = {"model-1": "model 1", "model-2": "model 2", "model-3": "model 3", "quasi-static": "quasi-static"}
 
 
+LOAD_LINES = ("-", (0, (4, 2)), (0, (1, 1.5)))
 SPEED_COLOURS = dict(zip((1.0, 25.0, 5.0, 0.5), COLOURS, strict=False))
 """A colour for each speed [um/s], the same in all figures."""
 
@@ -161,3 +163,54 @@ def _first_jump(run: Run) -> float:
     first = float(found["displacement [m]"].max())
     row = int(np.flatnonzero((loop.displacement <= first) & (loop.phase == "approach"))[0])
     return -1e3 * float(loop.force[row])
+
+
+CURVED = {"curved-tri": "triangular", "curved-hex": "hexagonal"}
+
+
+def curved(runs: Runs) -> Drawing:
+    """Tack tests of a punch with the curvature that gives the paper's quasi-static forces, both patterns."""
+    figure, axes = panels(2, height=3.4)
+    claims = []
+    for axis, (study, title) in zip(axes[0], CURVED.items(), strict=True):
+        loads = sorted({run.preload for run in runs.of(study)})
+        for run in runs.of(study):
+            colour, label = SPEED_COLOURS.get(run.speed, GREY), f"{run.preload:g} mN, {run.speed:g} µm/s"
+            draw_loop(axis, run, colour, label, approach=False, ls=LOAD_LINES[loads.index(run.preload)])
+            told = TRI_PULL_OFF.get(run.preload, ()) if study == "curved-tri" else ("about 7", 6.5, 7.5)
+            told = () if run.preload == 80.0 or (study == "curved-hex" and run.speed != 25.0) else told
+            claims.append(Claim("pull-off force", f"{title}, {label}", pull_off(run), "mN", *told))
+        force_axes(axis, title)
+        zoom(axis, runs.of(study))
+        axis.legend(fontsize=6.5)
+    notes = "; ".join(settings_of(run) for study in CURVED for run in list(runs.of(study))[:1])
+    caption = f"Way back, macroscopic curvature of 40 mm. {notes}."
+    return Drawing(figure, caption, [*claims, *_curved_tri(runs), *_curved_hex(runs)])
+
+
+def _curved_tri(runs: Runs) -> list[Claim]:
+    claims = []
+    if forces := [pull_off(run) for run in runs.of("curved-tri", preload=80.0)]:
+        words = ("pull-off force, largest of all speeds", "triangular, 80 mN")
+        claims.append(Claim(*words, max(forces), "mN", *TRI_PULL_OFF[80.0]))
+    for load in (60.0, 80.0):
+        if run := runs.one("curved-tri", preload=load, speed=1.0):
+            words = ("contact area at the preload, of the punch", f"triangular, {load:g} mN, 1 µm/s")
+            claims.append(Claim(*words, covered(run), "%", "full", 95, 100))
+    if run := runs.one("curved-tri", preload=40.0, speed=1.0):
+        saddles = joins(run.results, "saddle")
+        far = np.hypot(saddles["x [m]"], saddles["y [m]"]) / run.scene.punch.radius
+        words = ("mean distance of closed saddles from the axis", "triangular, 40 mN, 1 µm/s")
+        claims.append(Claim(*words, float(far.mean()) if far.size else np.nan, "a", "close to the rim", 0.75, 1.0))
+    return claims
+
+
+def _curved_hex(runs: Runs) -> list[Claim]:
+    run, settings = runs.one("curved-hex", preload=10.0, speed=1.0), "hexagonal, 10 mN, 1 µm/s"
+    if not run:
+        return []
+    closed = closed_at(run.results, "saddle")
+    return [
+        Claim("force at contact in all saddles", settings, closed, "mN", "about 4", 3.5, 4.5),
+        Claim(LAST, settings, rim_last(run), "", "the rim comes last", 1.05, 2.0),
+    ]
