@@ -166,7 +166,7 @@ def still(runs: Runs) -> Drawing:
             settings = f"{title}, interpolated"
             radius = _curvature_for(told, bent, list(found[title].values()))
             claims.append(Claim("radius that makes the paper's pull-off force", settings, radius, "mm"))
-    for radius in found["triangular"].keys() & found["hexagonal"].keys():
+    for radius in sorted(found["triangular"].keys() & found["hexagonal"].keys(), reverse=True):
         label = "no curvature" if np.isinf(radius) else f"{1e3 * radius:g} mm"
         ratio = found["triangular"][radius] / found["hexagonal"][radius]
         claims.append(Claim("pull-off force, triangular over hexagonal", label, ratio, "", "0.6", 0.55, 0.65))
