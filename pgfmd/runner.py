@@ -24,7 +24,6 @@ from .restart.disk_space import require_space
 from .restart.history import History
 from .restart.keeper import Keeper, Stopped, Timing
 from .restart.scene_changes import contents_of, review
-from .results.reading import require_record
 from .scene import load_scene
 from .solver.simulation import STOPPED_STEPS
 
@@ -95,9 +94,8 @@ def _planned(folder: Path, scene, options: Options) -> resume.Plan:
 
 def _require_own(folder: Path) -> None:
     """ResultError if a file in the folder has the name of a run's, but was not written by one."""
-    record = resume.finished_record(folder)
-    if record is not None:
-        require_record(folder / storage.RUN_FILE, record)
+    # Raises where the record is none of ours.
+    resume.finished_record(folder)
     curve, header = folder / storage.CURVE_FILE, ",".join(CURVE_COLUMNS).encode() + b"\n"
     if curve.exists() and count_ends(curve) <= LINES_OF_START:
         with open(curve, "rb") as file:

@@ -125,6 +125,9 @@ def _unbalanced(record: dict, directory: Path) -> list[str]:
         return []
     work = record["work_J"]
     residual = record["energy_residual"] * abs(work)
+    if residual <= UNBALANCED * abs(work):
+        # At stake is no less than that: no need to read the table.
+        return []
     try:
         scale = at_stake(load(directory), work)
     except ResultError:

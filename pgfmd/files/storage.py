@@ -13,7 +13,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -150,6 +150,13 @@ def bring_to_disk(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def require_record(path: Path, found: Any) -> dict:
+    """What was read from `run.json`, if it is the record of a run that has ended; else ResultError."""
+    if not isinstance(found, dict) or not isinstance(found.get("finished"), str):
+        raise ResultError(f"{path}: damaged: it does not say how a run has finished; move it away")
+    return found
 
 
 def write_run_json(path: str | Path, comm, record: dict) -> None:

@@ -65,9 +65,10 @@ def finished_record(folder: Path) -> dict | None:
     """The record of a run that has ended, from `run.json`. ResultError if that is damaged."""
     path = folder / storage.RUN_FILE
     try:
-        return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+        found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
     except ValueError as problem:
         raise ResultError(f"{path}: damaged: {problem}; move it away") from problem
+    return None if found is None else storage.require_record(path, found)
 
 
 def _of_finished(folder: Path, record: dict | None, scene) -> Plan | None:

@@ -13,7 +13,7 @@ from pgfmd.host import run_lock
 from pgfmd.restart import resume
 from pgfmd.restart.checkpoint_layout import Damaged, read_head
 
-from .reading import require_record
+from .reading import require_folder
 
 _HARMLESS = re.compile(r"previous-\d+|.*\.png")
 """What a folder may hold besides, and still have no run."""
@@ -96,8 +96,7 @@ def take_inventory(folder: Path) -> Inventory | None:
 
 
 def _take(folder: Path) -> Inventory | None:
-    if not folder.is_dir():
-        raise ResultError(f"{folder}: {'a file, not a results folder' if folder.exists() else 'no such folder'}")
+    require_folder(folder)
     names = {path.name for path in folder.iterdir()}
     if not {*storage.RESULTS, run_lock.LOCK_FILE} & names:
         if all(_HARMLESS.fullmatch(name) for name in names):
@@ -110,8 +109,7 @@ def _take(folder: Path) -> Inventory | None:
     checkpoints = [checkpoint for name in storage.CHECKPOINT_FILES if (checkpoint := _checkpoint(folder / name))]
     record, problem = None, ""
     try:
-        found = resume.finished_record(folder)
-        record = None if found is None else require_record(folder / storage.RUN_FILE, found)
+        record = resume.finished_record(folder)
     except ResultError as error:
         problem = str(error)
     return Inventory(folder, holder, began, checkpoints, CurveTail(curve) if curve.exists() else None, record, problem)

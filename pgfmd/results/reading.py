@@ -36,6 +36,7 @@ from pgfmd.files.storage import (
     SCENE_FILE,
     SITES_FILE,
     UNDO_SUFFIX,
+    require_record,
 )
 
 NUMPY_TYPES = {"float": "f8", "int": "i8", "str": "U64"}
@@ -52,19 +53,17 @@ def load(directory: str | Path) -> Results:
         ResultError: if it is not a results folder; on first use of a part, if this part is missing or damaged.
     """
     directory = Path(directory)
-    if not directory.is_dir():
-        raise ResultError(f"{directory}: {'a file, not a results folder' if directory.exists() else 'no such folder'}")
+    require_folder(directory)
     if not (directory / CURVE_FILE).is_file():
         cure = "name the folder that a run wrote to"
         raise ResultError(f"{directory}: not a results folder, it has no {CURVE_FILE}; {cure}")
     return Results(directory)
 
 
-def require_record(path: Path, found: Any) -> dict:
-    """What was read from `run.json`, if it is the record of a run that has ended; else ResultError."""
-    if not isinstance(found, dict) or not isinstance(found.get("finished"), str):
-        raise ResultError(f"{path}: damaged: it does not say how a run has finished; move it away")
-    return found
+def require_folder(path: Path) -> None:
+    """ResultError if a path is no folder."""
+    if not path.is_dir():
+        raise ResultError(f"{path}: {'a file, not a results folder' if path.exists() else 'no such folder'}")
 
 
 class Results:

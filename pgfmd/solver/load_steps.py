@@ -57,8 +57,9 @@ class LoadSteps:
         followed = shortest if state.force < 0.0 else min(max(state.followed, shortest), LONGEST_FOLLOWED * unit)
         end = phase.duration - state.elapsed
         wanted = state.step or self.tolerance * unit
-        longest = unit if self.attractive else math.inf
-        longest = LONGEST_PULLING * unit if self.attractive and state.force < 0.0 else longest
+        longest = math.inf
+        if self.attractive:
+            longest = LONGEST_PULLING * unit if state.force < 0.0 else unit
         step, why = fit(min(wanted, longest), end, until)
         search = PreloadSearch(phase, state.force, self.preload, self.slack)
         for _ in range(self.largest_try_count):

@@ -150,7 +150,7 @@ def still(runs: Runs) -> Drawing:
     for study, (title, colour, told) in STILL.items():
         own = {run.scene.punch.curvature_radius: run for run in runs.of(study)}
         for (radius, run), style in zip(sorted(own.items(), reverse=True), LINES, strict=False):
-            label = "no curvature" if np.isinf(radius) else f"{1e3 * radius:g} mm"
+            label = _told(radius)
             draw_loop(left, run, colour, label if study == "still-hex" else None, approach=False, ls=style)
             words, settings = (f"{told:g}", told - 0.05, told + 0.05), f"{title}, {label}"
             claims.append(Claim("pull-off force", settings, pull_off(run), "mN", *words))
@@ -167,9 +167,8 @@ def still(runs: Runs) -> Drawing:
             radius = _curvature_for(told, bent, list(found[title].values()))
             claims.append(Claim("radius that makes the paper's pull-off force", settings, radius, "mm"))
     for radius in sorted(found["triangular"].keys() & found["hexagonal"].keys(), reverse=True):
-        label = "no curvature" if np.isinf(radius) else f"{1e3 * radius:g} mm"
         ratio = found["triangular"][radius] / found["hexagonal"][radius]
-        claims.append(Claim("pull-off force, triangular over hexagonal", label, ratio, "", "0.6", 0.55, 0.65))
+        claims.append(Claim("pull-off force, triangular over hexagonal", _told(radius), ratio, "", "0.6", 0.55, 0.65))
     force_axes(left)
     zoom(left, [run for study in STILL for run in runs.of(study)])
     left.legend(fontsize=7)
@@ -178,6 +177,10 @@ def still(runs: Runs) -> Drawing:
     notes = settings_of(next(iter(runs)))
     caption = f"Quasi-static ways back, triangular in turquoise, hexagonal in red; dashed: the paper's forces. {notes}."
     return Drawing(figure, caption, claims)
+
+
+def _told(radius: float) -> str:
+    return "no curvature" if np.isinf(radius) else f"{1e3 * radius:g} mm"
 
 
 def _curvature_for(force: float, curvatures: list[float], forces: list[float]) -> float:
