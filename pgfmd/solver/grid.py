@@ -13,6 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+MOST_KINDS = 12
+"""Numbers a row that are brought to all ranks at a time, at most."""
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -77,7 +80,7 @@ class PunchPoints:
             ends = np.clip([slab[0] - self.block_start, sum(slab) - self.block_start], 0, self.nb)
             self.row_start, self.rows = int(ends[0]), int(ends[1] - ends[0])
             counts = comm.allgather(self.rows)
-        self._row_counts = np.array(counts)
+        self._exchange = None
         first, last = self._columns(radius)
         self.total = int((last - first).sum())
         counts = np.concatenate(([0], np.cumsum(last - first)))
@@ -131,14 +134,15 @@ class PunchPoints:
     def all_rows(self, local: np.ndarray) -> np.ndarray:
         """One number of each kind a row, for the local rows (kinds, rows), gathered from all ranks: (kinds, nb).
 
-        Sums and maxima taken over the result have the same bits on every rank and for any number of ranks. Collective.
+        Sums and maxima taken over the result have the same bits on every rank and for any number of ranks. It is good until the next call. Collective.
         """
         if self.comm.size == 1:
             return local
-        kinds = local.shape[0]
-        gathered = np.empty((self.nb, kinds))
-        self.comm.Allgatherv(np.ascontiguousarray(local.T), [gathered, self._row_counts * kinds])
-        return np.ascontiguousarray(gathered.T)
+        if self._exchange is None:
+            from .node import Node, RowExchange
+
+            self._exchange = RowExchange(Node.of(self.comm), self.row_start, self.rows, self.nb, MOST_KINDS)
+        return self._exchange(local)
 
     def total_of(self, local: np.ndarray) -> np.ndarray:
         """Sums over all rows of the block, of partial sums (kinds, rows); returns (kinds,). Collective."""

@@ -21,6 +21,8 @@ from mpi4py_fft import PFFT, fftw, newDistArray
 from mpi4py_fft.pencil import Pencil, Subcomm
 
 from . import transform_kernels as kernels
+from .grid import share
+from .node import Transposition
 
 EFFORTS = {"estimate": fftw.FFTW_ESTIMATE, "measure": fftw.FFTW_MEASURE}
 _CACHE_BYTES = 1 << 18
@@ -56,6 +58,9 @@ class Spectrum:
         self.columns = self.rows.pencil(0)
         self.first_column = self.columns.substart[1]
         self.column_count = self.columns.subshape[1]
+        self.shares = [share(self.width, comm.size, rank) for rank in range(comm.size)]
+        if self.shares[comm.rank] != (self.first_column, self.column_count):
+            raise AssertionError("the pencils of mpi4py-fft share columns in another way than grid.share")
         self.kx = np.arange(self.first_column, self.first_column + self.column_count)
         self.ky = np.arange(self.width)
 
@@ -110,12 +115,10 @@ class Convolution:
         self.multiplier = np.ascontiguousarray(make_multiplier(self.spectrum) / n**2, dtype=self.dtype)
         # G at q = 0, the same on every rank.
         self.mean_compliance = self.comm.bcast(float(self.multiplier[0, 0])) * n**2
-        self._rows = np.empty(self.spectrum.rows.subshape, self.complex)
-        if self.comm.size == 1:
-            self._columns, self._transfer = self._rows, None
-        else:
-            self._columns = np.empty(self.spectrum.columns.subshape, self.complex)
-            self._transfer = self.spectrum.rows.transfer(self.spectrum.columns, self.complex)
+        rows = [share(points.nb, self.comm.size, rank) for rank in range(self.comm.size)]
+        columns = self.spectrum.shares
+        self._transposition = Transposition(self.comm, rows, columns, self.complex)
+        self._columns = self._transposition.columns
         self._plan((EFFORTS[effort],))
 
     def _plan(self, flags):
@@ -139,12 +142,12 @@ class Convolution:
         start = time.perf_counter()
         self._rows_forward(traction, scale)
         self._convolve_columns(self._columns, 0)
-        if self._transfer:
-            self._transfer.backward(self._columns, self._rows)
+        self._transposition.to_rows()
         points, lines = self.points, self._line.shape[0]
         for row in range(0, points.rows, lines):
             count = min(lines, points.rows - row)
-            self._line_hat[:count] = self._rows[row : row + count]
+            for first, last, block in self._transposition.blocks:
+                self._line_hat[:count, first:last] = block[row : row + count]
             self._c2r()
             kernels.gather_rows(self._line, points.offset, points.first, row, count, displacement)
         self.pairs += 1
@@ -166,6 +169,7 @@ class Convolution:
         self._rows_forward(traction, 1.0)
         # Row and column 0 of the transform are the block's; the cell begins `start` before them.
         self._convolve_columns(wide_columns, -start)
+        self._transposition.meet()
         rows.transfer(columns, self.complex).backward(wide_columns, wide_rows)
         surface = np.empty((rows.subshape[0], cell))
         lines = self._line.shape[0]
@@ -185,9 +189,9 @@ class Convolution:
             count = min(lines, points.rows - row)
             kernels.scatter_rows(traction, points.offset, points.first, row, count, points.nb, scale, self._line)
             self._r2c()
-            self._rows[row : row + count] = self._line_hat[:count]
-        if self._transfer:
-            self._transfer.forward(self._rows, self._columns)
+            for first, last, block in self._transposition.blocks:
+                block[row : row + count] = self._line_hat[:count, first:last]
+        self._transposition.to_columns()
 
     def _convolve_columns(self, out: np.ndarray, first: int) -> None:
         """Column by column: transform along y, times G, back; rows first, first + 1, ... of the result go to `out`."""
