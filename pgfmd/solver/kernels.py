@@ -143,6 +143,61 @@ def turn_direction(z, r, beta, k, p, y, offset, rows):
 
 
 @_compile_maxima
+def survey(z, r, k, offset, rows):
+    """What a correction z = A r of CG asks of all ranks. rows[0] of r z;  rows[1] of z K z;  rows[2] of K z;  rows[3]:
+    the largest |z| over points that interact (K != 0), row by row."""
+    for row in range(offset.size - 1):
+        energy, bend, pull, largest = 0.0, 0.0, 0.0, 0.0
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            here = z[i]
+            stiff = k[i] * here
+            energy += r[i] * here
+            bend += here * stiff
+            pull += stiff
+            largest = max(largest, abs(here) if k[i] != 0.0 else 0.0)
+        rows[0, row] = energy
+        rows[1, row] = bend
+        rows[2, row] = pull
+        rows[3, row] = largest
+
+
+@_compile_maxima
+def turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, offset, rows):
+    """p = z + beta p;  y = r + beta y;  s += alpha p;  t += alpha y;  r -= alpha (y + K p), in one pass; the first one
+    begins with all of them zero, whatever is in them.
+
+    rows[0], rows[1]: the largest |p| and |s| over points that interact (K != 0), row by row.
+    """
+    for row in range(offset.size - 1):
+        turn, size = 0.0, 0.0
+        if first:
+            for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+                a, b = z[i], r[i]
+                p[i] = a
+                y[i] = b
+                s[i] = alpha * a
+                t[i] = alpha * b
+                r[i] = b - alpha * (b + k[i] * a)
+                interacting = k[i] != 0.0
+                turn = max(turn, abs(a) if interacting else 0.0)
+                size = max(size, abs(s[i]) if interacting else 0.0)
+        else:
+            for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+                a = z[i] + beta * p[i]
+                b = r[i] + beta * y[i]
+                p[i] = a
+                y[i] = b
+                s[i] += alpha * a
+                t[i] += alpha * b
+                r[i] -= alpha * (b + k[i] * a)
+                interacting = k[i] != 0.0
+                turn = max(turn, abs(a) if interacting else 0.0)
+                size = max(size, abs(s[i]) if interacting else 0.0)
+        rows[0, row] = turn
+        rows[1, row] = size
+
+
+@_compile_maxima
 def advance(alpha, p, y, k, s, t, r, offset, rows):
     """s += alpha p;  t += alpha y;  r -= alpha (y + K p).
 

@@ -26,6 +26,9 @@ SLIDES, MOST_SLIDE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), 4.0
 """A saddle is left by first this many ranges of adhesion, by less where that leads upward, and by twice as much again and
 again, up to the last number, as long as that leads down."""
 
+UNSURE = 1e-6
+"""A curvature along a direction below this share of its terms is not trusted to the difference of two numbers."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -83,7 +86,7 @@ class NewtonSolver:
         self.traction = points.zeros(self.dtype)
         vectors = [points.zeros(self.rough.dtype) for _ in range(7)]
         self.curvature, self._r, self._s, self._t, self._p, self._y, self._z = vectors
-        self._rows = np.zeros((4, points.rows))
+        self._rows = np.zeros((6, points.rows))
 
     def solve(
         self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False,
@@ -189,38 +192,65 @@ class NewtonSolver:
             self.height, position, u, w, self._s, self._t, step, weight, history, compliance,
             self.law_numbers, self.points.offset, self.traction, self.curvature, self._r, self._rows,
         )  # fmt: skip
-        return self.points.total_of(self._rows)
+        return self.points.total_of(self._rows[:4])
 
     def _correct(
         self, compliance: float, tolerance: float, unbalanced: float, trust: float, imbalance: float
     ) -> tuple[int, float, bool]:
-        """Newton's correction s and its dual t by CG; (iterations, largest |s| in ranges, negative curvature met)."""
+        """Newton's correction s and its dual t by CG; (iterations, largest |s| in ranges, negative curvature met).
+
+        All that an iteration asks of other ranks travels together, as soon as z = A r is known (Chronopoulos and Gear,
+        J. Comput. Appl. Math. 25, 153 (1989)): the curvature along the next direction follows from that along the last.
+        Where it is too small for that, it is found from the direction itself. Whether the coming move is small is judged
+        by |z| and beta |last p|, taken to be at right angles: their sum, a bound, cost 4 to 7 % more iterations.
+        """
         points, s, t, p, y, z, r = self.points, self._s, self._t, self._p, self._y, self._z, self._r
-        per_range = 1.0 / self.law.range
-        for vector in (s, t, p, y):
-            vector[:] = 0.0
-        size, previous, quiet = 0.0, 1.0, 0
-        imbalance = self._level(imbalance)
+        k, offset, rows = self.curvature, points.offset, self._rows
+        per_range, size, previous, alpha, quiet, beta, pull = 1.0 / self.law.range, 0.0, 1.0, 1.0, 0, 0.0, 0.0
+        imbalance, rows[4:6] = self._level(imbalance), 0.0
         for count in range(1, self.largest_cg_count + 1):
             self.rough(r, z, compliance)
-            kernels.dot(r, z, points.offset, self._rows)
-            energy = points.total_of(self._rows[:1])[0]
+            kernels.survey(z, r, k, offset, rows)
+            numbers = points.all_rows(rows[:6])
+            energy, stiff, bent = numbers[:3].sum(axis=1).tolist()
+            largest, turn, size = (numbers[3:].max(axis=1) * per_range).tolist()
             if energy <= 0.0:
+                if count == 1:
+                    s[:], t[:] = 0.0, 0.0
                 return count, size, False
             beta = 0.0 if count == 1 else energy / previous
-            kernels.turn_direction(z, r, beta, self.curvature, p, y, points.offset, self._rows)
-            bend = points.total_of(self._rows[:1])[0]
-            if bend <= 0.0:
-                return count, self._to_edge(trust), True
-            kernels.advance(energy / bend, p, y, self.curvature, s, t, r, points.offset, self._rows)
-            rows = points.all_rows(self._rows[:3])
-            change, size = rows[:2].max(axis=1) * per_range
-            previous, imbalance = energy, self._level(rows[2].sum())
-            small = change < max(self.linear_share * tolerance, 0.5 * self.forcing * size)
+            bend = energy + stiff - beta * energy / alpha
+            sure = bend > UNSURE * (energy + abs(stiff))
+            if not sure:
+                bend = self._bend(beta, count == 1)
+                if bend <= 0.0:
+                    return count, self._to_edge(trust), True
+            alpha, previous = energy / bend, energy
+            if sure:
+                kernels.turn_and_advance(z, beta, alpha, k, p, y, s, t, r, count == 1, offset, rows[4:6])
+            else:
+                kernels.advance(alpha, p, y, k, s, t, r, offset, rows)
+                rows[4], rows[5] = rows[0] / alpha, rows[1]
+            pull = imbalance + bent + beta * pull
+            imbalance = self._level(imbalance - alpha * pull)
+            change = alpha * math.hypot(largest, beta * turn)
+            so_far = size if count > 1 else change
+            small = change < max(self.linear_share * tolerance, 0.5 * self.forcing * so_far)
             quiet = quiet + 1 if small and abs(imbalance) <= 0.5 * unbalanced else 0
-            if size > 2.0 * trust or quiet >= self.patience:
+            if size + change > 2.0 * trust or quiet >= self.patience:
                 break
-        return count, size, False
+        return count, float(points.all_rows(rows[5:6]).max()) * per_range, False
+
+    def _bend(self, beta: float, first: bool) -> float:
+        """Turns p and y into the next direction and its dual; returns the curvature along it, p (A^-1 + K) p, per area of
+        a point. Collective."""
+        if first:
+            for vector in (self._s, self._t, self._p, self._y):
+                vector[:] = 0.0
+        kernels.turn_direction(
+            self._z, self._r, beta, self.curvature, self._p, self._y, self.points.offset, self._rows
+        )  # fmt: skip
+        return float(self.points.total_of(self._rows[:1])[0])
 
     def _level(self, imbalance: float) -> float:
         """Lets the mean load take up the mean residual where it moves nothing, A being singular there.
