@@ -82,13 +82,13 @@ def init(
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file of this name.")] = False,
 ) -> None:
     """Write a commented scene, NAME.toml, into the current folder."""
+    from .files.regular_files import write_new
     from .scene import shipped_text
 
     text = shipped_text(name)
     path = Path(f"{name}.toml")
     try:
-        with open(path, "w" if force else "x", encoding="utf-8") as file:
-            file.write(text)
+        write_new(path, text, force)
     except FileExistsError:
         problem = Problem("NAME", name, f"no file {path} here", "move it away, or overwrite it with --force")
         raise SceneError(str(path), [problem]) from None

@@ -13,6 +13,7 @@ from .files.curve_file import CURVE_COLUMNS
 from .files.curve_tail import count_ends
 from .files.fields_layout import Layout
 from .files.packing import arrays_of, unpack
+from .files.regular_files import remove_unfinished, write_atomically
 from .host import launch
 from .host.run_lock import RunLock
 from .host.stop_signals import StopSignals
@@ -77,12 +78,14 @@ def _enter(folder: Path, ranks: int, say) -> RunLock:
     lock = RunLock.acquire(folder, ranks)
     if lock.recovered:
         say(lock.recovered)
+    remove_unfinished(folder, set(storage.RESULTS) - {storage.ANALYSIS_FILE})
     return lock
 
 
 def _planned(folder: Path, scene, options: Options) -> resume.Plan:
     def plan() -> resume.Plan:
         if not options.fresh:
+            storage.require_regular_files(folder)
             _require_own(folder)
         return resume.plan(folder, scene, options.fresh, options.allow)
 
@@ -127,7 +130,7 @@ def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: f
                 keeper.go_on(simulation)
             else:
                 outputs.plan_snapshots(simulation.state)
-            storage.on_root(comm, "the scene", lambda: storage.write_atomically(folder / storage.SCENE_FILE, text))
+            storage.on_root(comm, "the scene", lambda: write_atomically(folder / storage.SCENE_FILE, text))
             _to_the_end(simulation, keeper, scene, folder, history)
             marks = outputs.marks()
     finally:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
+from pgfmd.files.regular_files import write_figure
 from pgfmd.plots.folder import GREY, RED, STYLE, TURQUOISE, energy_unit
 from pgfmd.plots.maps import new_figure, signed
 
@@ -33,7 +34,7 @@ def save(figure: Any, path: Path) -> Path:
 
     try:
         with rc_context(STYLE):
-            figure.savefig(path)
+            write_figure(path, figure)
     except (OSError, ValueError) as problem:
         raise ResultError(f"{path}: could not be written: {problem}") from problem
     return path

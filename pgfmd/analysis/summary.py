@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pgfmd.errors import ResultError
-from pgfmd.files.storage import write_atomically
+from pgfmd.files.regular_files import write_atomically
 from pgfmd.results import Results, load
 from pgfmd.results.audit import at_stake
 

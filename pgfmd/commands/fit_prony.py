@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from pgfmd.errors import ResultError
+from pgfmd.files.regular_files import write_new
 
 CELSIUS_OR_KELVIN = "Temperature of the tack test, such as 25C; needed where the file has several."
 
@@ -64,8 +65,7 @@ def _read(parser: Callable[[str], Any], text: str | None, option: str) -> Any:
 
 def _write(path: Path, text: str, force: bool) -> None:
     try:
-        with open(path, "w" if force else "x", encoding="utf-8") as file:
-            file.write(text)
+        write_new(path, text, force)
     except FileExistsError:
         raise ResultError(f"{path}: exists already; move it away, or overwrite it with --force") from None
     except OSError as error:

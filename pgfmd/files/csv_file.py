@@ -13,6 +13,7 @@ from typing import Any
 
 from pgfmd.errors import ResultError
 
+from .regular_files import open_regular
 from .storage import on_root
 
 
@@ -95,7 +96,7 @@ class CsvFile:
 
     def _open(self) -> int:
         # "a" would write at the end whatever `truncate` did before on some network file systems: seek instead.
-        self._file = os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644), "r+b", buffering=0)
+        self._file = os.fdopen(open_regular(self.path, os.O_RDWR | os.O_CREAT), "r+b", buffering=0)
         ends = self._line_ends()
         if not ends:
             self._file.truncate(0)

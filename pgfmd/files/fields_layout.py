@@ -25,7 +25,8 @@ from pgfmd.errors import ResultError
 
 from .checksum import whole_sum
 from .hdf5 import open_serial
-from .storage import UNDO_SUFFIX, bring_to_disk, secure_space, write_atomically
+from .regular_files import bring_to_disk, open_regular, require_regular, write_atomically
+from .storage import UNDO_SUFFIX, secure_space
 
 BLOCK_FIELDS = {
     "gap": ("m", "gap between punch and elastomer"),
@@ -91,7 +92,8 @@ def _chunk_rows(side: int) -> int:
 
 def create(path: Path, layout: Layout) -> None:
     """A file without snapshots. OSError if it can't be written."""
-    with open_serial(path, "w") as file:
+    # "x": nothing may have come under this name meanwhile, not even a link.
+    with open_serial(path, "x") as file:
         file.attrs["Conventions"] = "CF-1.11"
         file.attrs["title"] = "pgfmd: snapshots of an adhesive contact"
         for name, value in layout.attributes.items():
@@ -241,7 +243,7 @@ def forget(path: Path) -> None:
 def put_back(path: Path) -> bool:
     """Undo an addition that never ended, if there was one; returns whether. ResultError for a damaged undo file."""
     undo = undo_path(path)
-    if not (undo.exists() and path.exists()):
+    if not (require_regular(undo) and require_regular(path)):
         return False
     head, _, kept = undo.read_bytes().partition(b"\n")
     try:
@@ -251,7 +253,7 @@ def put_back(path: Path) -> bool:
         whole = False
     if not whole:
         raise ResultError(f"{undo}: damaged, so the snapshots in {path} can't be trusted; move both away")
-    with open(path, "r+b") as file:
+    with os.fdopen(open_regular(path, os.O_RDWR), "r+b") as file:
         position = 0
         for start, length in about["spans"]:
             file.seek(start)

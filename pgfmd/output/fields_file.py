@@ -17,7 +17,8 @@ from pgfmd.files import fields_layout
 from pgfmd.files.checksum import whole_sum
 from pgfmd.files.fields_layout import BLOCK_FIELDS, SURFACE_FIELD, Layout
 from pgfmd.files.hdf5 import open_serial
-from pgfmd.files.storage import agree, attempt, bring_to_disk, on_root
+from pgfmd.files.regular_files import bring_to_disk, require_regular
+from pgfmd.files.storage import agree, attempt, on_root
 
 # HDF5's own book-keeping for one more snapshot: B-tree nodes and chunks of the per-snapshot numbers.
 BOOKKEEPING_BYTES = 2**17
@@ -148,7 +149,7 @@ class FieldsFile:
 
     def _open(self) -> int:
         fields_layout.put_back(self.path)
-        if not self.path.exists():
+        if not require_regular(self.path):
             fields_layout.create(self.path, self._layout)
         return fields_layout.count_frames(self.path, self._layout)
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
+from pgfmd.files.regular_files import write_figure
 from pgfmd.results import Results, load
 
 from .maps import contact_figure, new_figure, signed, stress_figure
@@ -56,7 +57,7 @@ def plot_results(directory: str | Path) -> list[Path]:
         for name, figure in figures.items():
             path = results.directory / name
             try:
-                figure.savefig(path)
+                write_figure(path, figure)
             except OSError as problem:
                 raise ResultError(f"{path}: could not be written: {problem}") from problem
             paths.append(path)

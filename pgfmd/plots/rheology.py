@@ -13,6 +13,7 @@ import numpy as np
 from pgfmd.characterisation.dma import ABSOLUTE_ZERO
 from pgfmd.characterisation.prony_fit import moduli_of
 from pgfmd.errors import ResultError
+from pgfmd.files.regular_files import write_figure
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference.prony import gfmd_creep
 
@@ -147,6 +148,6 @@ def _colours(count: int) -> list:
 
 def _save(figure: Any, path: str | Path) -> None:
     try:
-        figure.savefig(path)
+        write_figure(Path(path), figure)
     except (OSError, ValueError) as problem:
         raise ResultError(f"{path}: could not be written: {problem}") from problem

@@ -15,7 +15,8 @@ import numpy as np
 from pgfmd.errors import RunError
 from pgfmd.files.checksum import block_sums
 from pgfmd.files.hdf5 import open_serial
-from pgfmd.files.storage import agree, attempt, bring_to_disk, on_root
+from pgfmd.files.regular_files import bring_to_disk
+from pgfmd.files.storage import agree, attempt, on_root
 from pgfmd.solver.finite import lines_of, not_finite_on
 
 from . import checkpoint_layout
@@ -40,8 +41,10 @@ class Place:
         return cls(sum(widths[: comm.rank]), sum(widths), max(widths))
 
 
-def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray]) -> int:
-    """Writes head and arrays (this rank's shares) to a file that must not matter yet; returns its size [bytes].
+def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray], wanted: Path | None = None) -> int:
+    """Writes head and arrays (this rank's shares) to a file that must not be there yet; returns its size [bytes].
+
+    wanted: the name that the file is going to get, which messages then give.
 
     RunError on every rank where a number is not finite, naming array and place: nothing is written then. ResultError on
     every rank if it can't be written; the file is gone then.
@@ -52,10 +55,10 @@ def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray]) -> int:
     shares = {name: share for name, share in shares.items() if len(share) and places[name].total}
     _require_finite(comm, shares)
     entries = [_entry(comm, name, share, places[name]) for name, share in shares.items()]
-    what, size = f"{path}: could not be written", None
+    what, size = f"{wanted or path}: could not be written", None
     try:
         on_root(comm, what, lambda: checkpoint_layout.create(path, head, entries))
-        _write_shares(path, comm, shares, places)
+        _write_shares(path, comm, shares, places, what)
         size = on_root(comm, what, lambda: checkpoint_layout.seal(path))
         # Each rank: on a cluster the data may still be in its own node's memory.
         agree(comm, attempt(what, lambda: bring_to_disk(path))[1])
@@ -132,9 +135,8 @@ def _require_finite(comm, shares: dict[str, np.ndarray]) -> None:
         raise RunError(f"the state is no longer finite: {where}. The checkpoints from before are valid")
 
 
-def _write_shares(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
-    """Every rank's shares into the room that is there. ResultError on every rank if one can't."""
-    what = f"{path}: could not be written"
+def _write_shares(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place], what: str) -> None:
+    """Every rank's shares into the room that is there. ResultError on every rank, beginning with `what`, if one can't."""
     if comm.size > 1 and h5py.get_config().mpi:
         agree(comm, attempt(what, lambda: _write_together(path, comm, shares, places))[1])
         return

@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.files.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, bring_to_disk, on_root
+from pgfmd.files.regular_files import bring_to_disk, require_regular, unfinished_beside
+from pgfmd.files.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, on_root
 
 from . import checkpoint_file
 from .checkpoint_layout import Damaged, none_valid
-
-UNFINISHED = ".tmp"
 
 
 @dataclass(frozen=True)
@@ -49,8 +48,8 @@ class Checkpoints:
         checkpoints of before are unharmed.
         """
         began = time.perf_counter()
-        unfinished = self.newest.with_name(self.newest.name + UNFINISHED)
-        size = checkpoint_file.write(unfinished, self.comm, head, arrays)
+        unfinished = self.comm.bcast(unfinished_beside(self.newest))
+        size = checkpoint_file.write(unfinished, self.comm, head, arrays, self.newest)
         on_root(self.comm, f"{self.newest}: could not be replaced", lambda: self._rotate(unfinished))
         self._newest_is_whole = True
         return Saved(size, time.perf_counter() - began)
@@ -86,9 +85,8 @@ class Checkpoints:
         raise none_valid(problems)
 
     def _rotate(self, unfinished: Path) -> None:
-        if self._newest_is_whole:
-            second = self.previous.with_name(self.previous.name + UNFINISHED)
-            second.unlink(missing_ok=True)
+        if require_regular(self.newest) and self._newest_is_whole:
+            second = unfinished_beside(self.previous)
             try:
                 os.link(self.newest, second)
                 second.replace(self.previous)

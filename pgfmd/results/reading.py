@@ -37,6 +37,7 @@ from pgfmd.files.storage import (
     SITES_FILE,
     UNDO_SUFFIX,
     require_record,
+    require_regular_files,
 )
 
 NUMPY_TYPES = {"float": "f8", "int": "i8", "str": "U64"}
@@ -54,6 +55,10 @@ def load(directory: str | Path) -> Results:
     """
     directory = Path(directory)
     require_folder(directory)
+    try:
+        require_regular_files(directory, links=True)
+    except OSError as problem:
+        raise ResultError(f"{directory}: could not be read: {problem.strerror}") from problem
     if not (directory / CURVE_FILE).is_file():
         cure = "name the folder that a run wrote to"
         raise ResultError(f"{directory}: not a results folder, it has no {CURVE_FILE}; {cure}")

@@ -13,6 +13,7 @@ import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
+from pgfmd.files.regular_files import write_atomically, write_figure
 from pgfmd.plots.folder import GREY, RED, STYLE, TURQUOISE
 from pgfmd.plots.maps import new_figure
 
@@ -164,9 +165,9 @@ def write(out: Path, found: Extrapolation, title: str = "") -> list[Path]:
     paths = [out / JSON_FILE, out / PICTURE]
     try:
         text = json.dumps(storage.plain(record), indent=2, ensure_ascii=False, allow_nan=False)
-        storage.write_atomically(paths[0], f"{text}\n".encode())
+        write_atomically(paths[0], f"{text}\n".encode())
         with rc_context(STYLE):
-            figure_of(found, title).savefig(paths[1])
+            write_figure(paths[1], figure_of(found, title))
     except OSError as error:
         raise ResultError(f"{out}: {JSON_FILE} and {PICTURE} could not be written: {storage.reason(error)}") from error
     return paths

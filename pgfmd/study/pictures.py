@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
+from pgfmd.files.regular_files import write_figure
 from pgfmd.plots.folder import STYLE, branches, column
 from pgfmd.plots.maps import new_figure
 from pgfmd.results import load
@@ -93,7 +94,7 @@ def draw_study(out: Path, rows: Sequence[Row], axes: Sequence[Axis], title: str 
             if figure is None:
                 continue
             try:
-                figure.savefig(out / name)
+                write_figure(out / name, figure)
             except OSError as error:
                 raise ResultError(f"{out / name}: could not be written: {error}") from error
             written.append(out / name)

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from pgfmd.errors import PgfmdError, ResultError
+from pgfmd.files.regular_files import open_regular
 from pgfmd.files.storage import reason
 from pgfmd.host.processes import cores
 
@@ -112,7 +113,7 @@ class Pool:
         command = [*launcher(self.ranks), *program(), *task.arguments]
         try:
             task.log.parent.mkdir(parents=True, exist_ok=True)
-            with open(task.log, "ab") as log:
+            with os.fdopen(open_regular(task.log, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab") as log:
                 line = f"# {time.strftime('%Y-%m-%dT%H:%M:%S%z')}  {shlex.join(command)}\n"
                 log.write(line.encode())
                 log.flush()

@@ -14,6 +14,7 @@ from pathlib import Path
 import pgfmd
 from pgfmd.errors import PgfmdError, ResultError
 from pgfmd.files import storage
+from pgfmd.files.regular_files import write_atomically
 from pgfmd.host.batch import asked
 
 from .campaign import Campaign, make_folder
@@ -143,6 +144,6 @@ def _submitted(command: list[str]) -> str:
 
 def _write(path: Path, text: str) -> None:
     try:
-        storage.write_atomically(path, text.encode())
+        write_atomically(path, text.encode())
     except OSError as error:
         raise ResultError(f"{path}: could not be written: {storage.reason(error)}") from error

@@ -11,6 +11,7 @@ from typing import Any
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
+from pgfmd.files.regular_files import write_atomically
 
 from .cases import Case
 from .standing import Standing
@@ -86,7 +87,7 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
         cells = [*row.places.values(), str(row.standing).splitlines()[0], *row.measured.values()]
         writer.writerow([row.case.name, *("" if cell is None else _plain(cell) for cell in cells)])
     try:
-        storage.write_atomically(path, text.getvalue().encode())
+        write_atomically(path, text.getvalue().encode())
     except OSError as error:
         raise ResultError(f"{path}: could not be written: {storage.reason(error)}") from error
 
