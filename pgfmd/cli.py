@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -17,7 +18,7 @@ from .commands import status as status_command
 from .commands import study as study_command
 from .commands.run import Changes, Overrides, SceneName, all_changes
 from .errors import PgfmdError, Problem, ResultError, SceneError
-from .host import launch
+from .host import launch, streams
 
 app = typer.Typer(
     help="Tack tests of a corrugated punch on a viscoelastic, adhesive substrate. Start with: pgfmd init tri-tack",
@@ -34,6 +35,7 @@ COLLECTIVE = ("run", "bench")
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of `pgfmd`: ends in SystemExit with 0, or the exit code of the error."""
+    streams.open_closed()
     arguments = sys.argv[1:] if arguments is None else arguments
     _, rank = launch.launched()
     if rank and not set(arguments[:1]) & set(COLLECTIVE):
@@ -51,6 +53,11 @@ def main(arguments: list[str] | None = None) -> None:
     except (KeyboardInterrupt, typer.Abort):
         launch.complain("interrupted")
         code = launch.INTERRUPTED
+    except OSError as error:
+        # Of no file: it is what was printed that could not be written.
+        if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EIO, errno.EPIPE, errno.EDQUOT):
+            raise
+        code = streams.refuse(error)
     except Exception as error:
         # A usage error of typer's parser, whichever package it comes from.
         if not (hasattr(error, "show") and hasattr(error, "exit_code")):
@@ -58,7 +65,7 @@ def main(arguments: list[str] | None = None) -> None:
         if rank == 0:
             error.show()
         code = error.exit_code
-    raise SystemExit(code or 0)
+    raise SystemExit(streams.finish(code or 0))
 
 
 def _version(wanted: bool) -> None:

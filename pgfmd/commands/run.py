@@ -9,7 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pgfmd.host import launch
+from pgfmd.host import batch, launch
+from pgfmd.host.streams import say
 from pgfmd.host.walltime import end_of_job, seconds_of
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
@@ -52,6 +53,7 @@ def run(
     # Before MPI: what is wrong with an option is found, and told, by every rank alike.
     every = math.inf if checkpoint_every == OFF else _time("--checkpoint-every", checkpoint_every)
     limit = math.inf if walltime is None else _BEGAN + _time("--walltime", walltime)
+    whose = "" if walltime is None else f"--walltime {walltime}"
     comm = launch.world()
     with launch.guarded(comm):
         changed = all_changes(changes, overrides)
@@ -59,13 +61,14 @@ def run(
         from pgfmd.restart.keeper import Timing
         from pgfmd.runner import Options, run_scene
 
-        job_ends = end_of_job() if comm.rank == 0 else None
-        limit = limit if job_ends is None else min(limit, job_ends - LAUNCHER_NEEDS)
-        options = Options(fresh, tuple(allow or ()), Timing(every, limit))
-        record = run_scene(loaded, comm, directory, _say, options)
+        job_ends = _end_of_job() if comm.rank == 0 else None
+        if job_ends is not None and job_ends - LAUNCHER_NEEDS < limit:
+            limit, whose = job_ends - LAUNCHER_NEEDS, f"{batch.this_job()}, which ends {_moment(job_ends)}"
+        options = Options(fresh, tuple(allow or ()), Timing(every, limit, whose))
+        record = run_scene(loaded, comm, directory, say, options)
         if comm.rank == 0:
             for line in _summary(record, directory):
-                _say(line)
+                say(line)
 
 
 def all_changes(changes: list[str] | None, overrides: list[str] | None) -> list[str]:
@@ -80,6 +83,23 @@ def _time(option: str, text: str) -> float:
         raise typer.BadParameter(str(error), param_hint=option) from None
 
 
+def _end_of_job() -> float | None:
+    """When the batch job ends (time.time()); None without one, and for one that had ended before this process began."""
+    ends = end_of_job()
+    if ends is None or ends > _BEGAN:
+        return ends
+    say(
+        f"warning: the time of {batch.this_job()} was over {_moment(ends)}, before this process began: it is taken to be "
+        "outside of that job, and its limit is not heeded (--walltime sets one)"
+    )
+    return None
+
+
+def _moment(seconds: float) -> str:
+    """A time of time.time() as a local date."""
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))
+
+
 def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -> tuple[Any, Path]:
     """The checked scene and the folder for its results."""
     from pgfmd.parts import confirm
@@ -90,10 +110,6 @@ def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -
     if out is not None:
         return scene, out
     return scene, Path(scene.output.directory or Path("out", Path(source).stem)).expanduser()
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)
 
 
 def _summary(record: dict, directory: Path) -> list[str]:

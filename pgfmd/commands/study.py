@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +10,7 @@ import typer
 
 from pgfmd.errors import PgfmdError
 from pgfmd.host import launch
+from pgfmd.host.streams import say
 
 from .run import Changes, Overrides, SceneName, all_changes
 
@@ -204,9 +204,3 @@ def require_one_process() -> None:
     processes, _ = launch.launched()
     if processes > 1:
         raise PgfmdError("start it without mpirun: it starts one for each of its jobs (--ranks)")
-
-
-def say(line: str) -> None:
-    """A line for the user, at once."""
-    print(line, flush=True)
-    sys.stdout.flush()

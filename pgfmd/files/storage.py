@@ -147,12 +147,13 @@ def require_record(path: Path, found: Any) -> dict:
     return found
 
 
-def write_run_json(path: str | Path, comm, record: dict) -> None:
+def write_run_json(path: str | Path, comm, record: dict, guard: Callable[[], None] = lambda: None) -> None:
     """Write the record of a run, keys in the order given; numbers that are not finite become null.
 
     Args:
         path: the file. comm: the communicator; collective over it, the record of rank 0 is written.
         record: nested dicts and sequences of numbers (NumPy ones too), text, booleans, None and paths.
+        guard: called on rank 0 before; raises if the folder is no longer the one that it was.
 
     Raises:
         ResultError: on every rank, if it can't be written; the file of before is then unharmed.
@@ -160,6 +161,7 @@ def write_run_json(path: str | Path, comm, record: dict) -> None:
     path = Path(path)
 
     def write() -> None:
+        guard()
         try:
             text = json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False)
         except TypeError as problem:

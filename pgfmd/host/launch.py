@@ -23,6 +23,7 @@ from typing import Any
 from pgfmd.errors import PgfmdError
 
 from .processes import end_with_launcher
+from .streams import complain
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
@@ -100,11 +101,16 @@ def on_first(comm, action: Callable[[], Any]) -> Any:
 
 
 def listen() -> None:
-    """From here on USR1 and USR2 end no process. What comes before a run can answer it (stop_signals.py) is remembered;
+    """From here on USR1, USR2 and XCPU end no process. What comes before a run can answer it (stop_signals.py) is remembered;
     what comes after it, when there is nothing left to stop or save, is not heeded."""
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGUSR1, signal.SIGUSR2):
+        for number in _REMEMBERED:
             signal.signal(number, lambda number, frame: _early.append(number))
+
+
+def is_ignored(number: int) -> bool:
+    """Whether the caller has this signal ignored, as nohup does."""
+    return signal.getsignal(number) == signal.SIG_IGN
 
 
 def take_early() -> list[int]:
@@ -115,13 +121,7 @@ def take_early() -> list[int]:
 
 
 _early: list[int] = []
-
-
-def complain(message: object) -> None:
-    """A message for the user, on stderr."""
-    sys.stdout.flush()
-    sys.stderr.write(f"pgfmd: {message}\n")
-    sys.stderr.flush()
+_REMEMBERED = (signal.SIGUSR1, signal.SIGUSR2, signal.SIGXCPU)
 
 
 class _Exit(SystemExit):
@@ -189,12 +189,13 @@ def guarded(comm) -> Iterator[None]:
 
     A PgfmdError that every rank has ends in one message and SystemExit with its exit code. One that a single rank has,
     and any other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a
-    message and exit code 130 (mpirun may turn it into its own).
+    message and exit code 130 (mpirun may turn it into its own); HUP likewise, unless it is ignored.
     """
     listen()
     alone = comm.size == 1
     meeting = None if alone else comm.Dup()
-    previous = {number: signal.signal(number, _stopper(comm)) for number in (signal.SIGINT, signal.SIGTERM)}
+    ending = [signal.SIGINT, signal.SIGTERM, *([] if is_ignored(signal.SIGHUP) else [signal.SIGHUP])]
+    previous = {number: signal.signal(number, _stopper(comm)) for number in ending}
     try:
         yield
     except PgfmdError as error:
@@ -221,7 +222,7 @@ def guarded(comm) -> Iterator[None]:
             signal.signal(number, handler)
         # Not put back: the same signal may come twice, and must not end a run that has just been stopped by it. And not
         # left to a handler: on its way out, Python puts the default in the place of those.
-        for number in (signal.SIGUSR1, signal.SIGUSR2):
+        for number in (*_REMEMBERED, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
     if meeting is not None:
         meeting.Free()

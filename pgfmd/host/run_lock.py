@@ -92,6 +92,19 @@ class RunLock:
         remove_unfinished(path.parent)
         return cls(path, descriptor, recovered)
 
+    def require_held(self) -> None:
+        """ResultError if the folder of this name is no longer the one that was locked: it may be another run's by now.
+        OSError if that can't be told."""
+        if not _is_at(self._descriptor, self._path):
+            folder, now = self._path.parent, _name_of(self._descriptor)
+            there = f"its {LOCK_FILE} is another one's" if os.path.lexists(self._path) else f"there is no {LOCK_FILE}"
+            moved = f"The run's own folder is {now.parent} now. " if now and now != self._path.resolve() else ""
+            raise ResultError(
+                f"{folder}: no longer the folder that this run has locked, {there}: it was renamed, replaced, or its lock "
+                f"removed while the run went on. {moved}The run ends here and writes nothing more; from the last checkpoint "
+                "the same command goes on, with --out and the name that the folder has now"
+            )
+
     def release(self) -> None:
         """Remove the lock if it is still this one; never raises."""
         if self._descriptor < 0 or self._owner != os.getpid():
@@ -211,9 +224,17 @@ def _text(descriptor: int) -> str:
 
 def _is_at(descriptor: int, path: Path) -> bool:
     """Whether this open file still goes by this name."""
-    with contextlib.suppress(FileNotFoundError):
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError):
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     return False
+
+
+def _name_of(descriptor: int) -> Path | None:
+    """What an open file is called by now, where the system tells that; None for one that was deleted."""
+    with contextlib.suppress(OSError):
+        found = os.readlink(f"/proc/self/fd/{descriptor}")
+        return Path(found) if os.path.lexists(found) else None
+    return None
 
 
 def _prevails(path: Path, text: str) -> bool:

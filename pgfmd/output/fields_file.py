@@ -7,6 +7,7 @@ collective HDF5 call, where one rank's failure would leave the others waiting.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -19,6 +20,7 @@ from pgfmd.files.fields_layout import BLOCK_FIELDS, SURFACE_FIELD, Layout
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.files.regular_files import bring_to_disk, require_regular
 from pgfmd.files.storage import agree, attempt, on_root
+from pgfmd.host.streams import say
 
 # HDF5's own book-keeping for one more snapshot: B-tree nodes and chunks of the per-snapshot numbers.
 BOOKKEEPING_BYTES = 2**17
@@ -30,7 +32,7 @@ def tell_once(comm) -> None:
     """Say on rank 0, once per process, that arrays go through rank 0."""
     global _told
     if not _told and comm.rank == 0:
-        print("h5py has no MPI here: snapshots are gathered to rank 0 and written from there", flush=True)
+        say("h5py has no MPI here: snapshots are gathered to rank 0 and written from there")
     _told = True
 
 
@@ -55,6 +57,7 @@ class FieldsFile:
         inside: np.ndarray,
         surface: bool = False,
         parallel: bool | None = None,
+        guard: Callable[[], None] = lambda: None,
     ):
         """Make or continue the file; collective.
 
@@ -66,13 +69,14 @@ class FieldsFile:
             inside: (rows_local, nb) bool, the points under the punch; all others are written as NaN.
             surface: also keep the displacement of the whole cell.
             parallel: True: through MPI-IO; False: through rank 0; None: MPI-IO if h5py has it, for several ranks.
+            guard: called on rank 0 before the file is changed; raises if its folder is no longer the one that it was.
 
         Raises:
             ResultError: on every rank, if the file can't be made, is damaged or belongs to another grid.
             ValueError: on every rank, if the ranks' rows do not make up the block.
         """
         self.path = Path(path)
-        self._comm = comm
+        self._comm, self._guard = comm, guard
         self._layout = Layout(n, length, block_start, nb, surface)
         self._rows = (row_start, rows_local)
         self._inside = np.asarray(inside, dtype=bool)
@@ -110,6 +114,7 @@ class FieldsFile:
         frame, what = self.frames, f"{self.path}: could not be written"
 
         def make_room() -> None:
+            self._guard()
             fields_layout.put_back(self.path)
             size = fields_layout.reserve(self.path, self._layout.frame_bytes + BOOKKEEPING_BYTES)
             fields_layout.remember(self.path, self._layout, size)
@@ -139,6 +144,7 @@ class FieldsFile:
             )
 
         def cut() -> None:
+            self._guard()
             fields_layout.remember(self.path, self._layout, self.path.stat().st_size)
             fields_layout.resize(self.path, self._layout, frames)
             fields_layout.forget(self.path)
@@ -148,6 +154,7 @@ class FieldsFile:
             self.frames = frames
 
     def _open(self) -> int:
+        self._guard()
         fields_layout.put_back(self.path)
         if not require_regular(self.path):
             fields_layout.create(self.path, self._layout)

@@ -68,6 +68,8 @@ class NewtonSolver:
     for a relaxed or elastic surface, CG is slower, and one small move may be followed by larger ones."""
     timid_way = 0.5
     """A timid solve gives up when the surface moves by more than this many ranges of adhesion."""
+    poll = staticmethod(lambda: None)
+    """Called once an iteration of CG, on every rank: may raise Interrupted (interruption.py)."""
     force_share = 0.2
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
 
@@ -202,6 +204,7 @@ class NewtonSolver:
         size, previous, quiet = 0.0, 1.0, 0
         imbalance = self._level(imbalance)
         for count in range(1, self.largest_cg_count + 1):
+            self.poll()
             self.rough(r, z, compliance)
             kernels.dot(r, z, points.offset, self._rows)
             energy = points.total_of(self._rows[:1])[0]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
 from pgfmd.physics.drive import DETACHED, Drive
 
 from .finite import not_finite_on
+from .interruption import Interrupted, Question
 from .state import State
 
 FINISHED = "detached"
@@ -51,11 +53,16 @@ class Simulation:
         """Position d of the punch [m]: the machine's, or that at the end of its spring."""
         return self.scheme.place(self.state)
 
-    def run(self, only_to_preload: bool = False, attend: Callable[[Simulation], bool] | None = None) -> State:
+    def run(
+        self, only_to_preload: bool = False, attend: Callable[[Simulation], bool] | None = None,
+        interrupt: Callable[[], bool] | None = None,
+    ) -> State:  # fmt: skip
         """Runs the programme to its end, or to the preload; returns the state, whose `finished` says how it ended.
 
         Goes on from wherever the state is. attend: called at the start, after each step, and so also at the end before
-        the observers hear of it; the run stops, unfinished, where it returns True.
+        the observers hear of it; the run stops, unfinished, where it returns True. interrupt: asked now and then within
+        a step, on each rank for itself; where it returns True on one of them the step is given up, and `attend` is
+        called with the state of before. Raises Interrupted where that would be the start.
         """
         state = self.state
         earlier = state.counters.transform_pairs - self.scheme.pairs
@@ -64,16 +71,23 @@ class Simulation:
             state.counters.transform_pairs = earlier + self.scheme.pairs
             return attend is not None and attend(self)
 
-        stopped = False
+        stopped, question = False, Question(self.points.comm, interrupt) if interrupt else None
         if not state.started:
-            self._start()
+            with self._heeding(question):
+                self._start()
             stopped = is_to_stop()
         while not (stopped or state.finished or (only_to_preload and state.preload_time is not None)):
             phase = self.phase
             until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
             released = state.energies.released
             try:
-                taken, why = self.controller.advance(state, phase, until)
+                with self._heeding(question):
+                    taken, why = self.controller.advance(state, phase, until)
+            except Interrupted:
+                # What was done in vain must not count, for a run that goes on from here to be the same.
+                earlier = state.counters.transform_pairs - self.scheme.pairs
+                stopped = is_to_stop()
+                continue
             except RunError:
                 # Not for want of an equilibrium, if the numbers have gone.
                 self._require_finite()
@@ -88,6 +102,30 @@ class Simulation:
             self._note(Event("end"))
             state.counters.transform_pairs = earlier + self.scheme.pairs
         return state
+
+    @contextmanager
+    def _heeding(self, question: Question | None) -> Iterator[None]:
+        """Within this, solves ask whether they are to be given up; the state is then as it was."""
+        # Explicit steps solve nothing, and never take long.
+        solver = getattr(self.scheme, "solver", None)
+        if question is None or solver is None:
+            yield
+            return
+        state = self.state
+        # Besides these, trials leave the state alone.
+        counters = replace(state.counters)
+        modes = [] if state.soft_mode is None else [state.soft_mode.copy(), state.soft_load.copy()]
+        question.begin()
+        solver.poll = question
+        try:
+            yield
+        except Interrupted:
+            state.counters = counters
+            if modes:
+                state.soft_mode[:], state.soft_load[:] = modes
+            raise
+        finally:
+            del solver.poll
 
     def _start(self) -> None:
         self.state.started = True
