@@ -62,6 +62,7 @@ class RunLock:
 
     def __init__(self, path: Path, descriptor: int, recovered: str):
         self._path, self._descriptor, self.recovered = path, descriptor, recovered
+        self._place = _opened(path.parent)
         self._owner = os.getpid()
 
     @classmethod
@@ -96,9 +97,9 @@ class RunLock:
         """ResultError if the folder of this name is no longer the one that was locked: it may be another run's by now.
         OSError if that can't be told."""
         if not _is_at(self._descriptor, self._path):
-            folder, now = self._path.parent, _name_of(self._descriptor)
+            folder, now = self._path.parent, _name_of(self._place)
             there = f"its {LOCK_FILE} is another one's" if os.path.lexists(self._path) else f"there is no {LOCK_FILE}"
-            moved = f"The run's own folder is {now.parent} now. " if now and now != self._path.resolve() else ""
+            moved = f"The run's own folder is {now} now. " if now and now != folder.resolve() else ""
             raise ResultError(
                 f"{folder}: no longer the folder that this run has locked, {there}: it was renamed, replaced, or its lock "
                 f"removed while the run went on. {moved}The run ends here and writes nothing more; from the last checkpoint "
@@ -112,9 +113,10 @@ class RunLock:
         with contextlib.suppress(OSError):
             if _is_at(self._descriptor, self._path):
                 self._path.unlink()
-        with contextlib.suppress(OSError):
-            os.close(self._descriptor)
-        self._descriptor = -1
+        for descriptor in (self._descriptor, self._place):
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
+        self._descriptor = self._place = -1
 
 
 def holder(folder: Path) -> Holder | None:
@@ -229,8 +231,15 @@ def _is_at(descriptor: int, path: Path) -> bool:
     return False
 
 
+def _opened(folder: Path) -> int:
+    """A descriptor by which a folder is found again after it was renamed; -1 where it may not be read."""
+    with contextlib.suppress(OSError):
+        return os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    return -1
+
+
 def _name_of(descriptor: int) -> Path | None:
-    """What an open file is called by now, where the system tells that; None for one that was deleted."""
+    """What an open folder is called by now, where the system tells that; None for one that was deleted."""
     with contextlib.suppress(OSError):
         found = os.readlink(f"/proc/self/fd/{descriptor}")
         return Path(found) if os.path.lexists(found) else None
