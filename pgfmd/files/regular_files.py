@@ -77,6 +77,21 @@ def open_regular(path: Path, flags: int) -> int:
     return descriptor
 
 
+def open_folder(folder: Path) -> int:
+    """A descriptor by which a folder is found again after it was renamed; -1 where it may not be read."""
+    with contextlib.suppress(OSError):
+        return os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    return -1
+
+
+def name_of_folder(descriptor: int) -> Path | None:
+    """What an open folder is called by now, where the system tells that; None for one that was deleted."""
+    with contextlib.suppress(OSError):
+        found = os.readlink(f"/proc/self/fd/{descriptor}")
+        return Path(found) if os.path.isdir(found) else None
+    return None
+
+
 def unfinished_beside(path: Path) -> Path:
     """A name beside a file's own for what is going to replace it; make it with O_EXCL, as mode "x" does."""
     return path.with_name(f"{path.name}.{uuid.uuid4().hex}.tmp")

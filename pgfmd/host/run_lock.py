@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from pgfmd.errors import ResultError
-from pgfmd.files.regular_files import open_regular, remove_unfinished, unfinished_beside
+from pgfmd.files.regular_files import name_of_folder, open_folder, open_regular, remove_unfinished, unfinished_beside
 from pgfmd.files.storage import reason
 
 from . import batch
@@ -62,7 +62,7 @@ class RunLock:
 
     def __init__(self, path: Path, descriptor: int, recovered: str):
         self._path, self._descriptor, self.recovered = path, descriptor, recovered
-        self._place = _opened(path.parent)
+        self._place = open_folder(path.parent)
         self._owner = os.getpid()
 
     @classmethod
@@ -97,7 +97,7 @@ class RunLock:
         """ResultError if the folder of this name is no longer the one that was locked: it may be another run's by now.
         OSError if that can't be told."""
         if not _is_at(self._descriptor, self._path):
-            folder, now = self._path.parent, _name_of(self._place)
+            folder, now = self._path.parent, name_of_folder(self._place)
             there = f"its {LOCK_FILE} is another one's" if os.path.lexists(self._path) else f"there is no {LOCK_FILE}"
             moved = f"The run's own folder is {now} now. " if now and now != folder.resolve() else ""
             raise ResultError(
@@ -110,9 +110,12 @@ class RunLock:
         """Remove the lock if it is still this one; never raises."""
         if self._descriptor < 0 or self._owner != os.getpid():
             return
-        with contextlib.suppress(OSError):
-            if _is_at(self._descriptor, self._path):
-                self._path.unlink()
+        # In a folder that was renamed it is still this one, too.
+        now = name_of_folder(self._place)
+        for path in (self._path, *([now / LOCK_FILE] if now else [])):
+            with contextlib.suppress(OSError):
+                if _is_at(self._descriptor, path):
+                    path.unlink()
         for descriptor in (self._descriptor, self._place):
             with contextlib.suppress(OSError):
                 os.close(descriptor)
@@ -229,21 +232,6 @@ def _is_at(descriptor: int, path: Path) -> bool:
     with contextlib.suppress(FileNotFoundError, NotADirectoryError):
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     return False
-
-
-def _opened(folder: Path) -> int:
-    """A descriptor by which a folder is found again after it was renamed; -1 where it may not be read."""
-    with contextlib.suppress(OSError):
-        return os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    return -1
-
-
-def _name_of(descriptor: int) -> Path | None:
-    """What an open folder is called by now, where the system tells that; None for one that was deleted."""
-    with contextlib.suppress(OSError):
-        found = os.readlink(f"/proc/self/fd/{descriptor}")
-        return Path(found) if os.path.lexists(found) else None
-    return None
 
 
 def _prevails(path: Path, text: str) -> bool:

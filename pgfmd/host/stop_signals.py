@@ -98,6 +98,11 @@ class StopSignals:
         """0, or the number of the first stop signal that this rank has got."""
         return self._first
 
+    @property
+    def asked(self) -> bool:
+        """Whether a stop signal has come to this rank."""
+        return self._first != 0
+
     def take_save(self) -> bool:
         """Whether USR2 came since this was last asked. Only the loop asks: it ends what `heard` allowed for a save."""
         if self._heard and not self._first:

@@ -98,7 +98,8 @@ class Keeper:
     def has_to_stop(self) -> bool:
         """Whether the run has to stop now, before a step of its own, as `why` then explains. Collective."""
         # OUT_OF_TIME is below zero, for a signal to count more.
-        stops = self.comm.allgather(self.signals.stop or (OUT_OF_TIME if self.interrupts() else 0))
+        mine = self.signals.stop if self.signals.asked else OUT_OF_TIME if self.interrupts() else 0
+        stops = self.comm.allgather(mine)
         stop = max(stops) or min(stops)
         if stop:
             self.out_of_time, self.why = stop == OUT_OF_TIME, self._why(stop)
@@ -106,7 +107,7 @@ class Keeper:
 
     def interrupts(self) -> bool:
         """Whether this rank wants a step given up that has begun. One that may end in time is waited for."""
-        return bool(self.signals.stop) or (self.comm.rank == 0 and self._time_is_up(steps_kept=0.0))
+        return self.signals.asked or (self.comm.rank == 0 and self._time_is_up(steps_kept=0.0))
 
     def _why(self, stop: int) -> str:
         if stop != OUT_OF_TIME:

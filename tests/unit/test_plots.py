@@ -69,7 +69,7 @@ def test_empty_curve_and_foreign_folder(tmp_path):
 def test_picture_that_can_not_be_written(tmp_path):
     folder = write_results(tmp_path / "out", rows=40, fields=False)
     (folder / "energy.png").mkdir()
-    with pytest.raises(ResultError, match="energy.png: could not be written"):
+    with pytest.raises(ResultError, match="energy.png: is a folder, not a file; move it away"):
         plots.plot_results(folder)
 
 
