@@ -5,6 +5,9 @@ from __future__ import annotations
 import codecs
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     # Before UTF-16, whose mark it begins with.
@@ -23,6 +26,17 @@ def read_text(path: str | Path) -> str:
     Ends of lines come as "\\n", whichever they were. Raises OSError, and ValueError for what is no text in any of these.
     """
     return decoded(Path(path).read_bytes())
+
+
+def read_table(path: str | Path, delimiter: str | None = None) -> NDArray[np.float64]:
+    """The numbers of a text file, (rows, columns); # starts a comment. delimiter: None for blanks.
+
+    Raises OSError, and ValueError for what is no table of numbers.
+    """
+    lines = read_text(path).split("\n")
+    if not any(line.partition("#")[0].strip() for line in lines):
+        raise ValueError("holds no numbers")
+    return np.loadtxt(lines, comments="#", delimiter=delimiter, ndmin=2)
 
 
 def decoded(raw: bytes) -> str:
