@@ -15,6 +15,7 @@ from .physics.cohesion import LAWS, CohesiveLaw
 from .physics.drive import Drive
 from .physics.film import Film
 from .physics.free_kernel import FreeFilm, FreeHalfSpace
+from .physics.heightfile import HIGHEST
 from .physics.halfspace import HalfSpace, TabulatedCompliance
 from .physics.inertia import Inertia, contact_stiffness, inertia_of, instability
 from .physics.rheology import PronySeries
@@ -129,12 +130,18 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
     source: how to call the scene in messages. Raises SceneError with every problem found.
     """
     problems = []
-    spacing = scene.grid.length / scene.grid.n
-    corner = np.array([0.5 * spacing])
+    grid = Grid(scene.grid.n, scene.grid.length)
+    spacing = grid.spacing
+    block_start, nb = grid.block(scene.punch.radius)
+    # Near the axis, and at the rim, where profiles end and maps may.
+    axis, rim = 0.5 * spacing, grid.coordinate(block_start + nb - 1 - np.arange(min(2, nb)))
+    x, y = np.concatenate([[axis], rim, 0 * rim + axis]), np.concatenate([[axis], 0 * rim + axis, rim])
     try:
-        raw = topography_of(scene.punch).heights(corner, corner)
-        if not np.isfinite(raw).all():
-            problems.append(Problem("punch.file", scene.punch.file, "finite heights"))
+        with np.errstate(over="ignore", invalid="ignore"):
+            raw = topography_of(scene.punch).heights(x, y)
+        if not (np.abs(raw) <= HIGHEST).all():
+            expected = f"a face with heights of at most {HIGHEST:g} m"
+            problems.append(Problem("punch.pattern", scene.punch.pattern, expected, "look at the keys of [punch]"))
     except (ValueError, OSError) as error:
         dotted = "punch.file" if scene.punch.file else "punch.pattern"
         problems.append(Problem(dotted, scene.punch.file or scene.punch.pattern, "a usable topography", str(error)))
@@ -149,7 +156,6 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         dotted = "substrate.compliance_file" if own else "grid.n"
         problems.append(Problem(dotted, own or scene.grid.n, "a usable compliance", str(error)))
     problems += _overlap_problems(scene)
-    _, nb = Grid(scene.grid.n, scene.grid.length).block(scene.punch.radius)
     # Rows are shared out, and in the middle of a transform the columns of its half spectrum.
     columns = transform_side(scene, nb) // 2 + 1
     most = min(nb, columns)
