@@ -48,6 +48,7 @@ _BARE_POWER = re.compile(r".*[^\W\d_]\d\s*")
 _PREFIXES = {12: "T", 9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "u", -9: "n", -12: "p"}
 _PREFIXED = ("m", "s", "N", "Pa", "J/m^2", "m/s", "N/m")
 """Units that a person writes with a prefix; `rad/s` and `1/m` are not among them."""
+_LONG_TIMES = {"years": 31557600.0, "days": 86400.0, "h": 3600.0, "min": 60.0}
 
 
 class UnitError(ValueError):
@@ -163,6 +164,9 @@ def format_quantity(value: float, dimension: str) -> str:
 def handy_quantity(value: float, dimension: str, digits: int = 3) -> str:
     """The SI value as a person would write it, for messages: "375 um", "40 mN"; rounded, so not to compute with."""
     unit = DIMENSIONS[dimension].unit
+    for name, seconds in _LONG_TIMES.items():
+        if unit == "s" and 2 * seconds <= abs(value) < math.inf:
+            return f"{value / seconds:.{digits}g} {name}"
     if unit not in _PREFIXED or not math.isfinite(value) or value == 0.0:
         return f"{value:.{digits}g} {unit}"
     # Rounded first: 999.9996 um is 1 mm.

@@ -113,8 +113,8 @@ def _scale(scene) -> tuple[float, str]:
 def _face(scene) -> Iterator[str]:
     punch, face, (scale, what) = scene.punch, face_of(scene), _scale(scene)
     relief = handy_quantity(face.relief, "length")
-    key = {"file": "punch.file", "sphere": "punch.curvature_radius", "power": "punch.curvature_radius"}
-    where = key.get(punch.pattern, "punch.amplitude" if punch.amplitude else "punch")
+    keys = {"punch.file": punch.file, "punch.amplitude": punch.amplitude, "punch.layer_step": punch.layer_step}
+    where = next((key for key, value in keys.items() if value), "punch.curvature_radius")
     if face.slope > STEEPEST or face.relief > scale:
         unit = "a map's heights are read in metres" if punch.pattern == "file" else "look at the units of [punch]"
         yield (

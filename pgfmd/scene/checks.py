@@ -16,7 +16,7 @@ from pgfmd.units import format_quantity
 from .draft import MISSING, Draft, Unread, example
 from .fields import expectation
 from .model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
-from .path_checks import files_exist, paths_can_be_written
+from .path_checks import paths_can_be_used
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
 ROUNDING = 1.0 + 1e-9
@@ -267,13 +267,12 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     single_precision_is_enough,
     springs_are_not_single,
 )
-ABOUT_FILES = (paths_can_be_written, files_exist)
 
 
 def check(draft: Draft, require_files: bool = True) -> list[Problem]:
     """All problems that the rules find in what could be read of a scene; those about its files only if asked for."""
     problems: list[Problem] = []
-    for rule in (*RULES, *(ABOUT_FILES if require_files else ())):
+    for rule in (*RULES, paths_can_be_used) if require_files else RULES:
         try:
             problems.extend(rule(draft))
         except Unread:

@@ -106,9 +106,10 @@ def _read_one(value: object, extra: dict[str, Any]) -> float | str:
         return result
     if not within_limits(result, extra):
         cure = "" if math.isfinite(result) else "it must be a finite number"
-        if math.isfinite(result) and result and not SMALLEST <= abs(result) <= LARGEST:
+        if math.isfinite(result) and result and not _least_magnitude(extra) <= abs(result) <= LARGEST:
             unit = DIMENSIONS[extra["dimension"]].unit if extra["dimension"] in DIMENSIONS else ""
-            cure = f"the magnitude of a number must be between {SMALLEST:g} and {LARGEST:g} {unit}".rstrip()
+            least = f"at least {SMALLEST:g} and " if _least_magnitude(extra) else ""
+            cure = f"the magnitude of a number must be {least}at most {LARGEST:g} {unit}".rstrip()
         raise refuse(value, _expected_entry(extra), cure)
     return result
 
@@ -117,7 +118,12 @@ def within_limits(value: float, extra: dict[str, Any]) -> bool:
     """Whether a field allows an SI value: finite, within its range, and of a magnitude that can be computed with."""
     above, least, most = extra["above"], extra["at_least"], extra["at_most"]
     inside = (above is None or value > above) and (least is None or value >= least) and (most is None or value <= most)
-    return inside and (value == 0 or SMALLEST <= abs(value) <= LARGEST)
+    return inside and (value == 0 or _least_magnitude(extra) <= abs(value) <= LARGEST)
+
+
+def _least_magnitude(extra: dict[str, Any]) -> float:
+    """The smallest magnitude besides 0 of a field; none where 0 is a number like any other."""
+    return SMALLEST if 0 in (extra["above"], extra["at_least"]) else 0.0
 
 
 def _read_number(value: object, extra: dict[str, Any]) -> object:

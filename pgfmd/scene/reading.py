@@ -218,6 +218,8 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
         words = " or ".join(f"'{choice}'" for choice in choices if isinstance(choice, str)) or "a whole number"
         expected = expectation(field.json_schema_extra) if field.json_schema_extra else words
         return [Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")]
+    if error["type"] == "string_unicode":
+        return [Problem(dotted, error["input"], "a text in UTF-8", "correct, or rename, what is not UTF-8 in it")]
     expected = error["msg"].removeprefix("Input should be ")
     if error["type"] == "literal_error":
         words = [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]
@@ -251,6 +253,9 @@ def _resolve(title: str, draft: Draft) -> Scene:
             "base": (substrate.base or "bonded") if math.isfinite(substrate.thickness) else None,
         },
     }
+    if parts["solver"].scheme != "gfmd":
+        # No other scheme reads them, and the resolved scene does not name them.
+        parts["solver.gfmd"] = SECTIONS["solver.gfmd"].model_construct()
     resolved = {
         name.replace(".", "_"): part.model_copy(update=automatic.get(name, {})) for name, part in parts.items()
     }
