@@ -22,6 +22,8 @@ from .physics.rheology import PronySeries
 from .physics.topography import Topography
 from .solver.grid import Grid
 
+LEAST_COMPLIANCE = 1e-60
+"""Compliance [m/Pa] that is not too small to be computed with; its inverse is not too large."""
 SOFT_MACHINE = 1e-4
 """Load control: stiffness of the machine's spring, relative to that of the contact of the whole punch."""
 
@@ -150,7 +152,11 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         if scene.substrate.boundary == "free":
             compliance.kernel(0.0, 0.0, spacing)
         else:
-            compliance(np.array([2.0 * math.pi / scene.grid.length]), np.array([0.0]))
+            # The longest and the shortest wave of the cell.
+            unit, most = 2.0 * math.pi / grid.length, grid.n // 2
+            found = compliance(unit * np.array([1.0, most]), unit * np.array([0.0, most]))
+            if not ((found >= LEAST_COMPLIANCE) & (found <= 1.0 / LEAST_COMPLIANCE)).all():
+                raise ValueError(f"G0 = {found.min():g} to {found.max():g} m/Pa can't be computed with; look at the units")
     except (ValueError, OSError) as error:
         own = scene.substrate.compliance_file
         dotted = "substrate.compliance_file" if own else "grid.n"

@@ -83,7 +83,7 @@ def parse_scene(
     require_files: as for `load_scene`.
     """
     try:
-        mapping = _parsed(text)
+        mapping = parse_toml(text)
     except ValueError as error:
         cure = 'texts and quantities need quotes, such as speed = "1 um/s"'
         raise SceneError(source, [Problem("scene", source, f"valid TOML, but: {error}", cure)]) from None
@@ -162,7 +162,7 @@ def _apply(mapping: dict[str, Any], overrides: Sequence[str]) -> list[Problem]:
     return problems
 
 
-def _parsed(text: str) -> dict[str, Any]:
+def parse_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text. Raises ValueError for whatever is wrong with it."""
     try:
         return tomllib.loads(text)
@@ -172,7 +172,7 @@ def _parsed(text: str) -> dict[str, Any]:
 
 def _override_value(text: str) -> Any:
     try:
-        parsed = _parsed(f"value = {text}")
+        parsed = parse_toml(f"value = {text}")
     except ValueError:
         return text
     return parsed["value"] if set(parsed) == {"value"} else text

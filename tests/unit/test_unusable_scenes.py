@@ -119,6 +119,15 @@ def test_an_unusable_compliance_is_told(content, tmp_path):
     assert problem.key == "substrate.compliance_file"
 
 
+@pytest.mark.parametrize("rows", ["1e2 1e-8\n1e4 1e-10\n", "1e4 1e-8\n1e6 1e-10\n"])
+@pytest.mark.parametrize("scheme", ["inertialess", "gfmd"])
+def test_a_compliance_that_ends_within_the_waves_of_the_grid_is_refused_before_a_run(rows, scheme, tmp_path):
+    (tmp_path / "g.txt").write_text(rows)
+    problem = refusal(f"substrate.compliance_file={tmp_path / 'g.txt'}", "grid.n=64", f"solver.scheme={scheme}")
+    assert problem.key == "substrate.compliance_file" and "extend the table" in problem.cure
+    assert "4188.79 to 189563 rad/m are needed" in problem.cure
+
+
 def test_a_map_that_ends_before_the_punch_is_refused_before_a_run(tmp_path):
     np.save(tmp_path / "m.npy", np.zeros((8, 8)))
     named = ["punch.pattern=file", f"punch.file={tmp_path / 'm.npy'}"]
