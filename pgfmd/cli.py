@@ -50,7 +50,10 @@ def main(arguments: list[str] | None = None) -> None:
         if rank == 0:
             launch.complain(error)
         code = error.exit_code
-    except (KeyboardInterrupt, typer.Abort):
+    except (KeyboardInterrupt, typer.Abort) as stop:
+        if isinstance(stop.__cause__, EOFError):
+            # Typer takes the end of a file for Ctrl-D.
+            raise stop.__cause__ from None
         launch.complain("interrupted")
         code = launch.INTERRUPTED
     except OSError as error:

@@ -14,6 +14,7 @@ from .files.curve_tail import count_ends
 from .files.fields_layout import Layout
 from .files.packing import arrays_of, unpack
 from .files.regular_files import remove_unfinished, write_atomically
+from .forecast.advice import warnings
 from .host import launch
 from .host.run_lock import RunLock
 from .host.stop_signals import StopSignals
@@ -68,6 +69,9 @@ def run_scene(scene, comm, directory: str | Path, say=print, options: Options = 
             if comm.rank == 0:
                 say(f"{folder}: this run is finished ({plan.record['finished']}); --fresh starts it anew")
             return plan.record
+        if comm.rank == 0 and not plan.go_on:
+            for text in warnings(scene, comm.size):
+                say(f"warning: {text}")
         return _run(scene, comm, folder, say, options, plan.go_on, began, lock)
     finally:
         if lock:

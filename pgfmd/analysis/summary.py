@@ -259,7 +259,7 @@ def _add_tabor(table: Table, results: Results, found: Measures, twin: Results | 
     from pgfmd.files.storage import SCENE_FILE
     from pgfmd.scene import load_scene
 
-    scene = load_scene(source.directory / SCENE_FILE)
+    scene = load_scene(source.directory / SCENE_FILE, require_files=False)
     if scene.punch.radius is None or pull_off is None or scene.adhesion.law != "cosine":
         return
     adhesion, modulus = scene.adhesion, scene.substrate.contact_modulus

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pgfmd.parts import deepest_indentation, inertia_of_scene, relaxation_of, series_of
 from pgfmd.physics.cohesion import range_of_adhesion
 
+from . import plausibility
 from .estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of
 
 PAPER_FACTOR = 0.156
@@ -41,6 +42,7 @@ def warnings(scene, ranks: int = 1) -> Iterator[str]:
     for rule in (_range, _resolution, _preload, _speed, _images, _explicit_steps):
         yield from rule(scene)
     yield from _memory(scene, ranks)
+    yield from plausibility.warnings(scene)
 
 
 def remarks(scene) -> Iterator[str]:

@@ -4,11 +4,12 @@ A map is a 2-D array z[iy, ix] in metres with its physical size (x, y), over the
 is y, axis 1 is x, and like the simulation grid's points the samples sit in the middle of their pixels, centred on the
 punch axis: x = ((ix + 1/2)/nx - 1/2) size_x. As everywhere, lower z touches first; turn over a map whose peaks are
 positive before use. Formats: .npy; .npz with the array "z" and, if the size is not given elsewhere, "size" = (size_x,
-size_y); .csv (commas) and .txt (blanks), # starts a comment.
+size_y); .csv (commas) and .txt (blanks), # starts a comment, in any usual encoding of texts.
 """
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from pgfmd.files.text import read_table
+
 Array = NDArray[np.float64]
 SUFFIXES = (".npy", ".npz", ".txt", ".csv")
 ORDERS = (1, 3)
+HIGHEST = 1e30
+"""Height [m] that no map may exceed: nothing real does, and squares of heights stay finite."""
 RADIUS_SLACK = 1e-9  # relative; a punch point on the very edge of the map is inside
 
 
@@ -27,21 +32,38 @@ def read_heights(path: str | Path) -> tuple[Array, tuple[float, float] | None]:
     path, size = Path(path), None
     try:
         if path.suffix == ".npy":
-            heights = np.load(path, allow_pickle=False)
+            with open(path, "rb") as file:
+                heights = np.lib.format.read_array(file, allow_pickle=False)
         elif path.suffix == ".npz":
+            if not zipfile.is_zipfile(path):
+                raise ValueError("expected a whole archive of arrays, as numpy.savez writes it")
             with np.load(path, allow_pickle=False) as archive:
                 if "z" not in archive:
                     raise ValueError(f"holds {', '.join(archive.files) or 'nothing'}, expected an array named z")
                 heights = archive["z"]
-                size = tuple(float(side) for side in archive["size"]) if "size" in archive else None
+                size = _size_of(archive["size"]) if "size" in archive else None
         elif path.suffix in (".txt", ".csv"):
-            heights = np.loadtxt(path, comments="#", delimiter="," if path.suffix == ".csv" else None, ndmin=2)
+            heights = read_table(path, "," if path.suffix == ".csv" else None)
         else:
             raise ValueError(f"unknown kind of file, expected one of {', '.join(SUFFIXES)}")
-        heights = np.asarray(heights, dtype=float)
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{path}: {error}") from error
+        if heights.dtype.kind not in "iuf":
+            raise ValueError(f"holds values of the type {heights.dtype}, expected real numbers")
+        heights = heights.astype(float, copy=False)
+    except OSError:
+        raise
+    except MemoryError:
+        raise ValueError(f"{path}: does not fit into memory, or is damaged") from None
+    except Exception as error:
+        # A damaged file makes numpy, zipfile and zlib raise whatever they like, EOFError and KeyError among them.
+        raise ValueError(f"{path}: {error or 'damaged'}") from error
     return heights, size
+
+
+def _size_of(stored: Array) -> tuple[float, ...]:
+    """A size from a file, as plain numbers; whether it is one is seen by HeightMap."""
+    if stored.ndim != 1:
+        raise ValueError(f"size has the shape {stored.shape}, expected (size_x, size_y)")
+    return tuple(float(side) for side in stored)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +84,8 @@ class HeightMap:
             raise ValueError(f"height map: found shape {self.heights.shape}, expected at least 2 x 2 samples")
         if not np.all(np.isfinite(self.heights)):
             raise ValueError("height map: found a height that is not finite; fill the gaps first")
+        if np.abs(self.heights).max() > HIGHEST:
+            raise ValueError(f"height map: found a height above {HIGHEST:g} m; heights are in metres")
         if len(self.size) != 2 or not all(np.isfinite(side) and side > 0 for side in self.size):
             raise ValueError(f"file_size = {self.size!r}: expected two positive lengths (x, y)")
         if self.order not in ORDERS:

@@ -16,7 +16,7 @@ from pydantic_core import PydanticCustomError
 from pgfmd.units import UnitError, format_quantity
 
 from .fields import Section, key, number, quantity, refuse, snapshot_time, written
-from .solver_section import GfmdKeys, Solver
+from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys, Solver
 
 Keys = tuple[frozenset[str], frozenset[str]]
 
@@ -268,8 +268,11 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "rheology":
         required, optional = RHEOLOGIES[scene.rheology.model]
         return frozenset(Rheology.model_fields) - required - optional - {"model"}
-    if section == "solver.gfmd" and scene.solver.scheme != "gfmd":
-        return frozenset(GfmdKeys.model_fields)
+    if section == "solver.gfmd":
+        if scene.solver.scheme != "gfmd":
+            return frozenset(GfmdKeys.model_fields)
+        if scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
+            return frozenset(INSTEAD_OF_OMEGA_AND_DT)
     return frozenset()
 
 

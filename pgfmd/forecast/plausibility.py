@@ -1,0 +1,220 @@
+"""Numbers of a scene that make no sense together, as a wrong unit leaves them: 4 m for 4 um. No MPI.
+
+Such a scene can be computed, and its result looks like any other. So what is far beyond the assumptions of the model,
+linear elasticity with small slopes without inertia, is warned of, with the value in the unit that a person would use.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+
+from pgfmd.parts import topography_of
+from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.physics.topography import height_map
+from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.units import handy_quantity
+
+STEEPEST = 1.0
+"""Slope of a face, 45 degrees, beyond which nothing is left of small slopes."""
+LARGE_SHARE = 0.2
+"""Share of the punch's radius that lengths of the adhesion stay far below: the range, and gamma/E*."""
+DENSITY = 1e3
+"""Density [kg/m^3] of any elastomer, for its speed of sound."""
+ATOM = 1e-10
+"""Length [m] below which there is no continuum."""
+SAMPLED_ROWS, SAMPLED_COLUMNS = 64, 512
+"""At how many points of the grid, at most, a face is looked at; of a map all pixels are."""
+WHOLE = 1e-6
+"""Relative misfit of a map's size and the cell that rounding explains."""
+
+
+@dataclass(frozen=True)
+class Face:
+    """The punch's lower face as the grid sees it: relief [m], from its highest to its lowest point, and the steepest
+    slope between neighbouring points."""
+
+    relief: float
+    slope: float
+
+
+def warnings(scene) -> Iterator[str]:
+    """What can't be meant in a scene whose files are there."""
+    for rule in (_face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing):
+        yield from rule(scene)
+
+
+def face_of(scene) -> Face:
+    """Relief and slope of the scene's punch. Raises ValueError, OSError for a map that can't be used."""
+    return _face_of(scene.punch, scene.grid)
+
+
+@functools.lru_cache(maxsize=1)
+def _face_of(punch, grid) -> Face:
+    return _map_face(punch, grid) if punch.pattern == "file" else _pattern_face(punch, grid)
+
+
+def _map_face(punch, grid) -> Face:
+    """From all pixels under the punch. Where the grid is coarser than the map, it sees their steps spread out."""
+    topography = topography_of(punch)
+    found = height_map(topography)
+    spacing = grid.length / grid.n
+    (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
+    x = (np.arange(count_x) + 0.5) * (size_x / count_x) - 0.5 * size_x
+    y = (np.arange(count_y) + 0.5) * (size_y / count_y) - 0.5 * size_y
+    heights = found.heights
+    if punch.radius is not None:
+        # With the pixels around, between which the rim lies.
+        rim = punch.radius + math.hypot(*found.pixel)
+        heights = np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
+    elif found.periodic:
+        heights = np.pad(heights, ((0, 1), (0, 1)), mode="wrap")
+    steps = [np.abs(np.diff(heights, axis=axis)) for axis in (1, 0)]
+    slopes = [_largest(step) / max(pixel, spacing) for step, pixel in zip(steps, found.pixel, strict=True)]
+    return Face(_largest(heights) + _largest(-heights), math.hypot(*slopes))
+
+
+def _largest(values) -> float:
+    """The largest number that is there; 0 where there is none."""
+    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
+
+
+def _pattern_face(punch, grid) -> Face:
+    """From points of the grid, in pairs along x and along y."""
+    spacing = grid.length / grid.n
+    points = PunchPoints(Grid(grid.n, grid.length), punch.radius, SimpleNamespace(size=1, rank=0))
+    x, y = [], []
+    for row in np.unique(np.linspace(0, points.nb - 1, SAMPLED_ROWS).astype(int)):
+        if points.last[row] > points.first[row]:
+            columns = np.linspace(points.first[row], points.last[row] - 1, SAMPLED_COLUMNS).astype(int)
+            columns = np.unique(columns)
+            x.append(points.grid.coordinate(points.block_start + columns))
+            y.append(np.full(columns.size, points.grid.coordinate(points.block_start + row)))
+    x, y = np.concatenate(x), np.concatenate(y)
+    # Neighbours on the side of the axis: within the outline.
+    to_x, to_y = np.where(x > 0, -spacing, spacing), np.where(y > 0, -spacing, spacing)
+    here, beside, above = topography_of(punch).heights(np.stack([x, x + to_x, x]), np.stack([y, y, y + to_y]))
+    slope = np.hypot(beside - here, above - here).max() / spacing
+    return Face(float(np.ptp(here)), float(slope))
+
+
+def _scale(scene) -> tuple[float, str]:
+    """The length [m] that others are compared with, and what it is."""
+    if scene.punch.radius is not None:
+        return scene.punch.radius, "the punch's radius"
+    return 0.5 * scene.grid.length, "half of the cell"
+
+
+def _face(scene) -> Iterator[str]:
+    punch, face, (scale, what) = scene.punch, face_of(scene), _scale(scene)
+    relief = handy_quantity(face.relief, "length")
+    keys = {"punch.file": punch.file, "punch.amplitude": punch.amplitude, "punch.layer_step": punch.layer_step}
+    where = next((key for key, value in keys.items() if value), "punch.curvature_radius")
+    if face.slope > STEEPEST or face.relief > scale:
+        unit = "a map's heights are read in metres" if punch.pattern == "file" else "look at the units of [punch]"
+        yield (
+            f"{where}: from its lowest to its highest point the face rises by {relief}, {face.relief / scale:.2g} times {what}"
+            f", and its steepest slope is {face.slope:.2g} (1 is 45 degrees); linear elasticity of small slopes does not "
+            f"hold there: {unit}"
+        )
+    elif 0.0 < face.relief < ATOM:
+        yield f"{where}: from its lowest to its highest point the face rises by {relief}, less than an atom: it is flat"
+
+
+def _map_fits_the_cell(scene) -> Iterator[str]:
+    """A map that fills the cell is repeated over the plane, the cell as well."""
+    punch, length = scene.punch, scene.grid.length
+    if punch.pattern != "file" or punch.radius is not None:
+        return
+    size = height_map(topography_of(punch)).size
+    if any(abs(length / side - max(round(length / side), 1)) > WHOLE * length / side for side in size):
+        sides = " x ".join(handy_quantity(side, "length") for side in size)
+        yield (
+            f"punch.file: the map, {sides}, does not fit into the cell, {handy_quantity(length, 'length')}, a whole number of "
+            "times: the face has a step at the cell's border; set grid.length to the map's size, or give punch.radius"
+        )
+
+
+def _range(scene) -> Iterator[str]:
+    adhesion, (scale, what), thickness = scene.adhesion, _scale(scene), scene.substrate.thickness
+    if thickness < scale:
+        scale, what = thickness, "the film's thickness"
+    if adhesion.range <= LARGE_SHARE * scale:
+        return
+    modulus = scene.substrate.contact_modulus
+    own = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, adhesion.q_ref)
+    cure = "look at its unit"
+    if math.isclose(own, adhesion.range, rel_tol=1e-9):
+        cure = (
+            f"it follows from work_of_adhesion = {handy_quantity(adhesion.work_of_adhesion, 'energy per area')}, "
+            f"E* = {handy_quantity(modulus, 'modulus')} and the grid: look at their units"
+        )
+    yield (
+        f"adhesion.range is {handy_quantity(adhesion.range, 'length')}, {adhesion.range / scale:.2g} times {what}: the whole "
+        f"contact lies within it; {cure}"
+    )
+
+
+def _tightness(scene) -> Iterator[str]:
+    """gamma/E*, about how far adhesion pulls the surface out."""
+    adhesion, (scale, what) = scene.adhesion, _scale(scene)
+    modulus = scene.substrate.contact_modulus
+    length = adhesion.work_of_adhesion / modulus
+    if adhesion.law == "cosine" and length > LARGE_SHARE * scale:
+        yield (
+            f"adhesion.work_of_adhesion: gamma/E* = {handy_quantity(adhesion.work_of_adhesion, 'energy per area')} / "
+            f"{handy_quantity(modulus, 'modulus')} = {handy_quantity(length, 'length')} is {length / scale:.2g} times {what}: "
+            "adhesion would draw the surface out as far; look at the units of both"
+        )
+
+
+def _speed(scene) -> Iterator[str]:
+    """Speeds beyond that of sound: inertia would count. Where time does not count, speeds do not."""
+    drive = scene.drive
+    sound = math.sqrt(scene.substrate.contact_modulus / DENSITY)
+    if scene.solver.scheme == "quasistatic":
+        return
+    for key, speed in (("drive.speed", drive.speed), ("drive.retract_speed", drive.retract_speed)):
+        if speed > sound and not (key == "drive.retract_speed" and speed == drive.speed):
+            yield (
+                f"{key} = {handy_quantity(speed, 'speed')} is beyond the speed of sound in the relaxed elastomer, about "
+                f"{handy_quantity(sound, 'speed', 2)}: inertia, which is left out, would count; look at its unit"
+            )
+
+
+def _pressure(scene) -> Iterator[str]:
+    """Preloads that press the elastomer together, wherever they are not warned of by their indentation."""
+    punch, substrate, modulus = scene.punch, scene.substrate, scene.substrate.contact_modulus
+    if punch.radius is not None and not math.isfinite(substrate.thickness) and not substrate.compliance_file:
+        return
+    area = math.pi * punch.radius**2 if punch.radius is not None else scene.grid.length**2
+    pressure = scene.drive.preload / area
+    if pressure > modulus:
+        yield (
+            f"drive.preload = {handy_quantity(scene.drive.preload, 'force')} is a mean pressure of "
+            f"{handy_quantity(pressure, 'modulus')} under the punch, above E* = {handy_quantity(modulus, 'modulus')}: linear "
+            "elasticity does not hold there; look at its unit"
+        )
+
+
+def _clearance(scene) -> Iterator[str]:
+    clearance, (scale, what) = scene.drive.clearance, _scale(scene)
+    if clearance > max(scale, scene.adhesion.range):
+        yield (
+            f"drive.clearance: the punch starts {handy_quantity(clearance, 'length')} above the surface, {clearance / scale:.2g} times "
+            f"{what}, and takes {handy_quantity(clearance / scene.drive.speed, 'time')} to come down; look at its unit"
+        )
+
+
+def _spacing(scene) -> Iterator[str]:
+    spacing = scene.grid.length / scene.grid.n
+    if spacing < ATOM:
+        yield (
+            f"grid.length: points of the grid are {handy_quantity(spacing, 'length')} apart, less than an atom, where no "
+            "continuum is left; look at its unit"
+        )
