@@ -107,12 +107,22 @@ class Simulation:
             state.phase += 1
             state.elapsed, state.phase_start, state.step = 0.0, state.position, 0.0
             state.forget_history()
-        elif phase.ends_with == DETACHED and state.smallest_gap >= self.scheme.law.reach:
+        elif self._is_detached(phase):
             state.finished = FINISHED
         elif phase.name == "approach" and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
         if not state.finished and state.counters.steps >= self.max_steps:
             state.finished = STOPPED_STEPS
+
+    def _is_detached(self, phase) -> bool:
+        """Whether nothing pulls or presses any more, and the punch is on its last way up.
+
+        That may begin within the turn: from its deepest point on the punch only gets faster, and a surface that is left
+        to itself slower, so that the two don't meet again.
+        """
+        state = self.state
+        on_the_way = phase.ends_with == DETACHED or phase.recedes(state.elapsed)
+        return on_the_way and state.smallest_gap >= self.scheme.law.reach
 
     def _measure(self) -> None:
         """Derives from the fields what rows of the curve and of the energy audit hold."""
