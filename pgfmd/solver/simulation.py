@@ -11,6 +11,7 @@ from pgfmd.files.packing import arrays_of
 from pgfmd.physics.drive import DETACHED, Drive
 
 from .finite import not_finite_on
+from .preload_search import PRELOAD_TOLERANCE
 from .state import State
 
 FINISHED = "detached"
@@ -92,10 +93,21 @@ class Simulation:
     def _start(self) -> None:
         self.state.started = True
         self.state.force = self.state.least_force = self.scheme.start(self.state)
+        self._require_room_to_approach()
         self._measure()
         self.state.energies.adhesive_start = self.state.energies.adhesive
         self.state.energies.largest_residual = 0.0
         self._note(Event("start"))
+
+    def _require_room_to_approach(self) -> None:
+        """RunError where the first position already asks for more than the preload, which could then not be met."""
+        force, preload, clearance = self.state.force, self.drive.preload, self.drive.clearance
+        if force > preload * (1.0 + PRELOAD_TOLERANCE):
+            raise RunError(
+                f"at the start, with the punch at drive.clearance = {clearance:.6g} m, the force is {force:.6g} N at once: "
+                f"more than drive.preload = {preload:.6g} N, at which the approach is to end. "
+                "Raise drive.preload, or start higher: a larger drive.clearance, or none, to start just out of reach."
+            )
 
     def _turn_page(self, phase, why: str) -> None:
         """Ends phases and the run."""
