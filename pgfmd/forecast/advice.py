@@ -10,8 +10,8 @@ from pgfmd.parts import deepest_indentation, inertia_of_scene, relaxation_of, se
 from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.drive import OVERSHOOT, Drive
 
+from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
 from .estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of
-from .resolution import image_stiffness, overlap_share, summit_points
 
 PAPER_FACTOR = 0.156
 """Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means here."""
@@ -23,14 +23,6 @@ JUMP_FACTOR = 0.38
 """A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
 LONGEST_TURN = 5.0 * OVERSHOOT
 """Way of a turn, in ranges of adhesion, from which on it matters for what follows."""
-FEW_SUMMIT_POINTS, SOME_SUMMIT_POINTS = 12.0, 50.0
-"""Grid points of a summit within the range: below the first pull-off forces are wrong by more than a third, below the
-second by a tenth (docs: validation, "What the grid resolves")."""
-SOFT_OVERLAP, SOFT_WALL, SOFT_ADHESION = 0.05, 0.01, 0.2
-"""Overlap relative to the indentation that is remarked on, and that is warned of without and with attraction: a wall
-alone should be hard."""
-IMAGES_OF_FILM = 0.05
-"""Influence of a film's periodic images on the stiffness of a contact that is warned of."""
 PRESSED_IN = 2.0
 """A start that is deeper than the estimated depth at the preload by this factor is warned of."""
 MANY_ROWS = 1e5
@@ -53,7 +45,7 @@ def jump_threshold(scene) -> float:
 def warnings(scene, ranks: int = 1) -> Iterator[str]:
     """What may spoil the result of a scene, or its run on `ranks` ranks."""
     for rule in (
-        _range, _resolution, _summits, _overlap, _preload, _start, _turn, _speed, _images, _film, _explicit_steps,
+        _range, _resolution, summits, overlap, _preload, _start, _turn, _speed, _images, films, _explicit_steps,
     ):  # fmt: skip
         yield from rule(scene)
     yield from _memory(scene, ranks)
@@ -61,7 +53,7 @@ def warnings(scene, ranks: int = 1) -> Iterator[str]:
 
 def remarks(scene) -> Iterator[str]:
     """What is good to know about a scene."""
-    for rule in (_jumps, _few_points, _soft_overlap, _far_displacement, _quasi_static, _inertia):
+    for rule in (_jumps, few_points, soft_overlap, _far_displacement, _quasi_static, _inertia):
         yield from rule(scene)
 
 
@@ -87,62 +79,6 @@ def _resolution(scene) -> Iterator[str]:
         yield (
             f"grid.n: only {wavelength * n / length:.3g} points a wavelength, fewer than {FEWEST_POINTS} distort the "
             f"asperities; use n >= {needed}"
-        )
-
-
-def _summits(scene) -> Iterator[str]:
-    """Summits whose height the grid cannot resolve within the range: whole cells pull at once."""
-    points = summit_points(scene)
-    if points >= FEW_SUMMIT_POINTS:
-        return
-    # The automatic range falls with the square root of the spacing: more than enough for a range of its own.
-    needed = math.ceil(scene.grid.n * (FEW_SUMMIT_POINTS / points) ** (2.0 / 3.0))
-    if scene.adhesion.law != "cosine":
-        yield (
-            f"grid.n: only {points:.2g} grid points of the punch reach below the surface at the preload, too few for its "
-            f"shape to count; use n >= {needed}, or a larger preload"
-        )
-        return
-    times = 2.0 * math.pi / points
-    wrong = f"up to {times:.2g} times too large" if times > 2.0 else "wrong by more than a third"
-    yield (
-        f"grid.n, adhesion.range: only {points:.2g} grid points lie within the range of adhesion, "
-        f"{scene.adhesion.range * 1e6:.3g} um, of the height of a summit: whole cells of the grid snap, and pull-off forces "
-        f"are {wrong}; use n >= {needed}, or a larger range"
-    )
-
-
-def _few_points(scene) -> Iterator[str]:
-    points = summit_points(scene)
-    if scene.adhesion.law == "cosine" and FEW_SUMMIT_POINTS <= points < SOME_SUMMIT_POINTS:
-        yield (
-            f"summits: {points:.2g} grid points lie within the range of adhesion of the height of a summit; with fewer than "
-            f"{SOME_SUMMIT_POINTS:.0f} the pull-off force of a single summit is wrong by 10 to 30 %"
-        )
-
-
-def _overlap(scene) -> Iterator[str]:
-    share, repulsive = overlap_share(scene), scene.adhesion.law == "repulsive"
-    most = SOFT_WALL if repulsive else SOFT_ADHESION
-    if share <= most:
-        return
-    text = (
-        f"adhesion: at the preload punch and elastomer will overlap by about {100 * share:.0f} % of the indentation, as "
-        "the law's stiffness follows from the static modulus and the range; indentations are too large by half of that. "
-    )
-    reach = scene.adhesion.range * math.sqrt(most / share)
-    if repulsive:
-        yield text + f"Set adhesion.range to {reach * 1e6:.2g} um or less, or range_factor {share / most:.2g} times larger"
-    else:
-        yield text + f"Use grid.n >= {math.ceil(scene.grid.n * share / most)}, or a smaller preload"
-
-
-def _soft_overlap(scene) -> Iterator[str]:
-    share = overlap_share(scene)
-    if scene.adhesion.law == "cosine" and SOFT_OVERLAP < share <= SOFT_ADHESION:
-        yield (
-            f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.0f} % of the indentation; a "
-            "finer grid, with its shorter range, makes it less"
         )
 
 
@@ -214,29 +150,7 @@ def _images(scene) -> Iterator[str]:
     if scene.substrate.boundary == "periodic" and radius is not None and length < 3.0 * radius:
         yield (
             f"grid.length is only {length / radius:.3g} punch radii: the periodic images carry part of the load; "
-            f"the paper has 4.{_free_boundary(scene)}"
-        )
-
-
-def _film(scene) -> Iterator[str]:
-    """Films that their periodic images, or their edges, make others than a film without end."""
-    substrate, radius, spacing = scene.substrate, scene.punch.radius, scene.grid.length / scene.grid.n
-    if not math.isfinite(substrate.thickness):
-        return
-    if substrate.thickness < spacing:
-        yield (
-            f"substrate.thickness: the film is thinner than the grid's spacing, {spacing * 1e6:.3g} um, and stresses at the "
-            f"edge of a contact fall off within its thickness; use grid.n >= "
-            f"{math.ceil(scene.grid.length / substrate.thickness)}"
-        )
-    if substrate.boundary != "periodic" or radius is None:
-        return
-    share = image_stiffness(scene)
-    if abs(share - 1.0) > IMAGES_OF_FILM:
-        yield (
-            f"substrate.thickness, grid.length: in a periodic cell the film is about {share:.2g} times as stiff under the "
-            "punch as one that goes on without other punches, as their images press it too and it cannot escape to the "
-            f"sides; compare thickness and cell, {substrate.thickness / scene.grid.length:.2g}.{_free_boundary(scene)}"
+            f"the paper has 4.{free_boundary(scene)}"
         )
 
 
@@ -250,13 +164,6 @@ def _explicit_steps(scene) -> Iterator[str]:
     if steps / scene.output.every > MANY_ROWS:
         every = 10 ** math.ceil(math.log10(steps / MANY_ROWS))
         yield f"output.every: about {steps / scene.output.every:.2g} rows are to come in curve.csv; set it to {every}"
-
-
-def _free_boundary(scene) -> str:
-    """What a free boundary offers to a scheme that can have one."""
-    if scene.solver.scheme == "gfmd":
-        return ""
-    return ' substrate.boundary = "free" has no images, needs no such correction and costs the same'
 
 
 def _memory(scene, ranks: int) -> Iterator[str]:
@@ -282,7 +189,7 @@ def _far_displacement(scene) -> Iterator[str]:
     if scene.substrate.boundary == "periodic" and scene.punch.radius is not None:
         yield (
             "periodic cell: the far displacement u_inf is extrapolated; for a flat punch and L = 4a it is about 11 % "
-            f"off that of a free surface.{_free_boundary(scene)}"
+            f"off that of a free surface.{free_boundary(scene)}"
         )
 
 

@@ -7,12 +7,14 @@ resolves".
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import scipy.integrate
 import scipy.special
 
 from pgfmd.parts import compliance_of, law_of, relaxation_of, topography_of
+from pgfmd.physics.film import Film
 from pgfmd.physics.topography import layered
 from pgfmd.reference import hertz
 from pgfmd.solver.grid import Grid
@@ -36,8 +38,7 @@ def summit_points(scene) -> float:
     round.
 
     They carry the attraction of a summit before it is pressed. Without attraction, for a sphere or a power law alone:
-    those whose height is below the indentation at the preload. 2 pi R rho/h^2 for a radius R of curvature, which holds
-    for the rim of a concave punch as well.
+    those whose height is below the indentation at the preload. 2 pi R rho/h^2 for a radius R of curvature.
     """
     punch, law, spacing = scene.punch, law_of(scene.adhesion), scene.grid.length / scene.grid.n
     if not law.attractive and punch.pattern not in ("sphere", "power"):
@@ -50,11 +51,11 @@ def summit_points(scene) -> float:
     if punch.pattern == "power":
         radius = punch.curvature_radius * (punch.exponent * raw / punch.curvature_radius) ** (1.0 / punch.exponent)
         return math.pi * (radius / spacing) ** 2
-    return 2.0 * math.pi * abs(summit_radius(punch)) * raw / spacing**2
+    return 2.0 * math.pi * summit_radius(punch) * raw / spacing**2
 
 
 def summit_radius(punch) -> float:
-    """Radius of curvature [m] of a summit, that of the whole punch included; negative where it is concave."""
+    """Radius of curvature [m] of a summit, that of the whole punch included."""
     radius = topography_of(punch).summit_radius
     curvature = 0.0 if math.isinf(radius) else 1.0 / radius
     if punch.pattern not in ("sphere", "power") and math.isfinite(punch.curvature_radius):
@@ -77,25 +78,33 @@ def _rise_of_map(scene) -> float:
     """
     grid, radius = Grid(scene.grid.n, scene.grid.length), scene.punch.radius
     start, count = grid.block(radius)
-    bands = _bands(count)
-    x, y = np.meshgrid(grid.coordinate(start + np.arange(count)), grid.coordinate(start + np.concatenate(bands)))
-    # In one call, as each of them reads the file.
-    height = topography_of(scene.punch).heights(x, y)
-    if radius is not None:
-        height[np.hypot(x, y) > radius * (1.0 + 1e-12)] = math.inf
-    found = [_summits(band) for band in np.split(height, len(bands))]
+
+    def heights(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        x, y = np.meshgrid(grid.coordinate(start + columns), grid.coordinate(start + rows))
+        # A call reads the file: few of them.
+        height = topography_of(scene.punch).heights(x, y)
+        if radius is not None:
+            height[np.hypot(x, y) > radius * (1.0 + 1e-12)] = math.inf
+        return height
+
+    bands = _bands(count, heights)
+    found = [_summits(band) for band in np.split(heights(np.concatenate(bands), np.arange(count)), len(bands))]
     rise, level = (np.concatenate(parts) for parts in zip(*found, strict=True))
     if not rise.size:
         return 0.0
     return float(np.median(rise[np.argsort(level, kind="stable")[:LOWEST]]))
 
 
-def _bands(count: int) -> list[np.ndarray]:
-    """Rows of a block of `count` by `count` points to look at: all of them, or bands of equal width all over it."""
+def _bands(count: int, heights: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> list[np.ndarray]:
+    """Rows of a block of `count` by `count` points to look at: all of them; of a large one bands of equal width, one
+    around its lowest point as far as a coarser grid tells, the others all over it."""
     if count**2 <= MOST_POINTS or count <= BAND:
         return [np.arange(count)]
-    firsts = np.linspace(0, count - BAND, max(1, MOST_POINTS // (BAND * count))).astype(int)
-    return [np.arange(first, first + BAND) for first in firsts]
+    every = np.arange(0, count, math.ceil(count / math.sqrt(MOST_POINTS)))
+    lowest = every[int(heights(every, every).min(axis=1).argmin())]
+    middles = np.linspace(0, count, MOST_POINTS // (BAND * count) + 2)[1:-1]
+    firsts = np.clip(np.append(middles, lowest).astype(int) - BAND // 2, 0, count - BAND)
+    return [np.arange(first, first + BAND) for first in np.unique(firsts)]
 
 
 def _summits(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -132,7 +141,7 @@ def overlap_share(scene) -> float:
         radius, limit = summit_radius(punch), 0.5 * punch.wavelength
     else:
         radius, limit = math.inf, punch.radius
-    if limit is None or radius <= 0.0:
+    if limit is None or radius == 0.0:
         return 0.0
     modulus = modulus_of(scene)
     for _ in range(20):
@@ -141,7 +150,16 @@ def overlap_share(scene) -> float:
             depth = max(depth, float(hertz.indentation(load, radius, modulus)))
         modulus = modulus_of(scene) * _mean_kappa(scene, depth / scene.drive.speed)
     size = min(limit, math.sqrt(radius * depth))
-    return load / (math.pi * size**2) / law.stiffness / depth
+    return load / (math.pi * size**2) / law.stiffness / (depth * _softness_of_film(scene, size))
+
+
+def _softness_of_film(scene, size: float) -> float:
+    """G0 of the scene's film relative to that of a half-space, for a contact of this radius [m]: q = 1/a."""
+    substrate = scene.substrate
+    if math.isinf(substrate.thickness):
+        return 1.0
+    film = Film(substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base)
+    return float(film(1.0 / size, 0.0)) * substrate.contact_modulus / (2.0 * size)
 
 
 def _mean_kappa(scene, time: float) -> float:
@@ -156,10 +174,13 @@ def _mean_kappa(scene, time: float) -> float:
 def image_stiffness(scene) -> float:
     """Stiffness of a film under the scene's punch in a periodic cell, relative to that of a film without end.
 
-    Of a uniform pressure p on a disc of the punch's radius a, whose spectrum is 2 pi a p J_1(qa)/q: the mean
+    Of a uniform pressure p on a disc of the contact's radius a, whose spectrum is 2 pi a p J_1(qa)/q: the mean
     displacement of the disc is the sum (periodic) or the integral of G0 times its square.
     """
-    film, radius, length = compliance_of(scene), scene.punch.radius, scene.grid.length
+    film, punch, length = compliance_of(scene), scene.punch, scene.grid.length
+    radius = punch.radius
+    if punch.pattern in ("sphere", "power"):
+        radius = min(radius, math.sqrt(punch.curvature_radius * depth_of(scene)))
 
     def shape(q: np.ndarray) -> np.ndarray:
         x = np.maximum(q * radius, 1e-9)
