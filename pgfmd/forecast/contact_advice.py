@@ -12,7 +12,7 @@ from .resolution import image_stiffness, overlap_share, summit_points
 
 FEW_SUMMIT_POINTS, SOME_SUMMIT_POINTS = 12.0, 50.0
 """Grid points of a summit within the range: below the first pull-off forces are wrong by more than a third, below the
-second by a tenth (docs: validation, "What the grid resolves")."""
+second by a tenth (docs: resolution)."""
 SOFT_OVERLAP, SOFT_WALL, SOFT_ADHESION = 0.05, 0.01, 0.2
 """Overlap relative to the indentation that is remarked on, and that is warned of without and with attraction: a wall
 alone should be hard."""

@@ -1,7 +1,6 @@
 """What the grid and the law make of a contact: points of a summit, overlap, and the images of a film. No MPI.
 
-Estimates from closed forms, for warnings. How far each of them can be trusted is in docs: validation, "What the grid
-resolves".
+Estimates from closed forms, for warnings. How far each of them can be trusted is in docs: resolution.
 """
 
 from __future__ import annotations
