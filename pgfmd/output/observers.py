@@ -202,7 +202,7 @@ class Snapshots(Observer):
             self._write_present(simulation, "preload")
             self._schedule(state)
         elif event.kind in ("step", "jump"):
-            tense = simulation.phase.name == "retract" and state.force < 0.0
+            tense = simulation.phase.recedes(state.elapsed) and state.force < 0.0
             if tense and (not tension.held or state.force < tension.force):
                 tension.take(state, self.surface)
         elif event.kind == "end" and tension.held:

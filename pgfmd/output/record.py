@@ -9,6 +9,7 @@ import sys
 
 from pgfmd.parts import inertia_of_scene
 from pgfmd.restart.history import History
+from pgfmd.solver.simulation import FINISHED
 
 from . import observers
 
@@ -65,8 +66,9 @@ def _numerics(scene) -> dict:
 
 
 def _has_retracted(simulation) -> bool:
-    """Whether a step of the retraction has been made."""
-    return simulation.phase.name == "retract" and simulation.state.elapsed > 0.0
+    """Whether a step of the retraction has been made, or a punch has come off in the turn already."""
+    state = simulation.state
+    return state.finished == FINISHED or (simulation.phase.name == "retract" and state.elapsed > 0.0)
 
 
 def _span(state) -> float | None:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from pgfmd.errors import Problem, SceneError
 from pgfmd.parts import drive_of
-from pgfmd.physics.drive import PRELOAD
+from pgfmd.physics.drive import PRELOAD, automatic_turn
 from pgfmd.scene import parse_scene
 from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.path_checks import FILE_KEYS
@@ -90,7 +91,15 @@ def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:
             return why
     elif key not in CHANGEABLE:
         return ""
-    return None if key in allow or section in allow else f"to go on with the new one, add --allow {key}"
+    if key in allow or section in allow or (_turn_follows(key, scene) and "drive.retract_speed" in allow):
+        return None
+    return f"to go on with the new one, add --allow {key}"
+
+
+def _turn_follows(key: str, scene) -> bool:
+    """Whether a key is the time of the turn, with the value that follows from the speeds."""
+    speeds = scene.drive.speed, scene.drive.retract_speed
+    return key == "drive.turn_time" and scene.drive.turn_time == automatic_turn(scene.adhesion.range, *speeds)
 
 
 def _drive_refusal(head: dict, scene) -> str:
@@ -101,7 +110,11 @@ def _drive_refusal(head: dict, scene) -> str:
     old, new, state = drive_of(before), drive_of(scene), head["state"]
     now = state["phase"]
     if old.clearance != new.clearance or old.phases[: now + 1] != new.phases[: now + 1]:
-        return f"the {old.phases[now].name} has begun"
+        begun = f"the {old.phases[now].name} has begun"
+        kept = replace(new, turn_time=old.turn_time)
+        if kept.clearance == old.clearance and kept.phases[: now + 1] == old.phases[: now + 1]:
+            return f'{begun}: keep drive.turn_time = "{old.turn_time!r} s"'
+        return begun
     if old.preload == new.preload:
         return ""
     if old.phases[now].ends_with != PRELOAD:

@@ -21,7 +21,7 @@ from pydantic import BaseModel, ValidationError
 
 from pgfmd.errors import Problem, SceneError
 from pgfmd.files.text import read_text
-from pgfmd.physics.drive import OVERSHOOT
+from pgfmd.physics.drive import automatic_turn
 
 from .checks import check
 from .draft import MISSING, Draft, example, is_unicode
@@ -240,11 +240,14 @@ def _resolve(title: str, draft: Draft) -> Scene:
     if reach == "auto":
         modulus = substrate.contact_modulus
         reach = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, q_ref)
+    retract_speed = drive.retract_speed or drive.speed
     automatic: dict[str, dict[str, Any]] = {
         "adhesion": {"q_ref": q_ref, "range": reach},
         "drive": {
-            "retract_speed": drive.retract_speed or drive.speed,
-            "turn_time": 4.0 * OVERSHOOT * reach / drive.speed if drive.turn_time == "auto" else drive.turn_time,
+            "retract_speed": retract_speed,
+            "turn_time": (
+                automatic_turn(reach, drive.speed, retract_speed) if drive.turn_time == "auto" else drive.turn_time
+            ),
             "clearance": reach if drive.clearance == "auto" else drive.clearance,
         },
         "punch": {"file": _text(draft.path("punch.file"))},

@@ -13,6 +13,7 @@ from pgfmd.physics.drive import DETACHED, Drive
 
 from .finite import not_finite_on
 from .interruption import Interrupted, Question
+from .preload_search import PRELOAD_TOLERANCE
 from .state import State
 
 FINISHED = "detached"
@@ -130,10 +131,21 @@ class Simulation:
     def _start(self) -> None:
         self.state.started = True
         self.state.force = self.state.least_force = self.scheme.start(self.state)
+        self._require_room_to_approach()
         self._measure()
         self.state.energies.adhesive_start = self.state.energies.adhesive
         self.state.energies.largest_residual = 0.0
         self._note(Event("start"))
+
+    def _require_room_to_approach(self) -> None:
+        """RunError where the first position already asks for more than the preload, which could then not be met."""
+        force, preload, clearance = self.state.force, self.drive.preload, self.drive.clearance
+        if force > preload * (1.0 + PRELOAD_TOLERANCE):
+            raise RunError(
+                f"at the start, with the punch at drive.clearance = {clearance:.6g} m, the force is {force:.6g} N at once: "
+                f"more than drive.preload = {preload:.6g} N, at which the approach is to end. "
+                "Raise drive.preload, or start higher: a larger drive.clearance, or none, to start just out of reach."
+            )
 
     def _turn_page(self, phase, why: str) -> None:
         """Ends phases and the run."""
@@ -145,12 +157,22 @@ class Simulation:
             state.phase += 1
             state.elapsed, state.phase_start, state.step = 0.0, state.position, 0.0
             state.forget_history()
-        elif phase.ends_with == DETACHED and state.smallest_gap >= self.scheme.law.reach:
+        elif self._is_detached(phase):
             state.finished = FINISHED
         elif phase.name == "approach" and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
         if not state.finished and state.counters.steps >= self.max_steps:
             state.finished = STOPPED_STEPS
+
+    def _is_detached(self, phase) -> bool:
+        """Whether nothing pulls or presses any more, and the punch is on its last way up.
+
+        That may begin within the turn: from its deepest point on the punch only gets faster, and a surface that is left
+        to itself slower, so that the two don't meet again.
+        """
+        state = self.state
+        on_the_way = phase.ends_with == DETACHED or phase.recedes(state.elapsed)
+        return on_the_way and state.smallest_gap >= self.scheme.law.reach
 
     def _measure(self) -> None:
         """Derives from the fields what rows of the curve and of the energy audit hold."""

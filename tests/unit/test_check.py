@@ -85,7 +85,7 @@ def test_short_range_is_warned_of():
 
 def test_coarse_wavelength_is_warned_of_and_the_cure_works():
     assert "use n >= 80" in warnings_of("tri-tack", "grid.n=79")
-    assert warnings_of("tri-tack", "grid.n=80") == ""
+    assert "wavelength" not in warnings_of("tri-tack", "grid.n=80")
 
 
 def test_preload_out_of_reach_is_warned_of():
@@ -97,7 +97,7 @@ def test_preload_out_of_reach_is_warned_of():
 def test_speed_beyond_relaxation_is_warned_of():
     assert "glass" in warnings_of("flat-punch", "drive.speed=0.3 m/s")
     assert "glass" in warnings_of("flat-punch", "drive.retract_speed=0.3 m/s")
-    assert warnings_of("flat-punch", "drive.speed=1 mm/s") == ""
+    assert "glass" not in warnings_of("flat-punch", "drive.speed=1 mm/s")
 
 
 def test_close_images_and_missing_memory_are_warned_of():
