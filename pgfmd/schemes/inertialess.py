@@ -121,7 +121,7 @@ class Inertialess(PathFollowing):
             trial.force = outcome.force
             trial.forces.append(outcome.force)
             if not outcome.converged:
-                trial.converged = False
+                trial.converged, trial.left_over = False, outcome.left_over
                 return trial
             # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes
             # the images G0 phi, and with them the stored energy, those of these tractions.

@@ -15,6 +15,9 @@ from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import Change, Trial
 
+LARGER_PRELOAD = 10.0
+"""Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just do:
+elsewhere on the path rounding may be worse."""
 DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
 
@@ -45,6 +48,20 @@ class PathFollowing:
     def place(self, state: State) -> float:
         """Position d of the punch [m]."""
         return state.position
+
+    def advice(self, trial: Trial) -> str:
+        """What to do about a step that no equilibrium is found for, by its last trial."""
+        if trial.left_over == 0.0:
+            return self.cure
+        single = self.solver.dtype == np.float32
+        cure = 'Set solver.precision = "mixed".'
+        if not single:
+            least = LARGER_PRELOAD * trial.left_over * self.solver.force_scale
+            cure = f'Raise drive.preload to "{least:.2g} N" or more.'
+        return (
+            f"In {'single' if single else 'double'} precision the forces on the surface can't be balanced as well as so small "
+            f"a preload, {self.solver.force_scale:.3g} N, asks for. {cure}"
+        )
 
     @property
     def pairs(self) -> int:

@@ -20,6 +20,7 @@ import numpy as np
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.solver import kernels
+from pgfmd.solver.drift import Drift
 from pgfmd.solver.machine import SprungConvolution, total
 from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.soft_mode import SoftMode
@@ -99,7 +100,7 @@ class Quasistatic(PathFollowing):
             self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False)
         state.counters.take(first)
         if not first.converged:
-            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.cure}")
+            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(first)}")
         state.traction[:] = self.solver.traction
         force = self._force(state.load)
         state.energies.elastic = state.energies.elastic_start = self._elastic(state.displacement, state.load, force)
@@ -184,7 +185,7 @@ class Quasistatic(PathFollowing):
     def _take(trial: Trial, outcome: Outcome) -> None:
         trial.newton_iterations += outcome.newton_iterations
         trial.cg_iterations += outcome.cg_iterations
-        trial.converged = outcome.converged
+        trial.converged, trial.left_over = outcome.converged, outcome.left_over
 
     def _leave_saddles(
         self, state: State, trial: Trial, surface, outcome: Outcome, tolerance: float, jump: bool, left: bool
@@ -251,13 +252,16 @@ class Quasistatic(PathFollowing):
 
     def _noise(self, state: State, trial: Trial, tolerance: float) -> float:
         """How far a step's energies may be off for the errors of its two equilibria [J]: they are minima, so these enter
-        squared; and by rounding."""
+        squared; by rounding; and, where the end of a soft spring is far away, by how far that has driven u from G0 w."""
         law, area = self.law, self.points.grid.cell_area
         interacting = math.pi**2 * law.work_of_adhesion * tolerance**2 * area * max(self.interacting(state), 1)
         rounding = SINGLE_NOISE if self.solver.dtype == np.float32 else NOISE
         at_stake = self._stored + law.work_of_adhesion * self.points.total * area
         at_stake += 0.5 * self.machine_compliance * trial.force**2
-        return 1e-2 * interacting + rounding * at_stake
+        noise = 1e-2 * interacting + rounding * at_stake
+        if self.machine_compliance:
+            noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.range
+        return noise
 
 
 def sprung(convolve, spring: float, compliance: float):
