@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.physics.rheology import CreepSeries
 from pgfmd.solver import kernels
@@ -44,7 +45,7 @@ class Inertialess(PathFollowing):
     steps with retardation. All fields have the precision of the solver's convolution.
     """
 
-    cure = "Try a smaller solver.accuracy."
+    cure = "Try a smaller solver.accuracy, or a larger adhesion.range."
 
     def __init__(
         self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool, far_weights: np.ndarray,
@@ -78,15 +79,22 @@ class Inertialess(PathFollowing):
     def start(self, state: State) -> float:
         """Brings the surface into instantaneous balance with the punch at its first position; returns the force [N].
 
-        Nothing to do, and nothing done, for a punch out of reach.
+        Nothing to do, and nothing done, for a punch out of reach. RunError if there is no balance.
         """
         solver = self.solver
         history = self._history[0]
         history[:] = 0.0
-        outcome = solver.solve(
-            state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance
-        )
-        state.counters.take(outcome)
+        for jump in (False, True):
+            # Where the punch starts in contact, the way from the surface at rest may be long.
+            outcome = solver.solve(
+                state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance, jump
+            )
+            state.counters.take(outcome)
+            if outcome.converged:
+                break
+        else:
+            first = Trial(0.0, state.position, None, converged=False, left_over=outcome.left_over)
+            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(first)}")
         state.traction[:] = solver.traction
         if self.audit:
             kernels.dot(state.traction, state.displacement, self.points.offset, self._rows)
