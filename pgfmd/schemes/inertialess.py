@@ -20,13 +20,13 @@ from pgfmd.solver.state import State
 from pgfmd.solver.trial import Trial
 
 from .energy_audit import EnergyAudit, tension_of, work_of
-from .path_following import PathFollowing
+from .path_following import EVENT_TOLERANCE, PathFollowing
 
 LOOSEST_TOLERANCE = 2e-2
 """Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
-EVENT_TOLERANCE, EVENT_SHARE = 2.5e-4, 0.25
-"""Largest tolerance of solves that look for an event, and largest share of the usual one: the force is then good to
-half of what the preload has to be met to."""
+EVENT_SHARE = 0.25
+"""Largest share of the usual tolerance in solves that look for an event: the force is then good to half of what the preload
+has to be met to."""
 JUMP_SHARPNESS = 1e-3
 """Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
 tiny, and a loose solve lingers on it."""
@@ -94,7 +94,7 @@ class Inertialess(PathFollowing):
                 break
         else:
             first = Trial(0.0, state.position, None, converged=False, left_over=outcome.left_over)
-            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(first)}")
+            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(state, first)}")
         state.traction[:] = solver.traction
         if self.audit:
             kernels.dot(state.traction, state.displacement, self.points.offset, self._rows)
@@ -120,7 +120,7 @@ class Inertialess(PathFollowing):
             self._predict(state, trial, i, node * step)
             outcome = self.solver.solve(
                 trial.position, history, weights.compliance[i], self._u[i], self._w[i],
-                self._tolerance(state, sharp, jump), jump,
+                self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
             )  # fmt: skip
             self._drift = self._drift.disturbed(self._rough * outcome.moved)
             trial.newton_iterations += outcome.newton_iterations

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pgfmd.errors import RunError
+from pgfmd.physics.drive import PRELOAD
 from pgfmd.solver import kernels
 from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.solver.extrapolation import lagrange_weights
@@ -15,6 +17,8 @@ from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import Change, Trial
 
+EVENT_TOLERANCE = 2.5e-4
+"""Largest tolerance of solves that look for an event."""
 LARGER_PRELOAD = 10.0
 """Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just do:
 elsewhere on the path rounding may be worse."""
@@ -49,18 +53,21 @@ class PathFollowing:
         """Position d of the punch [m]."""
         return state.position
 
-    def advice(self, trial: Trial) -> str:
+    def advice(self, state: State, trial: Trial) -> str:
         """What to do about a step that no equilibrium is found for, by its last trial."""
-        if trial.left_over == 0.0:
-            return self.cure
-        single = self.solver.dtype == np.float32
+        return self._larger_preload(state, trial) if trial.left_over else self.cure
+
+    def _larger_preload(self, state: State, trial: Trial) -> str:
+        scale, dtype = self.solver.force_scale, self.solver.dtype
+        single = dtype == np.float32
         cure = 'Set solver.precision = "mixed".'
         if not single:
-            least = LARGER_PRELOAD * trial.left_over * self.solver.force_scale
+            rounded = float(np.finfo(dtype).eps) * self._scale(state, trial)
+            least = LARGER_PRELOAD * max(trial.left_over * scale, 10.0 * rounded / (self.solver.force_share * EVENT_TOLERANCE))
             cure = f'Raise drive.preload to "{least:.2g} N" or more.'
         return (
             f"In {'single' if single else 'double'} precision the forces on the surface can't be balanced as well as so small "
-            f"a preload, {self.solver.force_scale:.3g} N, asks for. {cure}"
+            f"a preload, {scale:.3g} N, asks for. {cure}"
         )
 
     @property
@@ -133,6 +140,7 @@ class PathFollowing:
             state.energies.released += trial.potential_drop
             state.counters.jumps += 1
             state.forget_history()
+        self._require_time(state, trial)
         self._remember(state, trial)
         state.traction[:] = self.solver.traction
         state.position, state.force = trial.position, trial.force
@@ -140,6 +148,23 @@ class PathFollowing:
         state.elapsed += trial.step
         state.last_step = trial.step
         state.counters.steps += 1
+
+    def _require_time(self, state: State, trial: Trial) -> None:
+        """RunError where step after step is too short for time to move on: such a run would never end.
+
+        One alone may end an event or a jump, and those that grow come to an end.
+        """
+        longest = max(trial.step, state.last_step)
+        if trial.is_jump or state.elapsed + longest > state.elapsed or trial.step > state.last_step:
+            return
+        advice = self.cure
+        if trial.phase.ends_with == PRELOAD and abs(trial.force) <= 2.0 * self.solver.force_scale:
+            advice = self._larger_preload(state, trial)
+        raise RunError(
+            f"time stands still in step {state.counters.steps + 1} ({trial.phase.name}, t = {state.time:.6g} s, "
+            f"d = {state.position:.6g} m): steps of {trial.step:.3g} s vanish in it. What has been written so far is valid. "
+            f"{advice}"
+        )
 
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""

@@ -28,13 +28,11 @@ from pgfmd.solver.state import State
 from pgfmd.solver.trial import Trial
 
 from .energy_audit import SINGLE_NOISE
-from .path_following import PathFollowing
+from .path_following import EVENT_TOLERANCE, PathFollowing
 from .spring_work import SpringWork
 
 SHARPNESS = 0.25
 """Share of the tolerance to which equilibria are solved: a step's only error is its solve's."""
-EVENT_TOLERANCE = 2.5e-4
-"""Largest tolerance of solves close to the preload."""
 PATIENCE = 2
 """Of CG (newton.py): for a relaxed surface it is slow, and one small move may be followed by larger ones."""
 MOST_SLIDES, QUIET_SLIDES = 20, 3
@@ -100,7 +98,7 @@ class Quasistatic(PathFollowing):
             self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False)
         state.counters.take(first)
         if not first.converged:
-            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(first)}")
+            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(state, first)}")
         state.traction[:] = self.solver.traction
         force = self._force(state.load)
         state.energies.elastic = state.energies.elastic_start = self._elastic(state.displacement, state.load, force)
@@ -121,11 +119,12 @@ class Quasistatic(PathFollowing):
             self._carry(trial.position - state.position, state, u, w)
         tolerance = SHARPNESS * self.tolerance
         tolerance = min(EVENT_TOLERANCE, tolerance) if sharp else tolerance
-        outcome = self._solve(trial.position, u, w, tolerance, jump)
+        largest = 0.0 if sharp else PathFollowing._scale(self, state, trial)
+        outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
         self._take(trial, outcome)
         left = outcome.met_negative_curvature
         if trial.converged and self.soft_mode:
-            outcome, left = self._leave_saddles(state, trial, (u, w), outcome, tolerance, jump, left)
+            outcome, left = self._leave_saddles(state, trial, (u, w), outcome, tolerance, jump, left, largest)
         if not trial.converged:
             return trial
         trial.force = self._force(w)
@@ -176,8 +175,12 @@ class Quasistatic(PathFollowing):
         w[np.flatnonzero(state.traction)] += self.compliance * way * stiffness / area
         self.solver.convolve(w, u)
 
-    def _solve(self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool) -> Outcome:
-        outcome = self.solver.solve(position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump)
+    def _solve(
+        self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool, largest: float = 0.0
+    ) -> Outcome:
+        outcome = self.solver.solve(
+            position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest
+        )
         self._drift = self._drift.disturbed(self._rough * outcome.moved)
         return outcome
 
@@ -188,8 +191,9 @@ class Quasistatic(PathFollowing):
         trial.converged, trial.left_over = outcome.converged, outcome.left_over
 
     def _leave_saddles(
-        self, state: State, trial: Trial, surface, outcome: Outcome, tolerance: float, jump: bool, left: bool
-    ) -> tuple[Outcome, bool]:
+        self, state: State, trial: Trial, surface, outcome: Outcome, tolerance: float, jump: bool, left: bool,
+        largest: float = 0.0,
+    ) -> tuple[Outcome, bool]:  # fmt: skip
         """Confirms that the equilibrium is a minimum; goes on downhill along the soft mode where it is not, if that is
         wanted. Returns the last outcome, and whether an instability was met."""
         u, w = surface
@@ -209,7 +213,7 @@ class Quasistatic(PathFollowing):
             if dropped == 0.0:
                 # Indifferent, to rounding: no lower place either way.
                 return outcome, left
-            outcome = self._solve(trial.position, u, w, tolerance, jump)
+            outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
             self._take(trial, outcome)
             # Where points leave the range of adhesion the curvature jumps, and a saddle may be one within a hair only.
             quiet = quiet + 1 if dropped < noise else 0

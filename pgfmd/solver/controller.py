@@ -139,7 +139,7 @@ class Controller:
         return (
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, t = {state.time:.6g} s, "
             f"d = {state.position:.6g} m, step {trial.step:.3g} s). What has been written so far is valid. "
-            f"{self.scheme.advice(trial)}"
+            f"{self.scheme.advice(state, trial)}"
         )
 
 

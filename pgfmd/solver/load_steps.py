@@ -91,7 +91,7 @@ class LoadSteps:
         raise RunError(
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, "
             f"d = {self.scheme.place(state):.6g} m, "
-            f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. {self.scheme.advice(trial)}"
+            f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. {self.scheme.advice(state, trial)}"
         )
 
     def _goes_free(self, state: State, phase: Phase) -> bool:

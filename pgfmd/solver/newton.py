@@ -90,7 +90,7 @@ class NewtonSolver:
 
     def solve(
         self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False,
-        timid: bool = False,
+        timid: bool = False, largest_force: float = 0.0,
     ) -> Outcome:  # fmt: skip
         """Moves u [m] and w [Pa] (in place, consistent: u = G0 w) to a minimum of Phi downhill of where they are.
 
@@ -98,7 +98,8 @@ class NewtonSolver:
         tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the
         force that is out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0
         rho is no small stress.) Where rounding allows no correction to be taken, one that is this small will do. jump: the way down may be long. timid: give up where the potential bends down along a
-        direction, or the surface has moved far: there is a better start, nearer by. Where it does not converge, u and w
+        direction, or the surface has moved far: there is a better start, nearer by. largest_force [N] so far, if not 0:
+        where rounding allows no better balance, one that is good beside this force will do. Where it does not converge, u and w
         stay at the lowest Phi found.
         """
         trust, way, cg_count, negative, renewed = 1.0, 0.0, 0, False, False
@@ -146,7 +147,8 @@ class NewtonSolver:
             noise = self._noise(compliance, u, w) if count == MOST_IDLE else noise
             if progress.stalls(drop, self._slack_of(potential) + noise, size, unsettled):
                 if not bent and size < tolerance:
-                    if unsettled <= unbalanced:
+                    largest = max(largest_force, abs(pull) * self.points.grid.cell_area) if largest_force else 0.0
+                    if unsettled <= unbalanced * max(1.0, largest / self.force_scale):
                         return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size)
                     left_over = progress.least_unsettled / unbalanced
                 break

@@ -39,7 +39,7 @@ class Surface:
     def accept(self, state, trial):
         self.accepted.append(trial)
 
-    def advice(self, trial):
+    def advice(self, state, trial):
         return "Give it up."
 
 
