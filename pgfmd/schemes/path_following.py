@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pgfmd.errors import RunError
+from pgfmd.physics.drive import PRELOAD
 from pgfmd.solver import kernels
 from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.solver.extrapolation import lagrange_weights
@@ -15,6 +17,11 @@ from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import Change, Trial
 
+EVENT_TOLERANCE = 2.5e-4
+"""Largest tolerance of solves that look for an event."""
+LARGER_PRELOAD = 10.0
+"""Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just do:
+elsewhere on the path rounding may be worse."""
 DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
 
@@ -45,6 +52,23 @@ class PathFollowing:
     def place(self, state: State) -> float:
         """Position d of the punch [m]."""
         return state.position
+
+    def advice(self, state: State, trial: Trial) -> str:
+        """What to do about a step that no equilibrium is found for, by its last trial."""
+        return self._larger_preload(state, trial) if trial.left_over else self.cure
+
+    def _larger_preload(self, state: State, trial: Trial) -> str:
+        scale, dtype = self.solver.force_scale, self.solver.dtype
+        single = dtype == np.float32
+        cure = 'Set solver.precision = "mixed".'
+        if not single:
+            rounded = float(np.finfo(dtype).eps) * self._scale(state, trial)
+            least = LARGER_PRELOAD * max(trial.left_over * scale, 10.0 * rounded / (self.solver.force_share * EVENT_TOLERANCE))
+            cure = f'Raise drive.preload to "{least:.2g} N" or more.'
+        return (
+            f"In {'single' if single else 'double'} precision the forces on the surface can't be balanced as well as so small "
+            f"a preload, {scale:.3g} N, asks for. {cure}"
+        )
 
     @property
     def pairs(self) -> int:
@@ -116,6 +140,7 @@ class PathFollowing:
             state.energies.released += trial.potential_drop
             state.counters.jumps += 1
             state.forget_history()
+        self._require_time(state, trial)
         self._remember(state, trial)
         state.traction[:] = self.solver.traction
         state.position, state.force = trial.position, trial.force
@@ -123,6 +148,23 @@ class PathFollowing:
         state.elapsed += trial.step
         state.last_step = trial.step
         state.counters.steps += 1
+
+    def _require_time(self, state: State, trial: Trial) -> None:
+        """RunError where step after step is too short for time to move on: such a run would never end.
+
+        One alone may end an event or a jump, and those that grow come to an end.
+        """
+        longest = max(trial.step, state.last_step)
+        if trial.is_jump or state.elapsed + longest > state.elapsed or trial.step > state.last_step:
+            return
+        advice = self.cure
+        if trial.phase.ends_with == PRELOAD and abs(trial.force) <= 2.0 * self.solver.force_scale:
+            advice = self._larger_preload(state, trial)
+        raise RunError(
+            f"time stands still in step {state.counters.steps + 1} ({trial.phase.name}, t = {state.time:.6g} s, "
+            f"d = {state.position:.6g} m): steps of {trial.step:.3g} s vanish in it. What has been written so far is valid. "
+            f"{advice}"
+        )
 
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""

@@ -20,6 +20,7 @@ import numpy as np
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.solver import kernels
+from pgfmd.solver.drift import Drift
 from pgfmd.solver.machine import SprungConvolution, total
 from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.soft_mode import SoftMode
@@ -27,13 +28,11 @@ from pgfmd.solver.state import State
 from pgfmd.solver.trial import Trial
 
 from .energy_audit import SINGLE_NOISE
-from .path_following import PathFollowing
+from .path_following import EVENT_TOLERANCE, PathFollowing
 from .spring_work import SpringWork
 
 SHARPNESS = 0.25
 """Share of the tolerance to which equilibria are solved: a step's only error is its solve's."""
-EVENT_TOLERANCE = 2.5e-4
-"""Largest tolerance of solves close to the preload."""
 PATIENCE = 2
 """Of CG (newton.py): for a relaxed surface it is slow, and one small move may be followed by larger ones."""
 MOST_SLIDES, QUIET_SLIDES = 20, 3
@@ -99,7 +98,7 @@ class Quasistatic(PathFollowing):
             self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False)
         state.counters.take(first)
         if not first.converged:
-            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.cure}")
+            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(state, first)}")
         state.traction[:] = self.solver.traction
         force = self._force(state.load)
         state.energies.elastic = state.energies.elastic_start = self._elastic(state.displacement, state.load, force)
@@ -120,11 +119,12 @@ class Quasistatic(PathFollowing):
             self._carry(trial.position - state.position, state, u, w)
         tolerance = SHARPNESS * self.tolerance
         tolerance = min(EVENT_TOLERANCE, tolerance) if sharp else tolerance
-        outcome = self._solve(trial.position, u, w, tolerance, jump)
+        largest = 0.0 if sharp else PathFollowing._scale(self, state, trial)
+        outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
         self._take(trial, outcome)
         left = outcome.met_negative_curvature
         if trial.converged and self.soft_mode:
-            outcome, left = self._leave_saddles(state, trial, (u, w), outcome, tolerance, jump, left)
+            outcome, left = self._leave_saddles(state, trial, (u, w), outcome, tolerance, jump, left, largest)
         if not trial.converged:
             return trial
         trial.force = self._force(w)
@@ -175,8 +175,12 @@ class Quasistatic(PathFollowing):
         w[np.flatnonzero(state.traction)] += self.compliance * way * stiffness / area
         self.solver.convolve(w, u)
 
-    def _solve(self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool) -> Outcome:
-        outcome = self.solver.solve(position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump)
+    def _solve(
+        self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool, largest: float = 0.0
+    ) -> Outcome:
+        outcome = self.solver.solve(
+            position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest
+        )
         self._drift = self._drift.disturbed(self._rough * outcome.moved)
         return outcome
 
@@ -184,11 +188,12 @@ class Quasistatic(PathFollowing):
     def _take(trial: Trial, outcome: Outcome) -> None:
         trial.newton_iterations += outcome.newton_iterations
         trial.cg_iterations += outcome.cg_iterations
-        trial.converged = outcome.converged
+        trial.converged, trial.left_over = outcome.converged, outcome.left_over
 
     def _leave_saddles(
-        self, state: State, trial: Trial, surface, outcome: Outcome, tolerance: float, jump: bool, left: bool
-    ) -> tuple[Outcome, bool]:
+        self, state: State, trial: Trial, surface, outcome: Outcome, tolerance: float, jump: bool, left: bool,
+        largest: float = 0.0,
+    ) -> tuple[Outcome, bool]:  # fmt: skip
         """Confirms that the equilibrium is a minimum; goes on downhill along the soft mode where it is not, if that is
         wanted. Returns the last outcome, and whether an instability was met."""
         u, w = surface
@@ -208,7 +213,7 @@ class Quasistatic(PathFollowing):
             if dropped == 0.0:
                 # Indifferent, to rounding: no lower place either way.
                 return outcome, left
-            outcome = self._solve(trial.position, u, w, tolerance, jump)
+            outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
             self._take(trial, outcome)
             # Where points leave the range of adhesion the curvature jumps, and a saddle may be one within a hair only.
             quiet = quiet + 1 if dropped < noise else 0
@@ -251,13 +256,16 @@ class Quasistatic(PathFollowing):
 
     def _noise(self, state: State, trial: Trial, tolerance: float) -> float:
         """How far a step's energies may be off for the errors of its two equilibria [J]: they are minima, so these enter
-        squared; and by rounding."""
+        squared; by rounding; and, where the end of a soft spring is far away, by how far that has driven u from G0 w."""
         law, area = self.law, self.points.grid.cell_area
         interacting = math.pi**2 * law.work_of_adhesion * tolerance**2 * area * max(self.interacting(state), 1)
         rounding = SINGLE_NOISE if self.solver.dtype == np.float32 else NOISE
         at_stake = self._stored + law.work_of_adhesion * self.points.total * area
         at_stake += 0.5 * self.machine_compliance * trial.force**2
-        return 1e-2 * interacting + rounding * at_stake
+        noise = 1e-2 * interacting + rounding * at_stake
+        if self.machine_compliance:
+            noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.range
+        return noise
 
 
 def sprung(convolve, spring: float, compliance: float):

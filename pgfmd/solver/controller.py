@@ -108,7 +108,7 @@ class Controller:
                 continue
             self._accept(state, phase, trial, wanted if why else step)
             return trial, "preload" if search.is_met(trial.force) else why
-        raise RunError(self._stuck(state, phase, step))
+        raise RunError(self._stuck(state, phase, trial))
 
     def _accept(self, state: State, phase: Phase, trial, wanted: float) -> None:
         self.scheme.accept(state, trial)
@@ -135,12 +135,11 @@ class Controller:
         by_energy = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
         return min(by_error, max(by_energy, by_error / ENERGY_CUT[self.scheme.order]))
 
-    @staticmethod
-    def _stuck(state: State, phase: Phase, step: float) -> str:
+    def _stuck(self, state: State, phase: Phase, trial) -> str:
         return (
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, t = {state.time:.6g} s, "
-            f"d = {state.position:.6g} m, step {step:.3g} s). What has been written so far is valid. "
-            "Try a smaller solver.accuracy, or a larger adhesion.range."
+            f"d = {state.position:.6g} m, step {trial.step:.3g} s). What has been written so far is valid. "
+            f"{self.scheme.advice(state, trial)}"
         )
 
 

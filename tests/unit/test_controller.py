@@ -39,6 +39,9 @@ class Surface:
     def accept(self, state, trial):
         self.accepted.append(trial)
 
+    def advice(self, state, trial):
+        return "Give it up."
+
 
 def controller(scheme, attractive=True, preload=1.0):
     return Controller(scheme, StepLimits(TOLERANCE, RANGE, SHORTEST, attractive), preload)
@@ -88,7 +91,7 @@ def test_without_attraction_nothing_jumps():
 
 def test_a_surface_without_equilibrium_is_an_error_and_not_a_hang():
     scheme = Surface(lambda step: math.inf)
-    with pytest.raises(RunError, match="no equilibrium"):
+    with pytest.raises(RunError, match="no equilibrium.*Give it up"):
         controller(scheme).advance(state(0.1), RETRACT)
     assert len(scheme.tried) <= Controller.largest_try_count
 
