@@ -47,6 +47,11 @@ class Simulation:
         return self.phases[self.state.phase]
 
     @property
+    def retracting(self) -> bool:
+        """Whether the drive moves out at the end of the last step: in the retraction, or past the middle of the turn."""
+        return self.phase.name == "retract" or self.phase.velocity(self.state.elapsed) > 0.0
+
+    @property
     def punch_position(self) -> float:
         """Position d of the punch [m]: the machine's, or that at the end of its spring."""
         return self.scheme.place(self.state)
@@ -125,11 +130,13 @@ class Simulation:
             energies.largest_residual = max(energies.largest_residual, abs(energies.residual))
         if state.contact_points and state.first_contact_time is None:
             state.first_contact_time = state.time
-        name = self.phase.name
-        if name == "approach":
+        state.largest_force = max(state.largest_force, state.force)
+        if self.phase.name == "approach":
             state.snap_in_force = min(state.snap_in_force, state.least_force)
-        elif name != "dwell":
+            state.snap_in_at_ends = min(state.snap_in_at_ends, state.force)
+        elif self.retracting:
             state.pull_off_force = min(state.pull_off_force, state.least_force)
+            state.pull_off_at_ends = min(state.pull_off_at_ends, state.force)
 
     def _require_finite(self) -> None:
         """RunError, naming array and entry, if a field of the state is no longer finite. Collective."""

@@ -11,8 +11,8 @@ from mpi4py import MPI
 from pgfmd.analysis.comparison import fitted_offset, overlay, rms_difference
 from pgfmd.analysis.compliance import corrected_experiment, corrected_simulation, fit_cell_compliance
 from pgfmd.analysis.hysteresis import audit_of, twin_of
-from pgfmd.analysis.loop import Loop
-from pgfmd.analysis.measures import net_work
+from pgfmd.results.loop import Loop
+from pgfmd.results.measures import net_work
 from pgfmd.analysis.scene_differences import differences
 from pgfmd.analysis.tabor import effective_tabor
 from pgfmd.results import load
