@@ -82,5 +82,5 @@ def _add_measures(table: Table, section: str, found: Measures) -> None:
     table.add(section, "snap_in_force", "snap-in force", tension, "N", uncertainty=spread)
     work, spread = found.work_of_separation, found.work_of_separation_uncertainty
     table.add(section, "work_of_separation", "work of separation", work, "J", uncertainty=spread)
-    note = "net work of the rows that there are"
-    table.add(section, "hysteresis", "hysteresis", found.hysteresis, "J", note, found.hysteresis_uncertainty)
+    work, spread = found.hysteresis, found.hysteresis_uncertainty
+    table.add(section, "hysteresis", "hysteresis", work, "J", "net work of the loop, as far as it goes", spread)

@@ -56,7 +56,9 @@ def _from_the_turn(loop: Loop, branch: str) -> tuple[Array, Array]:
     if branch == "approach":
         rows = slice(0, loop.preload_row + 1)
         return loop.force[rows][::-1], loop.indentation[rows][::-1]
-    rows = loop.branches[branch]
+    # From where the drive has its full speed: within the turn the force changes while the punch hardly moves.
+    steady = np.flatnonzero(loop.phase == "retract")
+    rows = slice(max(int(steady[0]) - 1, 0) if steady.size else loop.turning_row, None)
     return loop.force[rows], loop.indentation[rows]
 
 

@@ -75,7 +75,7 @@ def compare(
     machine_stiffness: Annotated[
         str,
         typer.Option(
-            "--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off the experiment, such as 38.1kN/m; inf for none."
+            "--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off the experiment; such as 38.1kN/m."
         ),
     ] = "inf",
     correct: Annotated[

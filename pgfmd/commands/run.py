@@ -27,7 +27,7 @@ TOLD = (
     ("pull-off force", "pull_off_force", "_N", 1e3, "mN"),
     ("work of separation", "work_of_separation", "_J", 1e9, "nJ"),
 )
-"""What the last lines of a run tell: words, key of `run.json` and its unit, factor to the unit that is shown."""
+"""What the last lines of a run tell: words, key of `run.json`, its unit; factor to the unit that is shown."""
 OFF = "off"
 _BEGAN = time.time()
 """About when the process began: limits of time count from then."""

@@ -26,8 +26,8 @@ BETWEEN_ROWS = 0.5
 
 @dataclass(frozen=True)
 class Dip:
-    """The lowest force of a branch: tension [N], positive, or 0 where it is a compression; displacement [m] of the punch
-    and time [s]; uncertainty [N] of the tension, None where it is not known."""
+    """The lowest force of a branch: tension [N], positive, or 0 where it is a compression; displacement [m] of the
+    punch and time [s]; uncertainty [N] of the tension, None where it is not known."""
 
     tension: float
     displacement: float

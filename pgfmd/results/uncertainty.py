@@ -1,9 +1,9 @@
 """How far off the numbers of a run may be for its `solver.accuracy` (docs: reference, "Numbers"). Plain Python.
 
 A step may be off by `accuracy`, of forces as a share of the largest so far. Errors of steps add up: of second order
-hardly, as a step's error is only partly that of the next; of first order more, as all of them have one sign. What a step
-did within is known by its dense output alone, and that is trusted no better than by what it adds to the step's ends.
-These are estimates, no bounds. The factors were found by runs at accuracies 10 to 100 times finer.
+hardly, of first order more, as all of them have one sign. What happened within a step is known by its dense output
+alone, and that is trusted no better than by what it adds to the step's ends. These are estimates, no bounds. The
+factors were found by runs at accuracies 10 to 100 times finer.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ class Simulation:
 
     @property
     def retracting(self) -> bool:
-        """Whether the drive moves out at the end of the last step: in the retraction, or past the middle of the turn."""
+        """Whether the drive moves out at the end of the last step: in the retraction, or past the turn's middle."""
         return self.phase.name == "retract" or self.phase.velocity(self.state.elapsed) > 0.0
 
     @property
