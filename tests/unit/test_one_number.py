@@ -121,7 +121,7 @@ def test_the_uncertainty_covers_what_a_finer_run_finds(tmp_path):
     keys = ("pull_off_force", "_N"), ("snap_in_force", "_N"), ("work_of_separation", "_J"), ("work", "_J")
     for scheme in ("inertialess", "quasistatic"):
         found = []
-        for accuracy in (0.01, 0.001):
+        for accuracy in (0.03, 0.003):
             changes = f"solver.scheme={scheme}", f"solver.accuracy={accuracy}", "output.patches=false"
             found.append(load(run(tmp_path / f"{scheme}-{accuracy}", *changes)).run)
         coarse, fine = found
@@ -129,7 +129,7 @@ def test_the_uncertainty_covers_what_a_finer_run_finds(tmp_path):
             spread = coarse[f"{key}_uncertainty{unit}"]
             assert abs(coarse[key + unit] - fine[key + unit]) < spread, (scheme, key)
             assert spread > fine[f"{key}_uncertainty{unit}"] > 0.0
-        assert coarse["pull_off_force_uncertainty_N"] < 0.1 * coarse["pull_off_force_N"]
+        assert coarse["pull_off_force_uncertainty_N"] < 0.2 * coarse["pull_off_force_N"]
 
 
 def test_explicit_steps_have_no_accuracy_to_tell_an_uncertainty_from(tmp_path):
