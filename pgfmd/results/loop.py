@@ -90,7 +90,7 @@ class Loop:
     @property
     def met_preload(self) -> bool:
         """Whether the approach has come to its end."""
-        return bool(np.any(self.phase != "approach"))
+        return "preload_N" in self.told or bool(np.any(self.phase != "approach"))
 
     @property
     def preload_row(self) -> int:
@@ -110,7 +110,8 @@ class Loop:
     @property
     def retracted(self) -> bool:
         """Whether the punch has begun to go up again."""
-        return self.met_preload and self.turning_row < len(self.force) - 1
+        # The step in which it turns may end deeper than it began.
+        return "pull_off_force_N" in self.told or (self.met_preload and self.turning_row < len(self.force) - 1)
 
     def pushed_in_by(self, extra: Array | float) -> Self:
         """The same loop, pushed in further by `extra` [m], of shape (rows,) or a number."""
