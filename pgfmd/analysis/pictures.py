@@ -3,6 +3,7 @@ model."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,11 @@ from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_figure
 from pgfmd.plots.folder import GREY, RED, STYLE, TURQUOISE, energy_unit
 from pgfmd.plots.maps import new_figure, signed
+from pgfmd.results.loop import Loop
 
 from .bulges import Bulge
 from .compliance import CellCompliance
 from .hysteresis import Audit, Twin
-from .loop import Loop
 
 COLOURS = (TURQUOISE, RED, "#d18f00", "#6a4c93", "#4a7c2a", "#8a5a44")
 DASHES = (0, (4, 2))
@@ -48,10 +49,11 @@ def styled(draw: Any, *arguments: Any, **options: Any) -> Any:
         return draw(*arguments, **options)
 
 
-def overlay_figure(loops: list[Loop], dots: int | None = None, note: str = "") -> Any:
+def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence[str] = ()) -> Any:
     """Force [mN] against indentation [um]: approaches thin and dashed, retractions in colour.
 
-    dots: number of the loop that was measured, drawn in black. note: what has been done to the curves.
+    dots: number of the loop that was measured, drawn in black. changes: what has been done to each curve, for its
+    legend; none for nothing to say.
     """
     figure = new_figure(5.6, 4.0)
     axis = figure.subplots()
@@ -63,11 +65,10 @@ def overlay_figure(loops: list[Loop], dots: int | None = None, note: str = "") -
         before = slice(0, rows.start + 1)
         if rows.start > 1:
             axis.plot(x[before], force[before], color=colour, linestyle=DASHES, linewidth=0.8)
-        axis.plot(x[rows], force[rows], color=colour, linewidth=1.0 if number == dots else 1.4, label=loop.name)
+        label = f"{loop.name}: {changes[number]}" if changes else loop.name
+        axis.plot(x[rows], force[rows], color=colour, linewidth=1.0 if number == dots else 1.4, label=label)
     axis.legend(loc="upper left")
     axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
-    if note:
-        axis.set_title(note, color="0.35")
     return figure
 
 

@@ -13,8 +13,6 @@ import typer
 
 from pgfmd.errors import ResultError
 
-PAPER_MACHINE = "38.1 kN/m"
-
 
 class Correct(str, Enum):
     """Which curves take up the compliance of the periodic cell."""
@@ -76,11 +74,13 @@ def compare(
     ],
     machine_stiffness: Annotated[
         str,
-        typer.Option("--machine-stiffness", metavar="STIFFNESS", help="Of the experiment; inf if corrected before."),
-    ] = PAPER_MACHINE,
+        typer.Option(
+            "--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off the experiment; such as 38.1kN/m."
+        ),
+    ] = "inf",
     correct: Annotated[
         Correct, typer.Option("--correct", help="Which curves take up the compliance of the periodic cell.")
-    ] = Correct.experiment,
+    ] = Correct.none,
     low_pass: LowPass = None,
     offset: Annotated[
         str, typer.Option("--offset", metavar="LENGTH|fit", help="By which the experiment is pushed in.")
@@ -95,7 +95,10 @@ def compare(
         Path, typer.Option("--out", "-o", metavar="FILE.png", help="Name of the picture.")
     ] = Path("comparison.png"),
 ) -> None:
-    """Lay curves of runs, and a measured one, over each other: a table and a picture."""
+    """Lay curves of runs, and a measured one, over each other: a table and a picture.
+
+    Curves are compared as they are, unless a correction is asked for.
+    """
     from pgfmd.analysis import pictures
     from pgfmd.analysis.beside_experiment import comparison_table, load_loops
     from pgfmd.analysis.comparison import overlay
@@ -111,7 +114,7 @@ def compare(
         raise ResultError(f"the curves could not be compared: {problem}") from None
     table = comparison_table(found, experiment is not None, correct.value, stiffness, resolution)
     measured = len(runs) if experiment is not None else None
-    figure = pictures.styled(pictures.overlay_figure, found.loops, measured)
+    figure = pictures.styled(pictures.overlay_figure, found.loops, measured, found.changes)
     path = pictures.save(figure, out)
     show(table)
     print(path)

@@ -22,10 +22,13 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", "-s", metavar="KEY=VALUE", help="The same, one key at a time."),
 ]
-UNBALANCED = 0.05
-"""Residual of the energy audit, as a share of what is at stake (results/audit.py), that is told at the end of a run."""
 LAUNCHER_NEEDS = 10.0
 """Time [s] before the end of a job at which a run has to be over: after a code other than 0, mpirun takes 5 s to end."""
+TOLD = (
+    ("pull-off force", "pull_off_force", "_N", 1e3, "mN"),
+    ("work of separation", "work_of_separation", "_J", 1e9, "nJ"),
+)
+"""What the last lines of a run tell: words, key of `run.json`, its unit; factor to the unit that is shown."""
 OFF = "off"
 _BEGAN = time.time()
 """About when the process began: limits of time count from then."""
@@ -120,10 +123,7 @@ def _summary(record: dict, directory: Path) -> list[str]:
     if record["pull_off_force_N"] is None:
         measured = "no pull-off force, the run ended before the retraction"
     else:
-        measured = (
-            f"pull-off force {record['pull_off_force_N'] * 1e3 + 0.0:.4g} mN, "
-            f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ"
-        )
+        measured = ", ".join(_number(record, *about) for about in TOLD)
     lines.append(
         f"{measured}; {record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
     )
@@ -131,11 +131,18 @@ def _summary(record: dict, directory: Path) -> list[str]:
     return [*lines, f"results: {directory}    pictures: pgfmd plot {directory}"]
 
 
+def _number(record: dict, name: str, key: str, suffix: str, factor: float, unit: str) -> str:
+    """A number of the record, with its uncertainty where there is one."""
+    spread = record.get(f"{key}_uncertainty{suffix}")
+    told = f" ± {spread * factor:.2g}" if spread else ""
+    return f"{name} {record[key + suffix] * factor + 0.0:.4g}{told} {unit}"
+
+
 def _unbalanced(record: dict, directory: Path) -> list[str]:
     """What is said of an energy audit that does not close, in any scheme; nothing of one that does."""
     from pgfmd.errors import ResultError
     from pgfmd.results import load
-    from pgfmd.results.audit import LEAST_LOOP, at_stake
+    from pgfmd.results.audit import LEAST_LOOP, UNBALANCED, at_stake
 
     if record["energy_residual"] is None:
         return []

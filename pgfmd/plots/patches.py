@@ -8,6 +8,7 @@ import numpy as np
 
 from pgfmd.physics.contact_sites import KINDS
 from pgfmd.results import Results
+from pgfmd.results.loop import turning_row
 
 from .maps import new_figure
 
@@ -41,8 +42,7 @@ def site_figure(results: Results) -> Any:
     figure = new_figure(5.2, 5.6)
     upper, lower = figure.subplots(2, 1)
     phase, time = np.asarray(results.curve["phase"]), np.asarray(results.curve["time [s]"])
-    inward = time[phase == "approach"]
-    turn = inward[-1] if inward.size else time[0]
+    turn = time[min(turning_row(np.asarray(results.curve["displacement [m]"]), phase), len(time) - 1)]
     kinds, totals = np.asarray(results.sites["kind"]), np.asarray(results.sites["of"])
     offset = float(results.curve["indentation [m]"][0] + results.curve["displacement [m]"][0])
     for kind in KINDS:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
-from pgfmd.physics.drive import DETACHED, Drive
+from pgfmd.physics.drive import Drive
 
 from .finite import not_finite_on
 from .interruption import Interrupted, Question
@@ -48,6 +48,11 @@ class Simulation:
     def phase(self):
         """The phase that the next step belongs to."""
         return self.phases[self.state.phase]
+
+    @property
+    def retracting(self) -> bool:
+        """Whether the drive moves out at the end of the last step: in the retraction, or past the turn's deepest point."""
+        return self.phase.recedes(self.state.elapsed)
 
     @property
     def punch_position(self) -> float:
@@ -157,22 +162,14 @@ class Simulation:
             state.phase += 1
             state.elapsed, state.phase_start, state.step = 0.0, state.position, 0.0
             state.forget_history()
-        elif self._is_detached(phase):
+        elif self.retracting and state.smallest_gap >= self.scheme.law.reach:
+            # From its deepest point on the punch only gets faster, and a surface that is left to itself slower, so that
+            # the two don't meet again.
             state.finished = FINISHED
         elif phase.name == "approach" and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
         if not state.finished and state.counters.steps >= self.max_steps:
             state.finished = STOPPED_STEPS
-
-    def _is_detached(self, phase) -> bool:
-        """Whether nothing pulls or presses any more, and the punch is on its last way up.
-
-        That may begin within the turn: from its deepest point on the punch only gets faster, and a surface that is left
-        to itself slower, so that the two don't meet again.
-        """
-        state = self.state
-        on_the_way = phase.ends_with == DETACHED or phase.recedes(state.elapsed)
-        return on_the_way and state.smallest_gap >= self.scheme.law.reach
 
     def _measure(self) -> None:
         """Derives from the fields what rows of the curve and of the energy audit hold."""
@@ -185,11 +182,13 @@ class Simulation:
             energies.largest_residual = max(energies.largest_residual, abs(energies.residual))
         if state.contact_points and state.first_contact_time is None:
             state.first_contact_time = state.time
-        name = self.phase.name
-        if name == "approach":
+        state.largest_force = max(state.largest_force, state.force)
+        if self.phase.name == "approach":
             state.snap_in_force = min(state.snap_in_force, state.least_force)
-        elif name != "dwell":
+            state.snap_in_at_ends = min(state.snap_in_at_ends, state.force)
+        elif self.retracting:
             state.pull_off_force = min(state.pull_off_force, state.least_force)
+            state.pull_off_at_ends = min(state.pull_off_at_ends, state.force)
 
     def _require_finite(self) -> None:
         """RunError, naming array and entry, if a field of the state is no longer finite. Collective."""

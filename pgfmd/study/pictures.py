@@ -14,9 +14,10 @@ import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_figure
-from pgfmd.plots.folder import STYLE, branches, column
+from pgfmd.plots.folder import STYLE, column
 from pgfmd.plots.maps import new_figure
 from pgfmd.results import load
+from pgfmd.results.loop import branches
 
 from .cases import short_names
 from .study_file import Axis
@@ -146,7 +147,7 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
 
 def _draw_curve(axis: Any, curve: Any, colour: Any, style: Any, label: str | None = None) -> None:
     indentation, force = 1e6 * column(curve, "indentation [m]"), 1e3 * column(curve, "force [N]")
-    parts = branches(column(curve, "phase"))
+    parts = branches(column(curve, "displacement [m]"), column(curve, "phase"))
     for name, rows in parts.items():
         look = {"linewidth": 1.3, "label": label} if name == "retraction" else {"linewidth": 0.6}
         axis.plot(indentation[rows], force[rows], color=colour, linestyle=style, **look)

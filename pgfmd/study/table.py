@@ -35,9 +35,15 @@ MEASURED = {
     "ranks": "ranks",
     "wall [s]": "wall_s",
     "peak_rss [bytes]": "peak_rss_bytes",
+    "largest_force [N]": "largest_force_N",
+    "time_to_preload [s]": "time_to_preload_s",
+    "pull_off_force_uncertainty [N]": "pull_off_force_uncertainty_N",
+    "snap_in_force_uncertainty [N]": "snap_in_force_uncertainty_N",
+    "work_of_separation_uncertainty [J]": "work_of_separation_uncertainty_J",
+    "work_uncertainty [J]": "work_uncertainty_J",
 }
 """Columns after the axes, and the keys of `run.json` that they hold."""
-OF_LOOP = ("work [J]", "energy_residual [1]")
+OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
 """Columns that mean nothing where the loop is not closed."""
 WHOLE = "detached"
 """How a run finishes whose loop is closed."""
