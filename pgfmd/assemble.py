@@ -11,9 +11,10 @@ from .schemes.inertialess import Inertialess
 from .solver.controller import Controller, StepLimits
 from .solver.far_field import far_weights
 from .solver.grid import Grid, PunchPoints
+from .solver.multiplier import free_multiplier, periodic_multiplier
 from .solver.newton import NewtonSolver
 from .solver.simulation import Simulation
-from .solver.transform import Convolution, Plane, free_multiplier, periodic_multiplier
+from .solver.transform import Convolution, Plane
 
 STEP_SHARE = 0.7
 """Tolerance of a step's error, in ranges of adhesion, for a `solver.accuracy` of 1. With 0.5,
