@@ -233,7 +233,8 @@ def _probe(target: Path) -> None:
 
     from pgfmd.physics.halfspace import HalfSpace
     from pgfmd.solver.grid import Grid, PunchPoints
-    from pgfmd.solver.transform import Convolution, periodic_multiplier
+    from pgfmd.solver.multiplier import periodic_multiplier
+    from pgfmd.solver.transform import Convolution
 
     comm, n = MPI.COMM_WORLD, 45
     points, compliance = PunchPoints(Grid(n, 1.0), 0.3, comm), HalfSpace(2.0)

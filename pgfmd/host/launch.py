@@ -92,6 +92,11 @@ def on_first(comm, action: Callable[[], Any]) -> Any:
             result = action()
         except PgfmdError as error:
             failure = error
+    if comm.size > 1:
+        # Of objects of any size: MPI's own broadcast refuses more than 2 GiB, on rank 0 alone.
+        from mpi4py.util.pkl5 import Intracomm
+
+        comm = Intracomm(comm)
     told = comm.bcast((result, None) if failure is None else (None, (str(failure), failure.exit_code)))
     if failure is not None:
         raise failure

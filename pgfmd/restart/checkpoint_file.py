@@ -6,6 +6,7 @@ rank after the other), rank 0 seals it, all bring it to the disk. The file is no
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from pgfmd.errors import RunError
 from pgfmd.files.checksum import block_sums
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.files.regular_files import bring_to_disk
+from pgfmd.files.row_pieces import write_together
 from pgfmd.files.storage import agree, attempt, on_root
 from pgfmd.solver.finite import lines_of, not_finite_on
 
@@ -153,28 +155,18 @@ def _write_alone(path: Path, shares: dict[str, np.ndarray], places: dict[str, Pl
 
 
 def _write_together(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
-    together = h5py.h5p.create(h5py.h5p.DATASET_XFER)
-    together.set_dxpl_mpio(h5py.h5fd.MPIO_COLLECTIVE)
     with h5py.File(path, "r+", driver="mpio", comm=comm) as file:
-        for name, share in shares.items():
-            place, dataset, most = places[name], file[name].id, PIECE_BYTES // share.itemsize
-            # As many calls on every rank, each with a small piece.
-            lines = max(1, most // place.widest)
-            for line in range(0, len(share), lines):
-                for start in range(0, place.widest, most):
-                    piece = share[line : line + lines, start : start + most]
-                    _write_piece(dataset, piece, (line, place.first + start), together)
+        problem = write_together(f"{path}: could not be written", _calls(file, shares, places))
+    if problem is not None:
+        raise problem
 
 
-def _write_piece(dataset, piece: np.ndarray, begin: tuple[int, int], together) -> None:
-    """One collective write, in which a rank may have nothing to write."""
-    space = dataset.get_space()
-    if piece.size:
-        space.select_hyperslab(begin, piece.shape)
-        dataset.write(h5py.h5s.create_simple(piece.shape), space, np.ascontiguousarray(piece), dxpl=together)
-    else:
-        # Slices of h5py skip the call of such a rank, for which the others then wait.
-        space.select_none()
-        memory = h5py.h5s.create_simple((1, 1))
-        memory.select_none()
-        dataset.write(memory, space, np.zeros((1, 1), piece.dtype), dxpl=together)
+def _calls(file: h5py.File, shares: dict[str, np.ndarray], places: dict[str, Place]) -> Iterator[tuple]:
+    """Dataset, piece of this rank's share and its place, for as many collective writes on every rank."""
+    for name, share in shares.items():
+        place, most = places[name], PIECE_BYTES // share.itemsize
+        lines = max(1, most // place.widest)
+        for line in range(0, len(share), lines):
+            for start in range(0, place.widest, most):
+                piece = share[line : line + lines, start : start + most]
+                yield file[name], piece, (line, place.first + start)

@@ -30,7 +30,12 @@ NOT_THERE = "not there"
 def contents_of(scene) -> dict[str, str]:
     """Key -> SHA-256 of the file that it names, for the scene's files. OSError if one can't be read."""
     named = {dotted: getattr(scene.section(dotted.split(".")[0]), dotted.split(".")[1]) for dotted in FILE_KEYS}
-    return {key: hashlib.sha256(Path(path).read_bytes()).hexdigest() for key, path in named.items() if path}
+    return {key: _digest_of(path) for key, path in named.items() if path}
+
+
+def _digest_of(path: str) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def require_known(allow: Sequence[str]) -> None:
