@@ -184,23 +184,34 @@ class Results:
 
 
 class FieldsMapping(Mapping):
-    """`fields.h5` without xarray: name -> array on disk, read where it is indexed; `units[name]` gives the units."""
+    """`fields.h5` without xarray: name -> array on disk, read where it is indexed, labels as texts; `units[name]` gives
+    the units."""
 
     def __init__(self, path: Path):
         import h5py
 
+        from pgfmd.files.fields_layout import variables
+
         self._file = h5py.File(path, "r", locking=False)
-        self.units = {name: array.attrs["units"] for name, array in self._file.items() if "units" in array.attrs}
+        self._names = variables(self._file)
+        arrays = {name: self._file[name] for name in self._names}
+        self.units = {name: array.attrs["units"] for name, array in arrays.items() if "units" in array.attrs}
 
     def __getitem__(self, name: str) -> Any:
-        array = self._file[name]
-        return array.asstr() if name == "label" else array
+        if name not in self._names:
+            raise KeyError(name)
+        if name != "label":
+            return self._file[name]
+        from pgfmd.files.fields_layout import label_of
+
+        labels = self._file[name]
+        return np.array([label_of(labels, frame).decode(errors="replace") for frame in range(len(labels))], dtype=object)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._file)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(self._file)
+        return len(self._names)
 
     def close(self) -> None:
         """Close the file; its arrays can't be read any more."""
