@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.errors import ResultError
-from pgfmd.plots.folder import GREY, RED, STYLE, TURQUOISE, energy_unit
+from pgfmd.plots.drawing import drawing, literal, write_picture
+from pgfmd.plots.folder import GREY, RED, TURQUOISE, energy_unit
 from pgfmd.plots.maps import new_figure, signed
 
 from .bulges import Bulge
@@ -23,27 +23,19 @@ PARTS = (("viscous", RED), ("released in jumps", "#6a4c93"), ("stored or unexpla
 TWIN_PARTS = (("multistability (twin)", "#6a4c93"), ("viscous and coaction", RED))
 
 
-def save(figure: Any, path: Path) -> Path:
+def save(figure: Any, path: Path, hint: str = "") -> Path:
     """Write a figure in the style of the other pictures.
 
     Raises:
-        ResultError: if it can't be written.
+        ResultError: if it can't be written, with `hint` at the end.
     """
-    from matplotlib import rc_context
-
-    try:
-        with rc_context(STYLE):
-            figure.savefig(path)
-    except (OSError, ValueError) as problem:
-        raise ResultError(f"{path}: could not be written: {problem}") from problem
-    return path
+    with drawing():
+        return write_picture(figure, path, hint)
 
 
 def styled(draw: Any, *arguments: Any, **options: Any) -> Any:
     """A figure made with the project's settings, whatever those of the caller."""
-    from matplotlib import rc_context
-
-    with rc_context(STYLE):
+    with drawing():
         return draw(*arguments, **options)
 
 
@@ -62,7 +54,7 @@ def overlay_figure(loops: list[Loop], dots: int | None = None, note: str = "") -
         before = slice(0, rows.start + 1)
         if rows.start > 1:
             axis.plot(x[before], force[before], color=colour, linestyle=DASHES, linewidth=0.8)
-        axis.plot(x[rows], force[rows], color=colour, linewidth=1.0 if number == dots else 1.4, label=loop.name)
+        axis.plot(x[rows], force[rows], color=colour, linewidth=1.0 if number == dots else 1.4, label=literal(loop.name))
     axis.legend(loc="upper left")
     axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
     if note:

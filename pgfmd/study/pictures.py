@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.plots.folder import STYLE, branches, column
+from pgfmd.plots.drawing import drawing, literal
+from pgfmd.plots.folder import branches, column
 from pgfmd.plots.maps import new_figure
 from pgfmd.results import load
 
@@ -83,10 +84,8 @@ def colours(count: int) -> list[Any]:
 
 def draw_study(out: Path, rows: Sequence[Row], axes: Sequence[Axis], title: str = "") -> list[Path]:
     """Draw what there is so far; returns the files written. Raises ResultError if one can't be written."""
-    from matplotlib import rc_context
-
     written = []
-    with rc_context(STYLE):
+    with drawing():
         plan = Plan(rows, axes)
         figures = {CURVES: curves_figure(out, plan, title), MEASURES: measures_figure(plan, title)}
         for name, figure in figures.items():
@@ -139,7 +138,7 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
         axis.set_ylabel("force (mN)" if number % columns == 0 else "")
     _legend(figure, plan, shades, styles)
     if title:
-        figure.suptitle(title, fontsize=9.5)
+        figure.suptitle(literal(title), fontsize=9.5)
     return figure
 
 
@@ -201,7 +200,7 @@ def measures_figure(plan: Plan, title: str) -> Any | None:
     if any(names):
         figure.legend(handles, names, loc="outside right upper")
     if title:
-        figure.suptitle(title, fontsize=9.5)
+        figure.suptitle(literal(title), fontsize=9.5)
     return figure
 
 
