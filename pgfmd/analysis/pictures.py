@@ -11,6 +11,7 @@ import numpy as np
 from pgfmd.plots.drawing import drawing, literal, write_picture
 from pgfmd.plots.folder import GREY, RED, TURQUOISE, energy_unit
 from pgfmd.plots.maps import new_figure, signed
+from pgfmd.plots.thinning import seen
 
 from .bulges import Bulge
 from .compliance import CellCompliance
@@ -53,8 +54,9 @@ def overlay_figure(loops: list[Loop], dots: int | None = None, note: str = "") -
         rows = loop.branches["retraction"]
         before = slice(0, rows.start + 1)
         if rows.start > 1:
-            axis.plot(x[before], force[before], color=colour, linestyle=DASHES, linewidth=0.8)
-        axis.plot(x[rows], force[rows], color=colour, linewidth=1.0 if number == dots else 1.4, label=literal(loop.name))
+            axis.plot(*seen(x[before], force[before]), color=colour, linestyle=DASHES, linewidth=0.8)
+        width = 1.0 if number == dots else 1.4
+        axis.plot(*seen(x[rows], force[rows]), color=colour, linewidth=width, label=literal(loop.name))
     axis.legend(loc="upper left")
     axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
     if note:
@@ -68,7 +70,8 @@ def bulge_figure(loop: Loop, found: list[Bulge]) -> Any:
     axis = figure.subplots()
     rows = loop.branches["retraction"]
     axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-    axis.plot(1e6 * loop.indentation[rows], 1e3 * loop.force[rows], color=TURQUOISE, label="retraction")
+    x, force = seen(1e6 * loop.indentation[rows], 1e3 * loop.force[rows])
+    axis.plot(x, force, color=TURQUOISE, label="retraction")
     for kind, marker in (("minimum", "v"), ("inflection", "d")):
         own = [bulge for bulge in found if bulge.kind == kind]
         if own:
@@ -87,7 +90,7 @@ def compliance_figure(loop: Loop, cell: CellCompliance) -> Any:
     for name, rows in loop.branches.items():
         colour = GREY if name == "approach" else TURQUOISE
         style = {"linestyle": DASHES if name == "approach" else "-", "label": name}
-        axis.plot(1e3 * loop.force[rows], 1e6 * loop.u_inf[rows], color=colour, **style)
+        axis.plot(*seen(1e3 * loop.force[rows], 1e6 * loop.u_inf[rows]), color=colour, **style)
     ends = np.array([loop.force.min(), loop.force.max()])
     label = f"F/k_cc,  k_cc = {cell.stiffness / 1e3:.4g} kN/m"
     axis.plot(1e3 * ends, 1e6 * ends / cell.stiffness, color="black", linewidth=0.8, label=label)

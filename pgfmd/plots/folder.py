@@ -13,6 +13,7 @@ from pgfmd.results import Results, load
 from .drawing import drawing, elsewhere, target_folder, write_picture
 from .maps import contact_figure, new_figure, signed, stress_figure
 from .patches import site_figure
+from .thinning import seen
 
 TURQUOISE, RED, GREY = "#00798c", "#b3352b", "#8a8a8a"
 
@@ -84,8 +85,8 @@ def force_figure(results: Results) -> Any:
     styles = {"approach": {"color": GREY, "linestyle": (0, (4, 2))}, "retraction": {"color": TURQUOISE}}
     for name, rows in branches(phase).items():
         if rows.stop - rows.start > 1:
-            upper.plot(indentation[rows], force[rows], label=name, **styles[name])
-            lower.plot(indentation[rows], area[rows], **styles[name])
+            upper.plot(*seen(indentation[rows], force[rows]), label=name, **styles[name])
+            lower.plot(*seen(indentation[rows], area[rows]), **styles[name])
     upper.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     markers = {"preload": "^", "pull-off": "v", "snap-in": "o"}
     for name, row in sorted(landmarks(force, phase).items(), key=lambda item: list(markers).index(item[0])):
@@ -117,13 +118,13 @@ def energy_figure(results: Results) -> Any:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     factor, unit = energy_unit(max(np.nanmax(np.abs(values)) for values in terms.values()))
     for name, values in terms.items():
-        upper.plot(time, values / factor, label="work of the punch" if name == "work" else name, **styles[name])
+        upper.plot(*seen(time, values / factor), label="work of the punch" if name == "work" else name, **styles[name])
     upper.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     upper.set_ylabel(f"energy ({unit})")
     upper.legend(loc="best")
     factor, unit = energy_unit(np.nanmax(np.abs(residual)))
     lower.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-    lower.plot(time, residual / factor, color="0.35", linewidth=1.0)
+    lower.plot(*seen(time, residual / factor), color="0.35", linewidth=1.0)
     lower.set(xlabel="time (s)", ylabel=f"residual ({unit})")
     figure.align_ylabels()
     return figure

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -38,9 +37,7 @@ from pgfmd.files.storage import (
     UNDO_SUFFIX,
     require_record,
 )
-
-NUMPY_TYPES = {"float": "f8", "int": "i8", "str": "U64"}
-"""Of a column, by how the field of its row is declared."""
+from pgfmd.files.table_reading import NUMPY_TYPES, read_table
 
 
 def load(directory: str | Path) -> Results:
@@ -229,23 +226,14 @@ def _open_fields(path: Path) -> Any:
 
 def _table(path: Path, columns: tuple[str, ...], row: type) -> Any:
     """A table of the run. A last line without its end, which a live run has just begun, is left out."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as problem:
-        raise ResultError(f"{path}: could not be read: {problem}") from problem
-    whole = text[: text.rfind("\n") + 1]
-    header, _, body = whole.partition("\n")
-    if header != ",".join(columns):
-        raise ResultError(
-            f"{path}: its first line is {header!r}, expected {','.join(columns)!r}; a run of another version of pgfmd?"
-        )
-    dtype = [(name, NUMPY_TYPES[entry.type]) for name, entry in zip(columns, dataclasses.fields(row), strict=True)]
-    try:
-        rows = np.loadtxt(io.StringIO(body), dtype, delimiter=",", ndmin=1) if body else np.empty(0, dtype)
-    except ValueError as problem:
-        raise ResultError(f"{path}: could not be read: {problem}") from problem
+    found = read_table(path, columns, row)
     try:
         import pandas
     except ImportError:
+        entries = zip(columns, dataclasses.fields(row), strict=True)
+        rows = np.empty(len(found[columns[0]]), [(name, NUMPY_TYPES[entry.type]) for name, entry in entries])
+        for name in columns:
+            rows[name] = found.pop(name)
         return rows
-    return pandas.DataFrame(rows)
+    # Not copied: a long table would be there twice.
+    return pandas.DataFrame(found, copy=False)

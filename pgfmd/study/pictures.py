@@ -16,6 +16,7 @@ from pgfmd.errors import ResultError
 from pgfmd.plots.drawing import drawing, literal
 from pgfmd.plots.folder import branches, column
 from pgfmd.plots.maps import new_figure
+from pgfmd.plots.thinning import seen
 from pgfmd.results import load
 
 from .cases import short_names
@@ -147,7 +148,7 @@ def _draw_curve(axis: Any, curve: Any, colour: Any, style: Any, label: str | Non
     parts = branches(column(curve, "phase"))
     for name, rows in parts.items():
         look = {"linewidth": 1.3, "label": label} if name == "retraction" else {"linewidth": 0.6}
-        axis.plot(indentation[rows], force[rows], color=colour, linestyle=style, **look)
+        axis.plot(*seen(indentation[rows], force[rows]), color=colour, linestyle=style, **look)
 
 
 def _curve(folder: Path) -> Any | None:
