@@ -51,6 +51,9 @@ def main(arguments: list[str] | None = None) -> None:
         launch.listen()
     try:
         code = app(arguments, prog_name="pgfmd", standalone_mode=False)
+        if code == launch.INTERRUPTED:
+            # Some versions of Typer make this of a Ctrl-C, without a word.
+            raise KeyboardInterrupt
     except PgfmdError as error:
         if rank == 0:
             launch.complain(error)
@@ -75,7 +78,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _unexpected(error: Exception, rank: int) -> int:
-    """Tells of an error that is none of ours, once; returns the exit code."""
+    """Tells of an error that nobody expected, on one rank; returns the exit code."""
     faults.take_turn(rank)
     launch.complain(faults.describe(error, *reversed(launch.launched())))
     return faults.exit_code(error)
