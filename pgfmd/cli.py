@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -16,9 +17,11 @@ from .commands import fit_prony as fit_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
+from .commands.names import Folder, named
+from .commands.printing import command
 from .commands.run import Changes, Overrides, SceneName, all_changes
 from .errors import PgfmdError, Problem, ResultError, SceneError
-from .host import launch, streams
+from .host import faults, launch, streams
 
 app = typer.Typer(
     help="Tack tests of a corrugated punch on a viscoelastic, adhesive substrate. Start with: pgfmd init tri-tack",
@@ -41,34 +44,54 @@ def main(arguments: list[str] | None = None) -> None:
     if rank and not set(arguments[:1]) & set(COLLECTIVE):
         # `mpirun pgfmd plot`: once is enough.
         raise SystemExit(0)
+    streams.forgive()
+    faults.expect(arguments)
+    # A user's choice for windows, such as a notebook's: pictures go to files.
+    os.environ["MPLBACKEND"] = "agg"
     if arguments[:1] == ["run"]:
         # Before it loads what it needs: a batch system may have enough of a job early.
         launch.listen()
     try:
         code = app(arguments, prog_name="pgfmd", standalone_mode=False)
+        if code == launch.INTERRUPTED:
+            # Some versions of Typer make this of a Ctrl-C, without a word.
+            raise KeyboardInterrupt
     except PgfmdError as error:
         if rank == 0:
             launch.complain(error)
         code = error.exit_code
-    except (KeyboardInterrupt, typer.Abort) as stop:
-        if isinstance(stop.__cause__, EOFError):
-            # Typer takes the end of a file for Ctrl-D.
-            raise stop.__cause__ from None
-        launch.complain("interrupted")
-        code = launch.INTERRUPTED
-    except OSError as error:
-        # Of no file: it is what was printed that could not be written.
-        if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EIO, errno.EPIPE, errno.EDQUOT):
-            raise
-        code = streams.refuse(error)
+    except (KeyboardInterrupt, typer.Abort) as error:
+        # Typer makes the same of a Ctrl-C and of the end of a file that something read.
+        if isinstance(error.__cause__, EOFError):
+            code = _unexpected(error.__cause__, rank)
+        else:
+            if rank == 0:
+                launch.complain("interrupted")
+            code = launch.INTERRUPTED
     except Exception as error:
         # A usage error of typer's parser, whichever package it comes from.
-        if not (hasattr(error, "show") and hasattr(error, "exit_code")):
-            raise
-        if rank == 0:
-            error.show()
-        code = error.exit_code
+        if hasattr(error, "show") and hasattr(error, "exit_code"):
+            if rank == 0:
+                error.show()
+            code = error.exit_code
+        elif _is_of_stdout(error):
+            code = streams.refuse(error)
+        else:
+            code = _unexpected(error, rank)
     raise SystemExit(streams.finish(code or 0))
+
+
+def _is_of_stdout(error: Exception) -> bool:
+    """Whether it is what was printed that could not be written: the error is of no file."""
+    reasons = (errno.ENOSPC, errno.EIO, errno.EPIPE, errno.EDQUOT)
+    return isinstance(error, OSError) and error.filename is None and error.errno in reasons
+
+
+def _unexpected(error: Exception, rank: int) -> int:
+    """Tells of an error that nobody expected, on one rank; returns the exit code."""
+    faults.take_turn(rank)
+    launch.complain(faults.describe(error, *reversed(launch.launched())))
+    return faults.exit_code(error)
 
 
 def _version(wanted: bool) -> None:
@@ -104,7 +127,7 @@ def init(
         raise SceneError(str(path), [problem]) from None
     except OSError as error:
         raise ResultError(f"{path}: could not be written: {error.strerror}") from None
-    print(f"{path} written. Next: pgfmd check {path}, then pgfmd run {path}")
+    print(f"{path} written. Next: {command('pgfmd', 'check', path)}, then {command('pgfmd', 'run', path)}")
 
 
 @app.command()
@@ -128,11 +151,17 @@ def check(
 
 
 @app.command()
-def plot(directory: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that a run wrote to.")]) -> None:
+def plot(
+    directory: Folder,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder of the pictures, if not DIR itself."),
+    ] = None,
+) -> None:
     """Draw curves, maps and energies of a results folder as PNG files in it."""
     from .plots.folder import plot_results
 
-    for path in plot_results(directory):
+    for path in plot_results(directory, out):
         print(path)
 
 
@@ -141,7 +170,9 @@ def plot_rheology(
     scene: SceneName,
     changes: Changes = None,
     overrides: Overrides = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE.png", parser=named, help="Name of the picture.")
+    ] = None,
 ) -> None:
     """Draw modulus and creep of a scene's elastomer, and what the paper's auxiliary masses make of them."""
     from .parts import series_of

@@ -27,6 +27,7 @@ from .restart.history import History
 from .restart.keeper import Keeper, Stopped, Timing
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
+from .solver import compiled
 from .solver.interruption import Interrupted
 from .solver.simulation import STOPPED_STEPS
 
@@ -119,6 +120,7 @@ def _require_own(folder: Path) -> None:
 def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: float, lock) -> dict:
     """From the first step, or from a checkpoint, to the end. lock: rank 0's."""
     guard = lock.require_held if lock else lambda: None
+    compiled.hear(say if comm.rank == 0 else None)
     compile_kernels(comm, scene)
     simulation = assemble(scene, comm)
     expected = _require_space(simulation, scene, comm, folder)

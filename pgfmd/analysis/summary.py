@@ -11,6 +11,7 @@ from typing import Any
 
 from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_atomically
+from pgfmd.plots.drawing import elsewhere, target_folder
 from pgfmd.results import Results, load
 from pgfmd.results.audit import UNBALANCED, at_stake, largest_residual
 from pgfmd.results.loop import Loop
@@ -56,15 +57,18 @@ class Analysis:
         """The table's numbers in SI units, as `analysis.json` has them."""
         return self.table.record()
 
-    def write(self) -> list[Path]:
-        """Write `analysis.json` and the pictures into the folder; returns them. ResultError if one can't be written."""
-        path = self.directory / RECORD_FILE
+    def write(self, out: Path | None = None) -> list[Path]:
+        """Write `analysis.json` and the pictures into the folder, or into `out`; returns them. ResultError if one can't
+        be written."""
+        folder = target_folder(self.directory, out)
+        path = folder / RECORD_FILE
+        hint = elsewhere(path, self.directory)
         text = json.dumps(self.record, indent=2, ensure_ascii=False, allow_nan=False)
         try:
             write_atomically(path, f"{text}\n".encode())
         except OSError as problem:
-            raise ResultError(f"{path}: could not be written: {problem.strerror}") from problem
-        return [path, *(pictures.save(draw(), self.directory / name) for name, draw in self._drawings())]
+            raise ResultError(f"{path}: could not be written: {problem.strerror}{hint}") from problem
+        return [path, *(pictures.save(draw(), folder / name, hint) for name, draw in self._drawings())]
 
     def _drawings(self) -> Iterator[tuple[str, Any]]:
         if self.bulges:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from enum import Enum
@@ -12,6 +11,9 @@ from typing import Annotated, Any
 import typer
 
 from pgfmd.errors import ResultError
+
+from .names import Folder, named
+from .printing import print_json
 
 
 class Correct(str, Enum):
@@ -42,16 +44,22 @@ LowPass = Annotated[
 
 
 def analyse(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that a run wrote to.")],
+    directory: Folder,
     twin: Annotated[
-        Path | None, typer.Option("--twin", metavar="DIR", help="Results of the quasi-static twin of the run.")
+        Path | None, typer.Option("--twin", metavar="DIR", parser=named, help="Results of the quasi-static twin of the run.")
     ] = None,
     bearing_area: Annotated[bool, typer.Option("--bearing-area", help="Lay a bearing-area model beside it.")] = False,
     asperity: Annotated[
         Path | None,
-        typer.Option("--asperity", metavar="DIR", help="Results of one isolated asperity, for that model."),
+        typer.Option(
+            "--asperity", metavar="DIR", parser=named, help="Results of one isolated asperity, for that model."
+        ),
     ] = None,
     low_pass: LowPass = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder of what is written, if not DIR itself."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Measure a run: forces, works, stiffness, shares of the hysteresis. Writes analysis.json and pictures into DIR."""
@@ -59,9 +67,9 @@ def analyse(
     from pgfmd.analysis.table import show
 
     analysis = analysis_of(directory, twin, bearing_area, asperity, _length(low_pass, "--low-pass"))
-    paths = analysis.write()
+    paths = analysis.write(out)
     if as_json:
-        print(json.dumps(analysis.record, indent=2, ensure_ascii=False))
+        print_json(analysis.record)
         return
     show(analysis.table)
     for path in paths:
@@ -70,7 +78,7 @@ def analyse(
 
 def compare(
     sources: Annotated[
-        list[Path], typer.Argument(metavar="DIR [DIR...] [EXP.csv]", help="Folders of results, and a measured curve.")
+        list[Path], typer.Argument(metavar="DIR [DIR...] [EXP.csv]", parser=named, help="Folders of results, a measured curve.")
     ],
     machine_stiffness: Annotated[
         str,
@@ -92,7 +100,7 @@ def compare(
         Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")
     ] = Pressing.compression,
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FILE.png", help="Name of the picture.")
+        Path, typer.Option("--out", "-o", metavar="FILE.png", parser=named, help="Name of the picture.")
     ] = Path("comparison.png"),
 ) -> None:
     """Lay curves of runs, and a measured one, over each other: a table and a picture.

@@ -13,6 +13,9 @@ from pgfmd.host import batch, launch
 from pgfmd.host.streams import say
 from pgfmd.host.walltime import end_of_job, seconds_of
 
+from .names import named
+from .printing import command
+
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
 Changes = Annotated[
     list[str] | None,
@@ -37,7 +40,7 @@ _BEGAN = time.time()
 def run(
     scene: SceneName,
     changes: Changes = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder of results.")] = None,
     overrides: Overrides = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start anew; old results are kept in DIR/previous-1 ...")] = False,
     allow: Annotated[
@@ -128,7 +131,7 @@ def _summary(record: dict, directory: Path) -> list[str]:
         f"{measured}; {record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
     )
     lines += _unbalanced(record, directory)
-    return [*lines, f"results: {directory}    pictures: pgfmd plot {directory}"]
+    return [*lines, f"results: {directory}    pictures: {command('pgfmd', 'plot', directory)}"]
 
 
 def _number(record: dict, name: str, key: str, suffix: str, factor: float, unit: str) -> str:

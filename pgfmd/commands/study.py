@@ -12,12 +12,14 @@ from pgfmd.errors import PgfmdError
 from pgfmd.host import launch
 from pgfmd.host.streams import say
 
+from .names import named
+from .printing import command
 from .run import Changes, Overrides, SceneName, all_changes
 
 if TYPE_CHECKING:
     from pgfmd.study.campaign import Campaign
 
-Out = Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder of the folders of the cases.")]
+Out = Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder of the folders of cases.")]
 Ranks = Annotated[int | None, typer.Option("--ranks", "-n", min=1, help="Ranks of each job.")]
 Retry = Annotated[bool, typer.Option("--retry", help="Go on with failed cases, too.")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Start changed and damaged cases anew; keeps the old.")]
@@ -46,7 +48,7 @@ class Quantity(StrEnum):
 
 
 def study(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="The study: docs/studies.md.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", parser=named, help="The study: docs/studies.md.")],
     out: Out = None,
     ranks: Ranks = None,
     jobs: Annotated[
@@ -196,7 +198,7 @@ def show_agenda(campaign: Campaign) -> None:
     for case in campaign.cases:
         mark = "to run" if case.name in chosen else "left"
         say(f"{mark:6}  {case.name}: {standings[case.name]}")
-        say(f"        pgfmd run {campaign.quoted(case)} --out {campaign.folder(case)}")
+        say(f"        {command('pgfmd', 'run', *campaign.arguments(case), '--out', campaign.folder(case))}")
 
 
 def require_one_process() -> None:

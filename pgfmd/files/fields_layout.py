@@ -40,6 +40,8 @@ SNAPSHOT_NUMBERS = {
     "force": ("N", "normal force on the punch, positive in compression"),
 }
 LABEL_BYTES = 80
+LABEL_AXIS = "label_bytes"
+"""Dimension of a label's characters; a dimension only, not a variable."""
 NUMBERS = "numbers"
 """What the checksum of a snapshot's numbers and label is called after."""
 CHUNK_BYTES = 2**26
@@ -105,15 +107,29 @@ def create(path: Path, layout: Layout) -> None:
         _growing(file, "snapshot", "i8", long_name="number of the snapshot").make_scale("snapshot")
         for name, (units, long_name) in SNAPSHOT_NUMBERS.items():
             _growing(file, name, "f8", units=units, long_name=long_name)
-        # Fixed length: text of free length can't be written through MPI-IO, should a later version want to.
-        text = h5py.string_dtype("utf-8", LABEL_BYTES)
-        _growing(file, "label", text, long_name="what the programme calls this moment", _Encoding="utf-8")
+        _create_labels(file)
         for name in (*layout.arrays, NUMBERS):
             _growing(file, checksum_of(name), "u8", long_name=f"checksum of {name}, for `pgfmd verify`")
         for name in (*SNAPSHOT_NUMBERS, "label", *map(checksum_of, (*layout.arrays, NUMBERS))):
             file[name].dims[0].attach_scale(file["snapshot"])
         for name in layout.arrays:
             _create_array(file, name, layout)
+
+
+def _create_labels(file: h5py.File) -> None:
+    """Labels as netCDF's character arrays, which every reader of netCDF makes texts of.
+
+    Not text of fixed length, which netCDF's library can't read; nor of free length, for which HDF5 takes another 4 kB
+    with every snapshot, to be copied aside with each that follows.
+    """
+    # netCDF-4's way to write down a dimension without values.
+    only_a_dimension = file.create_dataset(LABEL_AXIS, (LABEL_BYTES,), ">f4")
+    only_a_dimension.make_scale(f"This is a netCDF dimension but not a netCDF variable.{LABEL_BYTES:10d}")
+    labels = file.create_dataset(
+        "label", (0, LABEL_BYTES), "S1", maxshape=(None, LABEL_BYTES), chunks=(SCALAR_CHUNK, LABEL_BYTES)
+    )
+    labels.attrs.update(long_name="what the programme calls this moment", _Encoding="utf-8")
+    labels.dims[1].attach_scale(only_a_dimension)
 
 
 def _growing(file: h5py.File, name: str, dtype: object, **attributes: str) -> h5py.Dataset:
@@ -171,6 +187,21 @@ def checksum_of(name: str) -> str:
     return f"{name}_checksum"
 
 
+def label_of(labels: h5py.Dataset, frame: int) -> bytes:
+    """The label of one snapshot, in UTF-8, from the variable `label` of a file of this version or of an earlier one,
+    which kept text of fixed length."""
+    return labels[frame].tobytes().rstrip(b"\0")
+
+
+def _write_label(labels: h5py.Dataset, frame: int, text: bytes) -> None:
+    labels[frame] = np.frombuffer(text.ljust(LABEL_BYTES, b"\0"), dtype="S1") if labels.ndim == 2 else text
+
+
+def variables(file: h5py.File) -> list[str]:
+    """Names of the variables of a file, its mere dimensions left out."""
+    return [name for name in file if name != LABEL_AXIS]
+
+
 def sum_of_numbers(label: bytes, numbers: Sequence[float]) -> np.uint64:
     """Checksum of a snapshot's `SNAPSHOT_NUMBERS` and label."""
     text = np.frombuffer(label.ljust(LABEL_BYTES, b"\0"), dtype=np.uint64)
@@ -183,7 +214,7 @@ def describe(path: Path, frame: int, label: str, sums: dict[str, int], **numbers
     cut = label.encode()[:LABEL_BYTES].decode(errors="ignore").encode()
     sums = sums | {NUMBERS: sum_of_numbers(cut, [numbers[name] for name in SNAPSHOT_NUMBERS])}
     with open_serial(path, "r+") as file:
-        file["label"][frame] = cut
+        _write_label(file["label"], frame, cut)
         for name in SNAPSHOT_NUMBERS:
             file[name][frame] = numbers[name]
         for name, total in sums.items():

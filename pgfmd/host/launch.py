@@ -22,6 +22,7 @@ from typing import Any
 
 from pgfmd.errors import PgfmdError
 
+from . import faults
 from .processes import end_with_launcher
 from .streams import complain
 
@@ -170,7 +171,8 @@ def _watch_for_faults(MPI) -> None:
             complain(_INTERRUPTION)
             comm.Abort(INTERRUPTED)
         elif not (isinstance(error, PgfmdError) and _all_here(comm)):
-            abort("error", "".join(traceback.format_exception(error)), 1)
+            faults.take_turn(comm.rank)
+            abort("error", faults.describe(error, comm.rank, comm.size), faults.exit_code(error))
         elif comm.rank == 0:
             sys.__excepthook__(kind, error, trace)
 
@@ -218,10 +220,11 @@ def guarded(comm) -> Iterator[None]:
     except BaseException as error:
         if alone:
             raise
-        text = "".join(traceback.format_exception(error))
-        what = "exit" if isinstance(error, SystemExit) else "error"
-        complain(f"rank {comm.rank}: {what} on this rank ends the job\n{text}")
-        comm.Abort(1)
+        faults.take_turn(comm.rank)
+        exits = isinstance(error, SystemExit)
+        text = "".join(traceback.format_exception(error)) if exits else faults.describe(error, comm.rank, comm.size)
+        complain(f"rank {comm.rank}: {'exit' if exits else 'error'} on this rank ends the job\n{text}")
+        comm.Abort(faults.exit_code(error))
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)

@@ -1,7 +1,9 @@
-"""Standard streams that are closed, full, or without a reader: what they can't take must not end a run. No MPI."""
+"""Standard streams that are closed, full, without a reader, or know fewer letters than what is said: what they can't take
+must not end a command. No MPI."""
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import os
 import sys
@@ -10,6 +12,8 @@ from pgfmd.errors import ResultError
 from pgfmd.files.storage import reason
 
 _NAMES = ("stdin", "stdout", "stderr")
+FORGIVING = "pgfmd.forgiving"
+"""Handler of letters that an encoding lacks: a byte of a file's name that is no text goes out as it is, others as `?`."""
 
 
 def open_closed() -> None:
@@ -24,6 +28,25 @@ def open_closed() -> None:
             _lead_nowhere(number)
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w" if number else "r"))
+
+
+def forgive(*streams: object) -> None:
+    """From here on these streams, or else standard output and standard error, take every text."""
+    codecs.register_error(FORGIVING, _replaced)
+    for stream in streams or (sys.stdout, sys.stderr):
+        # None without a terminal; something else where a test or a notebook listens.
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors=FORGIVING)
+
+
+def knows_every_letter() -> bool:
+    """Whether standard output takes every text as it is."""
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    try:
+        return codecs.lookup(encoding).name.startswith("utf-")
+    except LookupError:
+        return False
 
 
 def say(line: str) -> None:
@@ -81,3 +104,12 @@ def _lead_nowhere(number: int) -> None:
         return
     os.dup2(nothing, number)
     os.close(nothing)
+
+
+def _replaced(error: UnicodeError) -> tuple[str | bytes, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    letter = error.object[error.start]
+    if "\udc80" <= letter <= "\udcff":
+        return bytes([ord(letter) - 0xDC00]), error.start + 1
+    return "?", error.start + 1

@@ -1,7 +1,4 @@
-"""Pictures of a results folder: force and contact curves, maps, energy audit. Reads files only, no MPI.
-
-matplotlib is loaded when a picture is made, and without pyplot: the caller's own matplotlib settings are not touched.
-"""
+"""Pictures of a results folder: force and contact curves, maps, energy audit. Reads files only, no MPI."""
 
 from __future__ import annotations
 
@@ -12,30 +9,20 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.files.regular_files import write_figure
 from pgfmd.results import Results, load
 from pgfmd.results.loop import Loop, branches
 from pgfmd.results.measures import Measures, measure
 
+from .drawing import drawing, elsewhere, target_folder, write_picture
 from .maps import contact_figure, new_figure, signed, stress_figure
 from .patches import site_figure
+from .thinning import seen
 
-STYLE = {
-    "font.size": 9.0,
-    "axes.titlesize": 8.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.8,
-    "legend.frameon": False,
-    "legend.fontsize": 8.0,
-    "lines.linewidth": 1.4,
-    "savefig.dpi": 150,
-}
 TURQUOISE, RED, GREY = "#00798c", "#b3352b", "#8a8a8a"
 
 
-def plot_results(directory: str | Path) -> list[Path]:
-    """Make every picture that the folder has data for; returns the PNG files written, in it.
+def plot_results(directory: str | Path, out: str | Path | None = None) -> list[Path]:
+    """Make every picture that the folder has data for; returns the PNG files written, in it or in the folder `out`.
 
     `force-displacement.png` always; `contact-maps.png`, `stress-maps.png` with snapshots; `energy.png` with an audit;
     `sites.png` where summits, saddles or valleys have met the elastomer.
@@ -43,28 +30,21 @@ def plot_results(directory: str | Path) -> list[Path]:
     Raises:
         ResultError: if it is not a results folder, its table is still empty, or a picture can't be written.
     """
-    from matplotlib import rc_context
-
-    with load(directory) as results, rc_context(STYLE):
+    with load(directory) as results, drawing():
         if not len(results.curve):
             raise ResultError(f"{results.directory}: nothing to plot yet, curve.csv has no rows")
-        figures = {"force-displacement.png": force_figure(results)}
+        folder = target_folder(results.directory, out)
+        figures = {"force-displacement.png": force_figure}
         if results.labels:
-            figures["contact-maps.png"] = contact_figure(results)
-            figures["stress-maps.png"] = stress_figure(results)
+            figures |= {"contact-maps.png": contact_figure, "stress-maps.png": stress_figure}
         if results.energy is not None and len(results.energy):
-            figures["energy.png"] = energy_figure(results)
+            figures["energy.png"] = energy_figure
         if results.sites is not None and len(results.sites):
-            figures["sites.png"] = site_figure(results)
-        paths = []
-        for name, figure in figures.items():
-            path = results.directory / name
-            try:
-                write_figure(path, figure)
-            except OSError as problem:
-                raise ResultError(f"{path}: could not be written: {problem}") from problem
-            paths.append(path)
-    return paths
+            figures["sites.png"] = site_figure
+        return [
+            write_picture(draw(results), folder / name, elsewhere(folder / name, results.directory))
+            for name, draw in figures.items()
+        ]
 
 
 def column(table: Any, name: str) -> np.ndarray:
@@ -82,8 +62,8 @@ def force_figure(results: Results) -> Any:
     styles = {"approach": {"color": GREY, "linestyle": (0, (4, 2))}, "retraction": {"color": TURQUOISE}}
     for name, rows in branches(loop.displacement, loop.phase).items():
         if rows.stop - rows.start > 1:
-            upper.plot(indentation[rows], force[rows], label=name, **styles[name])
-            lower.plot(indentation[rows], area[rows], **styles[name])
+            upper.plot(*seen(indentation[rows], force[rows]), label=name, **styles[name])
+            lower.plot(*seen(indentation[rows], area[rows]), **styles[name])
     upper.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     for text, marker, x, y in _marks(loop, measure(loop)):
         upper.plot(1e6 * x, 1e3 * y, marker, color=RED, markersize=5, linestyle="none", label=text)
@@ -125,13 +105,13 @@ def energy_figure(results: Results) -> Any:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     factor, unit = energy_unit(max(np.nanmax(np.abs(values)) for values in terms.values()))
     for name, values in terms.items():
-        upper.plot(time, values / factor, label="work of the punch" if name == "work" else name, **styles[name])
+        upper.plot(*seen(time, values / factor), label="work of the punch" if name == "work" else name, **styles[name])
     upper.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     upper.set_ylabel(f"energy ({unit})")
     upper.legend(loc="best")
     factor, unit = energy_unit(np.nanmax(np.abs(residual)))
     lower.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-    lower.plot(time, residual / factor, color="0.35", linewidth=1.0)
+    lower.plot(*seen(time, residual / factor), color="0.35", linewidth=1.0)
     lower.set(xlabel="time (s)", ylabel=f"residual ({unit})")
     figure.align_ylabels()
     return figure

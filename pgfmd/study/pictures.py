@@ -14,8 +14,10 @@ import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_figure
-from pgfmd.plots.folder import STYLE, column
+from pgfmd.plots.drawing import drawing, literal
+from pgfmd.plots.folder import column
 from pgfmd.plots.maps import new_figure
+from pgfmd.plots.thinning import seen
 from pgfmd.results import load
 from pgfmd.results.loop import branches
 
@@ -85,10 +87,8 @@ def colours(count: int) -> list[Any]:
 
 def draw_study(out: Path, rows: Sequence[Row], axes: Sequence[Axis], title: str = "") -> list[Path]:
     """Draw what there is so far; returns the files written. Raises ResultError if one can't be written."""
-    from matplotlib import rc_context
-
     written = []
-    with rc_context(STYLE):
+    with drawing():
         plan = Plan(rows, axes)
         figures = {CURVES: curves_figure(out, plan, title), MEASURES: measures_figure(plan, title)}
         for name, figure in figures.items():
@@ -141,7 +141,7 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
         axis.set_ylabel("force (mN)" if number % columns == 0 else "")
     _legend(figure, plan, shades, styles)
     if title:
-        figure.suptitle(title, fontsize=9.5)
+        figure.suptitle(literal(title), fontsize=9.5)
     return figure
 
 
@@ -150,7 +150,7 @@ def _draw_curve(axis: Any, curve: Any, colour: Any, style: Any, label: str | Non
     parts = branches(column(curve, "displacement [m]"), column(curve, "phase"))
     for name, rows in parts.items():
         look = {"linewidth": 1.3, "label": label} if name == "retraction" else {"linewidth": 0.6}
-        axis.plot(indentation[rows], force[rows], color=colour, linestyle=style, **look)
+        axis.plot(*seen(indentation[rows], force[rows]), color=colour, linestyle=style, **look)
 
 
 def _curve(folder: Path) -> Any | None:
@@ -203,7 +203,7 @@ def measures_figure(plan: Plan, title: str) -> Any | None:
     if any(names):
         figure.legend(handles, names, loc="outside right upper")
     if title:
-        figure.suptitle(title, fontsize=9.5)
+        figure.suptitle(literal(title), fontsize=9.5)
     return figure
 
 
