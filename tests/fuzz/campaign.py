@@ -20,7 +20,7 @@ from .files import write_files
 from .judging_checks import judge_check, judge_spelling
 from .judging_results import judge_folder
 from .relations import RELATIONS, Pair
-from .running import Ended, in_child, pgfmd, spare_memory, warm_up
+from .running import OUT_OF_TIME, Ended, in_child, pgfmd, spare_memory, warm_up
 from .scenes import Made, make
 
 CHECK_LIMIT = 30.0
@@ -56,10 +56,14 @@ def run(made: Made, folder: Path, limit: float) -> Finding:
         try:
             scene = parse_scene(made.text, folder=folder)
             confirm(scene, "scene.toml")
+            refused = False
         except SceneError:
-            scene = None
+            scene, refused = None, True
+        except Exception:
+            # The run has died of the same, and has told it.
+            scene, refused = None, code == SceneError.exit_code
         faults = judge_folder(Path("results"), scene, code, said)
-        if (scene is None) != (code == SceneError.exit_code):
+        if refused != (code == SceneError.exit_code):
             faults.append(Fault("check and run do not agree", f"exit code {code}: {said[-300:]}"))
         if scene is None and Path("results").exists():
             faults.append(Fault("refused, but a folder was made", str(sorted(Path("results").iterdir()))[:200]))
@@ -92,7 +96,7 @@ def prepare(made: Made, folder: Path) -> None:
 
 
 def _outcome(code: int) -> str:
-    return {0: "finished", 2: "refused", 3: "failed", 75: "out of time"}.get(code, f"exit code {code}")
+    return {0: "finished", 2: "refused", 3: "failed", 75: OUT_OF_TIME}.get(code, f"exit code {code}")
 
 
 def _finding(made: Made, folder: Path, ended: Ended) -> Finding:

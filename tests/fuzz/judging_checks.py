@@ -110,7 +110,7 @@ def _of_problem(problem: Problem) -> Iterator[Fault]:
             yield Fault(f"a problem whose cure says {word}", str(problem)[:300])
     if "\n" in f"{problem.expected}{problem.cure}".strip():
         yield Fault("a problem of several lines", repr(str(problem))[:300])
-    if len(problem.expected + problem.cure) > LONGEST_LINE:
+    if len(problem.expected + problem.cure) > LONGEST_LINE + len(str(problem.value)):
         yield Fault("a problem as long as a page", str(problem)[:300])
 
 

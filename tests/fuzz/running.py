@@ -21,6 +21,8 @@ GRACE = 15.0
 MEMORY = 6 * 2**30
 """Bytes of address space that a process may have: no scene here needs more, and the machine is spared."""
 
+OUT_OF_TIME = "out of time"
+
 
 @dataclass
 class Ended:
@@ -59,6 +61,9 @@ def in_child(action: Callable[[], tuple[str, list[Fault]]], folder: Path, limit:
         return Ended("hung", spent, [Fault("hangs: TERM was not answered", said[-300:])], said)
     if not report.exists():
         code = os.waitstatus_to_exitcode(status)
+        if code == -signal.SIGTERM and spent >= limit:
+            # Between two commands, where nobody listens.
+            return Ended(OUT_OF_TIME, spent, [], said)
         return Ended("died", spent, [Fault(f"the process died of {code}", said[-300:])], said)
     outcome, faults = json.loads(report.read_text(encoding="utf-8"))
     return Ended(outcome, spent, [Fault(**one) for one in faults], said)
