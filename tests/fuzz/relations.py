@@ -93,7 +93,10 @@ class Relation:
 def _other_units(pair: Pair) -> list[Fault]:
     """Lengths, moduli and times scaled by powers of two: the same numbers, scaled, to the last bit."""
     most = 4 if pair.made.scene["solver"].get("precision") == "single" else 12
-    powers = tuple(pair.draw.choice([-1, 1]) * pair.draw.randint(1, most) for _ in range(3))
+    powers = [pair.draw.choice([-1, 1]) * pair.draw.randint(1, most) for _ in range(3)]
+    if pair.made.scene["solver"]["scheme"] == "inertialess" and pair.made.scene["rheology"]["model"] != "elastic":
+        # Retardation times come from logarithms of relaxation times, whose rounding depends on the unit.
+        powers[2] = 0
 
     def scale(exponents_of: tuple[int, int, int]) -> float:
         return math.ldexp(1.0, sum(power * exponent for power, exponent in zip(powers, exponents_of, strict=True)))

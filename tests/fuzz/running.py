@@ -135,9 +135,13 @@ def pgfmd(*arguments: str) -> tuple[int, str]:
 
 def warm_up() -> None:
     """Loads what every run needs, so that no child has to; no MPI."""
-    import h5py
+    import h5netcdf
+    import pandas
     import scipy.fft
+    import scipy.interpolate
     import scipy.ndimage
+    import scipy.optimize
+    import xarray
 
     import pgfmd.analysis.summary
     import pgfmd.results.verify

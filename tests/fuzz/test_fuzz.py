@@ -131,7 +131,7 @@ SAID = "results: out"
 def run_once(tmp_path_factory):
     """A whole run with jumps and snapshots, and its scene."""
     folder = tmp_path_factory.mktemp("run") / "out"
-    scene = load_scene("tri-tack", ["grid.n=20", "drive.preload=0.5 mN", "rheology.model=elastic", "solver.accuracy=0.1"])
+    scene = load_scene("tri-tack", ["grid.n=20", "drive.preload=0.5 mN", "rheology.model=elastic", "solver.accuracy=0.02"])
     run_scene(scene, MPI.COMM_SELF, folder, lambda line: None)
     return folder, scene
 
