@@ -27,7 +27,7 @@ from pgfmd.host.processes import cores
 
 STOPPED = 75
 """Exit code of a run that stopped with a checkpoint."""
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGXCPU, signal.SIGUSR1)
 REMIND_AFTER = 3.0
 """Time [s] after which USR1 is sent again: mpirun passes on none that comes before its ranks have started."""
 KILL_AFTER = 15.0
@@ -142,7 +142,7 @@ class Pool:
         if self._signals and not self.stopped:
             number = self._signals.pop(0)
             self.stopped = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name.removeprefix("SIG")
-            self.say(f"{self.stopped}: stopping {_jobs(len(self._running))} with a checkpoint after the present step; "
+            self.say(f"{self.stopped}: stopping {_jobs(len(self._running))} with a checkpoint; "
                      "once more ends them at once")  # fmt: skip
             self._reminder = now
         elif self._signals and self._signals.pop(0) in (signal.SIGINT, signal.SIGTERM):
