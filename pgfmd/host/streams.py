@@ -6,7 +6,8 @@ import codecs
 import sys
 
 FORGIVING = "pgfmd.forgiving"
-"""Handler of letters that an encoding lacks: a byte of a file's name that is no text goes out as it is, others as `?`."""
+"""Handler of letters that an encoding lacks: a byte of a file's name that is no text goes out as it is, others as
+`?`."""
 
 
 def forgive(*streams: object) -> None:
