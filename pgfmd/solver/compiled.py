@@ -1,7 +1,8 @@
 """Compiling kernels, and keeping them for the next start wherever that works: no cache may stop a run.
 
 numba keeps what it has compiled beside the sources, or in the user's cache folder; NUMBA_CACHE_DIR names another. None
-may be writable (an installation of an administrator's, a container, a compute node without homes), the disk may be full, and a crash may have left half a file. Kernels are then kept in a folder of the user's own in the temporary
+may be writable (an installation of an administrator's, a container, a compute node without homes), the disk may be
+full, and a crash may have left half a file. Kernels are then kept in a folder of the user's own in the temporary
 folder, or not at all and compiled at each start.
 """
 
