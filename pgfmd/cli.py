@@ -17,7 +17,7 @@ from .commands import fit_prony as fit_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
-from .commands.names import Folder, named
+from .commands.names import Folder, path_option
 from .commands.printing import command
 from .commands.run import Changes, Overrides, SceneName, all_changes
 from .errors import PgfmdError, Problem, ResultError, SceneError
@@ -155,7 +155,7 @@ def plot(
     directory: Folder,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder of the pictures, if not DIR itself."),
+        path_option("--out", "-o", metavar="DIR", help="Folder of the pictures, if not DIR itself."),
     ] = None,
 ) -> None:
     """Draw curves, maps and energies of a results folder as PNG files in it."""
@@ -170,9 +170,7 @@ def plot_rheology(
     scene: SceneName,
     changes: Changes = None,
     overrides: Overrides = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE.png", parser=named, help="Name of the picture.")
-    ] = None,
+    out: Annotated[Path | None, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = None,
 ) -> None:
     """Draw modulus and creep of a scene's elastomer, and what the paper's auxiliary masses make of them."""
     from .parts import series_of

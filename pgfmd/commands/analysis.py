@@ -12,7 +12,7 @@ import typer
 
 from pgfmd.errors import ResultError
 
-from .names import Folder, named
+from .names import Folder, named, path_option
 from .printing import print_json
 
 
@@ -46,19 +46,17 @@ LowPass = Annotated[
 def analyse(
     directory: Folder,
     twin: Annotated[
-        Path | None, typer.Option("--twin", metavar="DIR", parser=named, help="Results of the quasi-static twin of the run.")
+        Path | None, path_option("--twin", metavar="DIR", help="Results of the quasi-static twin of the run.")
     ] = None,
     bearing_area: Annotated[bool, typer.Option("--bearing-area", help="Lay a bearing-area model beside it.")] = False,
     asperity: Annotated[
         Path | None,
-        typer.Option(
-            "--asperity", metavar="DIR", parser=named, help="Results of one isolated asperity, for that model."
-        ),
+        path_option("--asperity", metavar="DIR", help="Results of one isolated asperity, for that model."),
     ] = None,
     low_pass: LowPass = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder of what is written, if not DIR itself."),
+        path_option("--out", "-o", metavar="DIR", help="Folder of what is written, if not DIR itself."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
@@ -78,7 +76,10 @@ def analyse(
 
 def compare(
     sources: Annotated[
-        list[Path], typer.Argument(metavar="DIR [DIR...] [EXP.csv]", parser=named, help="Folders of results, a measured curve.")
+        list[Path],
+        typer.Argument(
+            metavar="DIR [DIR...] [EXP.csv]", parser=named, help="Folders of results, and a measured curve."
+        ),
     ],
     machine_stiffness: Annotated[
         str,
@@ -100,7 +101,7 @@ def compare(
         Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")
     ] = Pressing.compression,
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FILE.png", parser=named, help="Name of the picture.")
+        Path, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")
     ] = Path("comparison.png"),
 ) -> None:
     """Lay curves of runs, and a measured one, over each other: a table and a picture.

@@ -12,14 +12,15 @@ import typer
 from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_new
 
-from .names import named
+from .names import named, path_option
 
 CELSIUS_OR_KELVIN = "Temperature of the tack test, such as 25C; needed where the file has several."
 
 
 def fit_prony(
     file: Annotated[
-        Path, typer.Argument(metavar="DMA.csv", parser=named, help="Columns frequency, E', E'', and temperature if any.")
+        Path,
+        typer.Argument(metavar="DMA.csv", parser=named, help="Columns frequency, E', E'', and temperature if any."),
     ],
     elements: Annotated[
         int | None,
@@ -32,8 +33,8 @@ def fit_prony(
         str | None, typer.Option("--wlf", metavar="C1,C2", help="WLF constants, C2 in K; fitted without it.")
     ] = None,
     vertical: Annotated[bool, typer.Option("--vertical-shift", help="Divide moduli by T/T_ref, too.")] = False,
-    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE.toml", parser=named, help="Write it there.")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", "-p", metavar="FILE.png", parser=named, help="Draw data, fit.")] = None,
+    out: Annotated[Path | None, path_option("--out", "-o", metavar="FILE.toml", help="Write the table there.")] = None,
+    plot: Annotated[Path | None, path_option("--plot", "-p", metavar="FILE.png", help="Draw data and fit.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the table's file.")] = False,
 ) -> None:
     """Fit a Prony series to a DMA measurement; prints the rheology table of a scene."""

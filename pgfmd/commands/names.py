@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,6 +13,11 @@ def named(text: str | Path) -> Path:
     if not str(text).strip():
         raise typer.BadParameter("is empty: name a file or folder (`.` is the current folder)")
     return Path(text)
+
+
+def path_option(*names: str, metavar: str, help: str) -> Any:
+    """An option that names a file or a folder."""
+    return typer.Option(*names, metavar=metavar, parser=named, help=help)
 
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", parser=named, help="A folder that a run wrote to.")]

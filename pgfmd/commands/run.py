@@ -13,7 +13,7 @@ from pgfmd.host import batch, launch
 from pgfmd.host.streams import say
 from pgfmd.host.walltime import end_of_job, seconds_of
 
-from .names import named
+from .names import path_option
 from .printing import command
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
@@ -40,7 +40,7 @@ _BEGAN = time.time()
 def run(
     scene: SceneName,
     changes: Changes = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder of results.")] = None,
+    out: Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the results.")] = None,
     overrides: Overrides = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start anew; old results are kept in DIR/previous-1 ...")] = False,
     allow: Annotated[

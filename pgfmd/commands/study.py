@@ -12,14 +12,14 @@ from pgfmd.errors import PgfmdError
 from pgfmd.host import launch
 from pgfmd.host.streams import say
 
-from .names import named
+from .names import named, path_option
 from .printing import command
 from .run import Changes, Overrides, SceneName, all_changes
 
 if TYPE_CHECKING:
     from pgfmd.study.campaign import Campaign
 
-Out = Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder of the folders of cases.")]
+Out = Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the folders of the cases.")]
 Ranks = Annotated[int | None, typer.Option("--ranks", "-n", min=1, help="Ranks of each job.")]
 Retry = Annotated[bool, typer.Option("--retry", help="Go on with failed cases, too.")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Start changed and damaged cases anew; keeps the old.")]

@@ -6,12 +6,13 @@ import dataclasses
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
 from pgfmd.errors import ResultError
 
+from .curve_tail import count_ends
 from .storage import reason
 
 NUMPY_TYPES = {"float": "f8", "int": "i8", "str": "U64"}
@@ -31,18 +32,21 @@ def read_table(path: Path, columns: tuple[str, ...], row: type) -> dict[str, np.
         ResultError: if it can't be read, has other columns, or a line that is no row.
     """
     kinds = [NUMPY_TYPES[entry.type] for entry in dataclasses.fields(row)]
-    parts: dict[str, list[np.ndarray]] = {name: [np.empty(0, _kept_as(kind))] for name, kind in zip(columns, kinds)}
     try:
+        # What a live run adds from here on is left out.
+        most = max(count_ends(path) - 1, 0)
+        found = {name: np.empty(most, _kept_as(kind)) for name, kind in zip(columns, kinds, strict=True)}
+        rows = 0
         with open(path, encoding="utf-8", newline="\n") as file:
             _require_header(path, file.readline(), columns)
-            for piece in _pieces(file, path, list(zip(columns, kinds))):
-                for name in columns:
-                    values = piece[name]
-                    parts[name].append(_shared_texts(values) if values.dtype.kind == "U" else values.copy())
+            for piece in _pieces(islice(file, most), path, list(zip(columns, kinds, strict=True))):
+                for name, values in found.items():
+                    part = piece[name]
+                    values[rows : rows + len(piece)] = _shared_texts(part) if part.dtype.kind == "U" else part
+                rows += len(piece)
     except (OSError, ValueError) as problem:
         raise ResultError(f"{path}: could not be read: {reason(problem)}") from problem
-    # One after the other: no more than one column is there twice.
-    return {name: np.concatenate(parts.pop(name)) for name in columns}
+    return {name: values[:rows] for name, values in found.items()}
 
 
 def _require_header(path: Path, line: str, columns: tuple[str, ...]) -> None:
@@ -53,12 +57,11 @@ def _require_header(path: Path, line: str, columns: tuple[str, ...]) -> None:
         )
 
 
-def _pieces(file: TextIO, path: Path, dtype: list[tuple[str, str]]) -> Iterator[np.ndarray]:
+def _pieces(all_lines: Iterator[str], path: Path, dtype: list[tuple[str, str]]) -> Iterator[np.ndarray]:
     first = 2
-    while lines := list(islice(file, PIECE)):
-        if not lines[-1].endswith("\n"):
-            lines.pop()
+    while lines := list(islice(all_lines, PIECE)):
         if not any(line.strip() for line in lines):
+            first += len(lines)
             continue
         try:
             yield np.loadtxt(lines, dtype, delimiter=",", ndmin=1, comments=None)

@@ -1,5 +1,5 @@
-"""Is this machine ready? One line a check, with the cure where it fails. FAIL: no run, or none under mpirun, works; NOTE:
-runs work, but lack something.
+"""Is this machine ready? One line a check, with the cure where it fails. FAIL: no run, or none under mpirun, works;
+NOTE: runs work, but lack something.
 
 MPI is started in child processes only, under a hard time limit: a broken MPI must not take the doctor with it.
 `python -m pgfmd.host.doctor FILE` is such a child.

@@ -41,7 +41,8 @@ def system_message(error: BaseException) -> str:
     """What is wrong where it is the system that refuses, or the installation; empty where it is something else."""
     if isinstance(error, MemoryError):
         detail = f" ({error})" if str(error) else ""
-        return f"the memory is not enough{detail}: take a smaller grid, or ranks on more nodes; `pgfmd check` estimates it"
+        cure = "take a smaller grid, or ranks on more nodes; `pgfmd check` estimates it"
+        return f"the memory is not enough{detail}: {cure}"
     if isinstance(error, OSError) and error.errno and error.strerror:
         names = " and ".join(str(name) for name in (error.filename, error.filename2) if name is not None)
         return f"{names or 'the system refuses'}: {error.strerror}"

@@ -13,7 +13,8 @@ from pgfmd.files.storage import reason
 
 _NAMES = ("stdin", "stdout", "stderr")
 FORGIVING = "pgfmd.forgiving"
-"""Handler of letters that an encoding lacks: a byte of a file's name that is no text goes out as it is, others as `?`."""
+"""Handler of letters that an encoding lacks: a byte of a file's name that is no text goes out as it is, others as
+`?`."""
 
 
 def open_closed() -> None:

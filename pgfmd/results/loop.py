@@ -69,7 +69,7 @@ class Loop:
         time, displacement, force, area, u_inf = (_column(curve, title) for title in columns)
         jump = np.isin(time, _jump_times(results))
         offset = float(results.run.get("indentation_offset_m") or 0.0)
-        phase = _column(curve, "phase").astype(str)
+        phase = _column(curve, "phase")
         scene = results.scene
         slow = scene.get("solver", {}).get("scheme") == "quasistatic"
         held = not slow or scene.get("drive", {}).get("control") == "load"

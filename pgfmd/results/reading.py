@@ -207,7 +207,8 @@ class FieldsMapping(Mapping):
         from pgfmd.files.fields_layout import label_of
 
         labels = self._file[name]
-        return np.array([label_of(labels, frame).decode(errors="replace") for frame in range(len(labels))], dtype=object)
+        texts = [label_of(labels, frame).decode(errors="replace") for frame in range(len(labels))]
+        return np.array(texts, dtype=object)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)

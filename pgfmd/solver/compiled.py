@@ -1,8 +1,8 @@
 """Compiling kernels, and keeping them for the next start wherever that works: no cache may stop a run.
 
 numba keeps what it has compiled beside the sources, or in the user's cache folder; NUMBA_CACHE_DIR names another. None
-may be writable (an installation of an administrator's, a container, a compute node without homes), the disk or quota may
-be full, and a crash may have left half a file. Kernels are then kept in a folder of the user's own in the temporary
+may be writable (an installation of an administrator's, a container, a compute node without homes), the disk may be
+full, and a crash may have left half a file. Kernels are then kept in a folder of the user's own in the temporary
 folder, or not at all and compiled at each start.
 """
 
@@ -38,8 +38,8 @@ def compiled(**options: Any) -> Callable[[Callable], Any]:
 
 
 def hear(listener: Callable[[str], None] | None) -> None:
-    """From here on, what is to be said of the cache goes to `listener`, what has been noted so far included; each matter
-    is told once in a process. None: nothing is said."""
+    """From here on, what is to be said of the cache goes to `listener`, what has been noted so far included; each
+    matter is told once in a process. None: nothing is said."""
     global _listener
     _listener = listener or (lambda text: None)
     for text in _notes.values():
@@ -106,7 +106,8 @@ class KernelCache(NullCache):
             target = temporary_folder()
             _note("place", f"note: {where} can't keep compiled kernels ({problem}): they go to {target}; {CURE}")
         else:
-            _note("place", f"note: compiled kernels can't be kept ({where}: {problem}): each start compiles anew; {CURE}")
+            why = f"{where}: {problem}"
+            _note("place", f"note: compiled kernels can't be kept ({why}): each start compiles anew; {CURE}")
 
     def _open(self, kind: type) -> FunctionCache | None:
         if kind not in self._opened:

@@ -1,4 +1,4 @@
-"""The doctor's verdicts: FAIL for what stops a run, NOTE for what it does without; two MPIs that don't belong together."""
+"""The doctor's verdicts: FAIL for what stops a run, NOTE for what it does without; two MPIs that don't match."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`fields.h5` in the readers that others use, and files of earlier versions, which kept labels as texts of fixed length."""
+"""`fields.h5` in the readers that others use, and files of earlier versions, whose labels are texts of fixed length."""
 
 from __future__ import annotations
 
@@ -51,10 +51,11 @@ def test_xarray_opens_it_with_either_engine(tmp_path, engine):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             with xarray.open_dataset(path, engine=engine) as data:
-                assert data["label"].dims == ("snapshot",) and [str(label) for label in data["label"].values] == LABELS[:count]
+                assert data["label"].dims == ("snapshot",) and list(map(str, data["label"].values)) == LABELS[:count]
                 np.testing.assert_array_equal(data["time"], 0.5 * np.arange(count))
                 assert data["gap"].dims == ("snapshot", "y", "x") and data["gap"].shape == (count, NB, NB)
-                assert {"time", "force", "label"} <= set(data["gap"].coords) and set(data.sizes) == {"snapshot", "x", "y"}
+                assert {"time", "force", "label"} <= set(data["gap"].coords)
+                assert set(data.sizes) == {"snapshot", "x", "y"}
                 np.testing.assert_array_equal(data["gap"][:, 0, 0], 0.1 + np.arange(count))
     file.truncate(2)
     add(file, ["again"])

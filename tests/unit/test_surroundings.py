@@ -32,7 +32,8 @@ def results(tmp_path):
 def pgfmd(*arguments, folder, **variables) -> subprocess.CompletedProcess:
     """`python -m pgfmd` in a folder with a numpy.py and a typing.py that are no matter of ours."""
     (folder / "numpy.py").write_text("raise SystemExit('mine')")
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX_", "PMI_"))}
+    launchers = ("OMPI_COMM", "PMIX_", "PMI_")
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(launchers)}
     return subprocess.run(
         [sys.executable, "-m", "pgfmd", *map(str, arguments)], cwd=folder, env=environment | variables,
         capture_output=True, timeout=100,
@@ -91,8 +92,8 @@ def test_results_that_cannot_be_written_to_name_the_way_out(results, tmp_path, c
 @pytest.mark.parametrize(
     "command",
     ["run tri-tack --out ''", "study '' ", "study a.toml --out ''", "converge tri-tack --out ''", "plot ''",
-     "plot x --out ''", "plot-rheology tri-tack --out ''", "analyse ''", "analyse x --twin ''", "analyse x --asperity ' '",
-     "analyse x --out ''", "compare x ''", "compare x --out ''", "fit-prony ''", "fit-prony x --out ''",
+     "plot x --out ''", "plot-rheology tri-tack --out ''", "analyse ''", "analyse x --twin ''",
+     "analyse x --asperity ' '", "analyse x --out ''", "compare x ''", "compare x --out ''", "fit-prony ''", "fit-prony x --out ''",
      "fit-prony x --plot ''", "status x ''", "verify ''"],
 )  # fmt: skip
 def test_an_empty_name_is_refused(command, tmp_path, monkeypatch, capsys):
@@ -118,7 +119,7 @@ def test_printed_commands_can_be_pasted(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("error", "code", "told"),
     [
-        (OSError(errno.ENOSPC, "No space left on device", "/disk/file"), 4, "pgfmd: /disk/file: No space left on device\n"),
+        (OSError(errno.ENOSPC, "No space left", "/disk/file"), 4, "pgfmd: /disk/file: No space left\n"),
         (MemoryError("8 GiB"), 3, "pgfmd: the memory is not enough (8 GiB): take a smaller grid"),
         (ImportError("libfftw3.so.3: cannot open", name="mpi4py_fft"), 1, "pgfmd: a library can't be loaded: libfftw3"),
         (KeyboardInterrupt(), 130, "pgfmd: interrupted\n"),
@@ -130,7 +131,9 @@ def test_what_the_system_refuses_is_one_message(error, code, told, monkeypatch, 
     assert found == code and said.startswith(told) and said.count("\n") == 1
 
 
-@pytest.mark.parametrize("error", [KeyError("depth"), EOFError("Ran out of input"), ImportError("x", name="pgfmd.nowhere")])
+@pytest.mark.parametrize(
+    "error", [KeyError("depth"), EOFError("Ran out of input"), ImportError("x", name="pgfmd.nowhere")]
+)
 def test_a_fault_of_ours_is_one_block_to_report(error, monkeypatch, capsys):
     _fail(monkeypatch, error)
     found, said = called(capsys, "verify", "my run")
