@@ -122,7 +122,7 @@ class Inertialess(PathFollowing):
                 trial.position, history, weights.compliance[i], self._u[i], self._w[i],
                 self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
             )  # fmt: skip
-            self._drift = self._drift.disturbed(self._rough * outcome.moved)
+            self._after_solve(trial.position, outcome)
             trial.newton_iterations += outcome.newton_iterations
             trial.cg_iterations += outcome.cg_iterations
             trial.potential_drop += outcome.potential_drop

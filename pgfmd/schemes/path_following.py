@@ -13,7 +13,7 @@ from pgfmd.physics.drive import PRELOAD
 from pgfmd.solver import kernels
 from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.solver.extrapolation import lagrange_weights
-from pgfmd.solver.newton import NewtonSolver
+from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import Change, Trial
 
@@ -107,11 +107,21 @@ class PathFollowing:
         c = lagrange_weights(times[: 1 if trial.is_jump else 3], ahead)
         kernels.combine(*_terms(c, u), self._u[stage])
         kernels.combine(*_terms(c, w), self._w[stage])
-        size = abs(trial.position) / self.solver.law.range
+        size = self._extent(trial.position)
         self._drift = self._drift.extrapolated(c, size)
         if self._drift.newest > DRIFT_SHARE * self.tolerance:
             self.solver.convolve(self._w[stage], self._u[stage])
             self._drift = self._drift.renewed(size)
+
+    def _extent(self, position: float) -> float:
+        """Size of u [ranges of adhesion], of which its rounding is a share, with the punch's end at a position [m]."""
+        return abs(position) / self.law.range
+
+    def _after_solve(self, position: float, outcome: Outcome) -> None:
+        """Keeps the drift up with a solve that ended at this position [m] of the punch's end."""
+        if outcome.renewed:
+            self._drift = self._drift.renewed(self._extent(position))
+        self._drift = self._drift.disturbed(self._rough * outcome.moved)
 
     def _change(self, state: State, trial: Trial, count: int = 3) -> Change:
         """How far the step has moved surface and force, and how far from where the last `count` ends of steps point."""

@@ -116,7 +116,7 @@ class Quasistatic(PathFollowing):
         self._predict(state, trial, 0, step)
         u, w = self._u[0], self._w[0]
         if self.machine_compliance and not state.past_u:
-            self._carry(trial.position - state.position, state, u, w)
+            self._carry(trial, state, u, w)
         tolerance = SHARPNESS * self.tolerance
         tolerance = min(EVENT_TOLERANCE, tolerance) if sharp else tolerance
         largest = 0.0 if sharp else PathFollowing._scale(self, state, trial)
@@ -160,9 +160,9 @@ class Quasistatic(PathFollowing):
         energies.elastic = self._stored
         self._move_on(state, trial)
 
-    def _carry(self, way: float, state: State, u: np.ndarray, w: np.ndarray) -> None:
+    def _carry(self, trial: Trial, state: State, u: np.ndarray, w: np.ndarray) -> None:
         """Carries the surface with the punch where nothing is known yet of how it moves: a soft spring's end may go a
-        long way [m] while punch and surface hardly move, and without this it went through the surface.
+        long way while punch and surface hardly move, and without this it went through the surface.
 
         The load that this takes is spread evenly over the points that interact: under tension few of them have a negative
         gap, or none.
@@ -172,8 +172,11 @@ class Quasistatic(PathFollowing):
             return
         stiffness = 1.0 / (self.machine_compliance + 1.0 / self.contact_stiffness)
         area = self.points.grid.cell_area * count
+        way = trial.position - state.position
         w[np.flatnonzero(state.traction)] += self.compliance * way * stiffness / area
         self.solver.convolve(w, u)
+        # The surfaces before have a drift that this one has no more: what is extrapolated from both must know.
+        self._drift = self._drift.renewed(self._extent(trial.position))
 
     def _solve(
         self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool, largest: float = 0.0
@@ -181,8 +184,13 @@ class Quasistatic(PathFollowing):
         outcome = self.solver.solve(
             position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest
         )
-        self._drift = self._drift.disturbed(self._rough * outcome.moved)
+        self._after_solve(position, outcome)
         return outcome
+
+    def _extent(self, position: float) -> float:
+        """Size of u [ranges of adhesion] with the machine at a position [m]. What the loads of the points make of a soft
+        spring, one by one, is more than their sum: of that, about the preload is reckoned with."""
+        return super()._extent(position) + self.machine_compliance * self.solver.force_scale / self.law.range
 
     @staticmethod
     def _take(trial: Trial, outcome: Outcome) -> None:

@@ -34,7 +34,8 @@ class Outcome:
     the adhesive energy [J].
 
     moved: sum of the largest moves of the surface [ranges of adhesion] by all corrections. left_over: the force out of
-    balance, relative to what was allowed, where the solve ended because rounding allows no less; else 0.
+    balance, relative to what was allowed, where the solve ended because rounding allows no less; else 0. renewed: whether u
+    was evaluated anew from w on the way.
     """
 
     converged: bool
@@ -46,6 +47,7 @@ class Outcome:
     met_negative_curvature: bool
     moved: float = 0.0
     left_over: float = 0.0
+    renewed: bool = False
 
 
 class NewtonSolver:
@@ -99,10 +101,11 @@ class NewtonSolver:
         position d [m]; history w_hist [Pa] (size,); compliance J (dimensionless, relative to the relaxed one);
         tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the
         force that is out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0
-        rho is no small stress.) Where rounding allows no correction to be taken, one that is this small will do. jump: the way down may be long. timid: give up where the potential bends down along a
-        direction, or the surface has moved far: there is a better start, nearer by. largest_force [N] so far, if not 0:
-        where rounding allows no better balance, one that is good beside this force will do. Where it does not converge, u and w
-        stay at the lowest Phi found.
+        rho is no small stress.) Where rounding allows no correction to be taken, one that is this small will do. jump:
+        the way down may be long. timid: give up where the potential bends down along a direction, or the surface has
+        moved far: there is a better start, nearer by. largest_force [N] so far, if not 0: where rounding allows no better
+        balance, one that is good beside this force will do. Where it does not converge, u and w stay at the lowest Phi
+        found.
         """
         trust, way, cg_count, negative, renewed = 1.0, 0.0, 0, False, False
         self._s[:] = 0.0
@@ -145,19 +148,19 @@ class NewtonSolver:
             drop += gained
             small = size < tolerance or (self.forcing + size) * size < tolerance
             if scale == 1.0 and not bent and small and unsettled <= unbalanced:
-                return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size)
+                return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size, renewed)
             noise = self._noise(compliance, u, w) if count == MOST_IDLE else noise
             if progress.stalls(drop, self._slack_of(potential) + noise, size, unsettled):
                 if not bent and size < tolerance:
                     largest = max(largest_force, abs(pull) * self.points.grid.cell_area) if largest_force else 0.0
                     if unsettled <= unbalanced * max(1.0, largest / self.force_scale):
-                        return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size)
+                        return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size, renewed)
                     left_over = progress.least_unsettled / unbalanced
                 break
             moved = scale * size
             way += moved
             trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
-        return self._outcome(False, count, cg_count, pull, drop, potential, negative, way, left_over)
+        return self._outcome(False, count, cg_count, pull, drop, potential, negative, way, renewed, left_over)
 
     def _slack_of(self, potential: float) -> float:
         """How far Phi may rise by rounding, per area of a point."""
@@ -218,12 +221,11 @@ class NewtonSolver:
         return 0.0
 
     def _outcome(
-        self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved, left_over=0.0
+        self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved, renewed=False, left_over=0.0
     ) -> Outcome:  # fmt: skip
         area = self.points.grid.cell_area
-        return Outcome(
-            converged, newton_count, cg_count, -pull * area, drop * area, adhesive * area, negative, moved, left_over
-        )
+        energies = drop * area, adhesive * area
+        return Outcome(converged, newton_count, cg_count, -pull * area, *energies, negative, moved, left_over, renewed)
 
     def _evaluate(self, position, u, w, step, weight, history, compliance):
         """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets
