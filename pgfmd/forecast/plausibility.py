@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ import numpy as np
 from pgfmd.parts import topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.topography import height_map
+from pgfmd.scene.model import SECTIONS
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.units import handy_quantity
 
@@ -30,6 +32,11 @@ ATOM = 1e-10
 """Length [m] below which there is no continuum."""
 SAMPLED_ROWS, SAMPLED_COLUMNS = 64, 512
 """At how many points of the grid, at most, a face is looked at; of a map all pixels are."""
+UNREAD = {
+    "gfmd": {"solver.accuracy": "its steps are those of [solver.gfmd]", "solver.order": "it is of order 2"},
+    "quasistatic": {"solver.order": "it follows equilibria", "drive.dwell": "time does not count"},
+}
+"""Keys without an effect by scheme, and why."""
 WHOLE = 1e-6
 """Relative misfit of a map's size and the cell that rounding explains."""
 
@@ -45,17 +52,22 @@ class Face:
 
 def warnings(scene) -> Iterator[str]:
     """What can't be meant in a scene whose files are there."""
-    for rule in (_face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing):
+    for rule in (_face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing, _unread):
         yield from rule(scene)
 
 
 def face_of(scene) -> Face:
     """Relief and slope of the scene's punch. Raises ValueError, OSError for a map that can't be used."""
-    return _face_of(scene.punch, scene.grid)
+    stamp = None
+    if scene.punch.file is not None:
+        found = os.stat(scene.punch.file)
+        stamp = found.st_mtime_ns, found.st_size
+    return _face_of(scene.punch, scene.grid, stamp)
 
 
 @functools.lru_cache(maxsize=1)
-def _face_of(punch, grid) -> Face:
+def _face_of(punch, grid, stamp) -> Face:
+    """stamp: what tells that a map has been written anew."""
     return _map_face(punch, grid) if punch.pattern == "file" else _pattern_face(punch, grid)
 
 
@@ -218,3 +230,12 @@ def _spacing(scene) -> Iterator[str]:
             f"grid.length: points of the grid are {handy_quantity(spacing, 'length')} apart, less than an atom, where no "
             "continuum is left; look at its unit"
         )
+
+
+def _unread(scene) -> Iterator[str]:
+    """Keys that ask for what the scheme does not do."""
+    scheme = scene.solver.scheme
+    for dotted, why in UNREAD.get(scheme, {}).items():
+        section, _, name = dotted.rpartition(".")
+        if getattr(scene.section(section), name) != SECTIONS[section].model_fields[name].default:
+            yield f"{dotted} has no effect, as {why} with solver.scheme = \"{scheme}\": leave it out"

@@ -53,6 +53,9 @@ WRONG = {
     "drive.retract_speed = 1 km/s": ["drive.retract_speed=1 km/s"],
     "drive.preload = 40 kN is a mean pressure of 90.5 GPa": ["drive.preload=40 kN", "substrate.thickness=4 mm"],
     "drive.clearance: the punch starts 4 m above .* 1.1e.04 times .* 46.3 days": ["drive.clearance=4 m"],
+    "solver.accuracy has no effect, .* solver.scheme = .gfmd.": ["solver.scheme=gfmd", "solver.accuracy=1e-3"],
+    "solver.order has no effect": ["solver.scheme=quasistatic", "solver.order=1"],
+    "drive.dwell has no effect, as time": ["solver.scheme=quasistatic", "drive.dwell=1 s"],
     "grid.length: points .* are 58.6 pm apart": [
         "punch.pattern=flat", "punch.radius=4 nm", "grid.length=15 nm", "grid.n=256"],
 }  # fmt: skip
@@ -92,6 +95,13 @@ def test_heights_in_micrometres_are_told_in_metres(save):
     assert text.startswith("punch.file: ") and "rises by 5.66 m" in text and "read in metres" in text
     found = report(load_scene("tri-tack", overrides))
     assert found["height range"] == pytest.approx(4 * 2**0.5, rel=1e-9) and text in found.warnings
+
+
+def test_a_map_that_is_saved_anew_is_looked_at_anew(save):
+    overrides = ["punch.pattern=file", save(np.zeros((8, 8))), 'punch.file_size=["900 um", "900 um"]']
+    assert told("tri-tack", *overrides) == []
+    save(np.eye(9))
+    assert "rises by 1 m" in told("tri-tack", *overrides)[0]
 
 
 def test_pixels_beyond_the_punch_do_not_count(save):
