@@ -212,7 +212,7 @@ def test_a_title_that_is_no_unicode_is_refused():
 # The command line ----------------------------------------------------------------------------------------------------
 
 
-def test_the_end_of_a_file_is_no_interruption(monkeypatch, capsys):
+def test_the_end_of_a_file_is_no_interruption(monkeypatch):
     """Typer takes EOFError for Ctrl-D, and both for a wish to stop."""
 
     def raises(error):
@@ -227,4 +227,4 @@ def test_the_end_of_a_file_is_no_interruption(monkeypatch, capsys):
     monkeypatch.setattr("pgfmd.scene.load_scene", raises(KeyboardInterrupt()))
     with pytest.raises(SystemExit) as caught:
         main(["check", "tri-tack"])
-    assert caught.value.code == launch.INTERRUPTED and "interrupted" in capsys.readouterr().err
+    assert caught.value.code == launch.INTERRUPTED
