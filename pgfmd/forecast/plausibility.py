@@ -20,7 +20,7 @@ from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.topography import height_map
 from pgfmd.scene.model import SECTIONS
 from pgfmd.solver.grid import Grid, PunchPoints
-from pgfmd.units import handy_quantity
+from pgfmd.units import handy_quantity as shown
 
 STEEPEST = 1.0
 """Slope of a face, 45 degrees, beyond which nothing is left of small slopes."""
@@ -124,15 +124,15 @@ def _scale(scene) -> tuple[float, str]:
 
 def _face(scene) -> Iterator[str]:
     punch, face, (scale, what) = scene.punch, face_of(scene), _scale(scene)
-    relief = handy_quantity(face.relief, "length")
+    relief = shown(face.relief, "length")
     keys = {"punch.file": punch.file, "punch.amplitude": punch.amplitude, "punch.layer_step": punch.layer_step}
     where = next((key for key, value in keys.items() if value), "punch.curvature_radius")
     if face.slope > STEEPEST or face.relief > scale:
         unit = "a map's heights are read in metres" if punch.pattern == "file" else "look at the units of [punch]"
         yield (
-            f"{where}: from its lowest to its highest point the face rises by {relief}, {face.relief / scale:.2g} times {what}"
-            f", and its steepest slope is {face.slope:.2g} (1 is 45 degrees); linear elasticity of small slopes does not "
-            f"hold there: {unit}"
+            f"{where}: from its lowest to its highest point the face rises by {relief}, "
+            f"{face.relief / scale:.2g} times {what}, and its steepest slope is {face.slope:.2g} (1 is 45 degrees); "
+            f"linear elasticity of small slopes does not hold there: {unit}"
         )
     elif 0.0 < face.relief < ATOM:
         yield f"{where}: from its lowest to its highest point the face rises by {relief}, less than an atom: it is flat"
@@ -145,10 +145,11 @@ def _map_fits_the_cell(scene) -> Iterator[str]:
         return
     size = height_map(topography_of(punch)).size
     if any(abs(length / side - max(round(length / side), 1)) > WHOLE * length / side for side in size):
-        sides = " x ".join(handy_quantity(side, "length") for side in size)
+        sides = " x ".join(shown(side, "length") for side in size)
         yield (
-            f"punch.file: the map, {sides}, does not fit into the cell, {handy_quantity(length, 'length')}, a whole number of "
-            "times: the face has a step at the cell's border; set grid.length to the map's size, or give punch.radius"
+            f"punch.file: the map, {sides}, does not fit into the cell, {shown(length, 'length')}, a whole number "
+            "of times: the face has a step at the border of the cell; "
+            "set grid.length to the map's size, or give punch.radius"
         )
 
 
@@ -163,12 +164,12 @@ def _range(scene) -> Iterator[str]:
     cure = "look at its unit"
     if math.isclose(own, adhesion.range, rel_tol=1e-9):
         cure = (
-            f"it follows from work_of_adhesion = {handy_quantity(adhesion.work_of_adhesion, 'energy per area')}, "
-            f"E* = {handy_quantity(modulus, 'modulus')} and the grid: look at their units"
+            f"it follows from work_of_adhesion = {shown(adhesion.work_of_adhesion, 'energy per area')}, "
+            f"E* = {shown(modulus, 'modulus')} and the grid: look at their units"
         )
     yield (
-        f"adhesion.range is {handy_quantity(adhesion.range, 'length')}, {adhesion.range / scale:.2g} times {what}: the whole "
-        f"contact lies within it; {cure}"
+        f"adhesion.range is {shown(adhesion.range, 'length')}, {adhesion.range / scale:.2g} times {what}: the "
+        f"whole contact lies within it; {cure}"
     )
 
 
@@ -179,9 +180,9 @@ def _tightness(scene) -> Iterator[str]:
     length = adhesion.work_of_adhesion / modulus
     if adhesion.law == "cosine" and length > LARGE_SHARE * scale:
         yield (
-            f"adhesion.work_of_adhesion: gamma/E* = {handy_quantity(adhesion.work_of_adhesion, 'energy per area')} / "
-            f"{handy_quantity(modulus, 'modulus')} = {handy_quantity(length, 'length')} is {length / scale:.2g} times {what}: "
-            "adhesion would draw the surface out as far; look at the units of both"
+            f"adhesion.work_of_adhesion: gamma/E* = {shown(adhesion.work_of_adhesion, 'energy per area')} / "
+            f"{shown(modulus, 'modulus')} = {shown(length, 'length')} is {length / scale:.2g} times "
+            f"{what}: adhesion would draw the surface out as far; look at the units of both"
         )
 
 
@@ -194,8 +195,8 @@ def _speed(scene) -> Iterator[str]:
     for key, speed in (("drive.speed", drive.speed), ("drive.retract_speed", drive.retract_speed)):
         if speed > sound and not (key == "drive.retract_speed" and speed == drive.speed):
             yield (
-                f"{key} = {handy_quantity(speed, 'speed')} is beyond the speed of sound in the relaxed elastomer, about "
-                f"{handy_quantity(sound, 'speed', 2)}: inertia, which is left out, would count; look at its unit"
+                f"{key} = {shown(speed, 'speed')} is beyond the speed of sound in the relaxed elastomer, about "
+                f"{shown(sound, 'speed', 2)}: inertia, which is left out, would count; look at its unit"
             )
 
 
@@ -208,9 +209,9 @@ def _pressure(scene) -> Iterator[str]:
     pressure = scene.drive.preload / area
     if pressure > modulus:
         yield (
-            f"drive.preload = {handy_quantity(scene.drive.preload, 'force')} is a mean pressure of "
-            f"{handy_quantity(pressure, 'modulus')} under the punch, above E* = {handy_quantity(modulus, 'modulus')}: linear "
-            "elasticity does not hold there; look at its unit"
+            f"drive.preload = {shown(scene.drive.preload, 'force')} is a mean pressure of "
+            f"{shown(pressure, 'modulus')} under the punch, above E* = {shown(modulus, 'modulus')}: "
+            "linear elasticity does not hold there; look at its unit"
         )
 
 
@@ -218,8 +219,9 @@ def _clearance(scene) -> Iterator[str]:
     clearance, (scale, what) = scene.drive.clearance, _scale(scene)
     if clearance > max(scale, scene.adhesion.range):
         yield (
-            f"drive.clearance: the punch starts {handy_quantity(clearance, 'length')} above the surface, {clearance / scale:.2g} times "
-            f"{what}, and takes {handy_quantity(clearance / scene.drive.speed, 'time')} to come down; look at its unit"
+            f"drive.clearance: the punch starts {shown(clearance, 'length')} above the surface, "
+            f"{clearance / scale:.2g} times {what}, and takes {shown(clearance / scene.drive.speed, 'time')} to come down; "
+            "look at its unit"
         )
 
 
@@ -227,7 +229,7 @@ def _spacing(scene) -> Iterator[str]:
     spacing = scene.grid.length / scene.grid.n
     if spacing < ATOM:
         yield (
-            f"grid.length: points of the grid are {handy_quantity(spacing, 'length')} apart, less than an atom, where no "
+            f"grid.length: points of the grid are {shown(spacing, 'length')} apart, less than an atom, where no "
             "continuum is left; look at its unit"
         )
 

@@ -116,10 +116,10 @@ def test_pixels_beyond_the_punch_do_not_count(save):
 
 def test_a_map_that_does_not_fit_into_the_cell_is_told(tmp_path):
     np.save(tmp_path / "map.npy", np.zeros((8, 8)))
-    text = (
-        load_scene("tri-tack").to_toml().replace('pattern = "triangular"', 'pattern = "file"\nfile = "map.npy"\nfile_size = SIZE')
-    )
-    lines = [line for line in text.split("\n") if not line.startswith(("radius", "wavelength", "amplitude", "height_j", "seed"))]
+    named = 'pattern = "file"\nfile = "map.npy"\nfile_size = SIZE'
+    text = load_scene("tri-tack").to_toml().replace('pattern = "triangular"', named)
+    of_waves = ("radius", "wavelength", "amplitude", "height_jitter", "seed")
+    lines = [line for line in text.split("\n") if not line.startswith(of_waves)]
     for size, fits in (("750 um", True), ("1.5 mm", True), ("900 um", False), ("2 mm", False)):
         path = tmp_path / "scene.toml"
         path.write_text("\n".join(lines).replace("SIZE", f'["750 um", "{size}"]'))
