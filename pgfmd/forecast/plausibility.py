@@ -220,8 +220,8 @@ def _clearance(scene) -> Iterator[str]:
     if clearance > max(scale, scene.adhesion.range):
         yield (
             f"drive.clearance: the punch starts {shown(clearance, 'length')} above the surface, "
-            f"{clearance / scale:.2g} times {what}, and takes {shown(clearance / scene.drive.speed, 'time')} to come down; "
-            "look at its unit"
+            f"{clearance / scale:.2g} times {what}, and takes {shown(clearance / scene.drive.speed, 'time')} to come "
+            "down; look at its unit"
         )
 
 
