@@ -11,7 +11,6 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from pgfmd.parts import topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.topography import height_map
 from pgfmd.scene.model import SECTIONS
-from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.units import handy_quantity as shown
 
 STEEPEST = 1.0
@@ -30,8 +28,8 @@ DENSITY = 1e3
 """Density [kg/m^3] of any elastomer, for its speed of sound."""
 ATOM = 1e-10
 """Length [m] below which there is no continuum."""
-SAMPLED_ROWS, SAMPLED_COLUMNS = 64, 512
-"""At how many points of the grid, at most, a face is looked at; of a map all pixels are."""
+SAMPLES, DIFFERENCE = 2**14, 1e-3
+"""At how many points a pattern is looked at, and the step of the differences, in wavelengths or radii."""
 UNREAD = {
     "gfmd": {"solver.accuracy": "its steps are those of [solver.gfmd]", "solver.order": "it is of order 2"},
     "quasistatic": {"solver.order": "it follows equilibria", "drive.dwell": "time does not count"},
@@ -43,8 +41,7 @@ WHOLE = 1e-6
 
 @dataclass(frozen=True)
 class Face:
-    """The punch's lower face as the grid sees it: relief [m], from its highest to its lowest point, and the steepest
-    slope between neighbouring points."""
+    """The punch's lower face: relief [m], from its highest to its lowest point, and the steepest slope."""
 
     relief: float
     slope: float
@@ -80,6 +77,8 @@ def _map_face(punch, grid) -> Face:
     x = (np.arange(count_x) + 0.5) * (size_x / count_x) - 0.5 * size_x
     y = (np.arange(count_y) + 0.5) * (size_y / count_y) - 0.5 * size_y
     heights = found.heights
+    if math.isfinite(punch.curvature_radius):
+        heights = heights + (x**2 + y[:, None] ** 2) / (2.0 * punch.curvature_radius)
     if punch.radius is not None:
         # With the pixels around, between which the rim lies.
         rim = punch.radius + math.hypot(*found.pixel)
@@ -97,21 +96,19 @@ def _largest(values) -> float:
 
 
 def _pattern_face(punch, grid) -> Face:
-    """From points of the grid, in pairs along x and along y."""
-    spacing = grid.length / grid.n
-    points = PunchPoints(Grid(grid.n, grid.length), punch.radius, SimpleNamespace(size=1, rank=0))
-    x, y = [], []
-    for row in np.unique(np.linspace(0, points.nb - 1, SAMPLED_ROWS).astype(int)):
-        if points.last[row] > points.first[row]:
-            columns = np.linspace(points.first[row], points.last[row] - 1, SAMPLED_COLUMNS).astype(int)
-            columns = np.unique(columns)
-            x.append(points.grid.coordinate(points.block_start + columns))
-            y.append(np.full(columns.size, points.grid.coordinate(points.block_start + row)))
-    x, y = np.concatenate(x), np.concatenate(y)
-    # Neighbours on the side of the axis: within the outline.
-    to_x, to_y = np.where(x > 0, -spacing, spacing), np.where(y > 0, -spacing, spacing)
-    here, beside, above = topography_of(punch).heights(np.stack([x, x + to_x, x]), np.stack([y, y, y + to_y]))
-    slope = np.hypot(beside - here, above - here).max() / spacing
+    """From points that are spread over the outline without a period of their own (Roberts' R2 sequence), its centre and
+    its rim."""
+    reach = punch.radius if punch.radius is not None else 0.5 * grid.length
+    share = np.array([[0.7548776662466927], [0.5698402909980532]]) * np.arange(1, SAMPLES + 1) % 1.0
+    x, y = reach * (2.0 * share - 1.0)
+    if punch.radius is not None:
+        inside = np.hypot(x, y) <= reach
+        x, y = x[inside], y[inside]
+    x, y = np.append(x, [0.0, reach, -reach, 0.0, 0.0]), np.append(y, [0.0, 0.0, 0.0, reach, -reach])
+    step = DIFFERENCE * min(reach, punch.wavelength or math.inf)
+    moved = np.stack([x, x + step, x - step, x, x]), np.stack([y, y, y, y + step, y - step])
+    here, right, left, above, below = topography_of(punch).heights(*moved)
+    slope = np.hypot(right - left, above - below).max() / (2.0 * step)
     return Face(float(np.ptp(here)), float(slope))
 
 
