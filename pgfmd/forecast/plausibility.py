@@ -85,9 +85,11 @@ def _map_face(punch, grid) -> Face:
         heights = np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
     elif found.periodic:
         heights = np.pad(heights, ((0, 1), (0, 1)), mode="wrap")
-    steps = [np.abs(np.diff(heights, axis=axis)) for axis in (1, 0)]
-    slopes = [_largest(step) / max(pixel, spacing) for step, pixel in zip(steps, found.pixel, strict=True)]
-    return Face(_largest(heights) + _largest(-heights), math.hypot(*slopes))
+    along_x, along_y = (
+        np.abs(np.diff(heights, axis=axis)) / max(pixel, spacing) for axis, pixel in zip((1, 0), found.pixel, strict=True)
+    )
+    slope = max(_largest(along_x), _largest(along_y), _largest(np.hypot(along_x[:-1], along_y[:, :-1])))
+    return Face(_largest(heights) + _largest(-heights), slope)
 
 
 def _largest(values) -> float:
