@@ -85,9 +85,9 @@ def _map_face(punch, grid) -> Face:
         heights = np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
     elif found.periodic:
         heights = np.pad(heights, ((0, 1), (0, 1)), mode="wrap")
-    along_x, along_y = (
-        np.abs(np.diff(heights, axis=axis)) / max(pixel, spacing) for axis, pixel in zip((1, 0), found.pixel, strict=True)
-    )
+    pixel_x, pixel_y = found.pixel
+    along_x = np.abs(np.diff(heights, axis=1)) / max(pixel_x, spacing)
+    along_y = np.abs(np.diff(heights, axis=0)) / max(pixel_y, spacing)
     slope = max(_largest(along_x), _largest(along_y), _largest(np.hypot(along_x[:-1], along_y[:, :-1])))
     return Face(_largest(heights) + _largest(-heights), slope)
 
