@@ -48,10 +48,7 @@ def main(arguments: list[str] | None = None) -> None:
         if rank == 0:
             launch.complain(error)
         code = error.exit_code
-    except (KeyboardInterrupt, typer.Abort) as stop:
-        if isinstance(stop.__cause__, EOFError):
-            # Typer takes the end of a file for Ctrl-D.
-            raise stop.__cause__ from None
+    except (KeyboardInterrupt, typer.Abort):
         launch.complain("interrupted")
         code = launch.INTERRUPTED
     except Exception as error:

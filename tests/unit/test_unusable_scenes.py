@@ -9,10 +9,8 @@ import zipfile
 import numpy as np
 import pytest
 
-from pgfmd.cli import main
 from pgfmd.errors import SceneError
 from pgfmd.forecast import advice
-from pgfmd.host import launch
 from pgfmd.parts import confirm
 from pgfmd.scene import load_scene, parse_scene
 
@@ -207,24 +205,3 @@ def test_paths_that_cannot_be_are_refused(key, tmp_path):
 
 def test_a_title_that_is_no_unicode_is_refused():
     assert refusal("title=" + os.fsdecode(b"\xff")).key == "title"
-
-
-# The command line ----------------------------------------------------------------------------------------------------
-
-
-def test_the_end_of_a_file_is_no_interruption(monkeypatch):
-    """Typer takes EOFError for Ctrl-D, and both for a wish to stop."""
-
-    def raises(error):
-        def check(*arguments, **options):
-            raise error
-
-        return check
-
-    monkeypatch.setattr("pgfmd.scene.load_scene", raises(EOFError("No data left in file")))
-    with pytest.raises(EOFError):
-        main(["check", "tri-tack"])
-    monkeypatch.setattr("pgfmd.scene.load_scene", raises(KeyboardInterrupt()))
-    with pytest.raises(SystemExit) as caught:
-        main(["check", "tri-tack"])
-    assert caught.value.code == launch.INTERRUPTED
