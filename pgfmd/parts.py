@@ -15,8 +15,8 @@ from .physics.cohesion import LAWS, CohesiveLaw
 from .physics.drive import Drive
 from .physics.film import Film
 from .physics.free_kernel import FreeFilm, FreeHalfSpace
-from .physics.heightfile import HIGHEST
 from .physics.halfspace import HalfSpace, TabulatedCompliance
+from .physics.heightfile import HIGHEST
 from .physics.inertia import Inertia, contact_stiffness, inertia_of, instability
 from .physics.rheology import PronySeries
 from .physics.topography import Topography

@@ -90,7 +90,7 @@ def _punch(scene) -> Iterator[Line]:
     face = face_of(scene)
     note = f"{handy_quantity(face.relief, 'length')} from the lowest to the highest point of the face"
     yield Line("height range", face.relief, "m", note)
-    yield Line("steepest slope", face.slope, "", "between neighbouring points; small slopes are assumed")
+    yield Line("steepest slope", face.slope, "", "1 is 45 degrees; small slopes are assumed")
 
 
 def _adhesion(scene) -> Iterator[Line]:

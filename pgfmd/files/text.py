@@ -21,9 +21,9 @@ UNMARKED = ("utf-8", "cp1252")
 
 
 def read_text(path: str | Path) -> str:
-    """The text of a file with or without a byte order mark, in UTF-8, UTF-16, UTF-32 or Windows-1252 (Latin-1).
+    """The text of a file in UTF-8, UTF-16, UTF-32 or Windows-1252 (Latin-1), with a byte order mark or without.
 
-    Ends of lines come as "\\n", whichever they were. Raises OSError, and ValueError for what is no text in any of these.
+    Ends of lines come as "\\n", whichever they were. Raises OSError, and ValueError for what is no such text.
     """
     return decoded(Path(path).read_bytes())
 

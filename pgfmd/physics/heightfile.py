@@ -43,7 +43,8 @@ def read_heights(path: str | Path) -> tuple[Array, tuple[float, float] | None]:
         elif path.suffix == ".npz":
             if not zipfile.is_zipfile(path):
                 raise ValueError("expected a whole archive of arrays, as numpy.savez writes it")
-            with np.load(path, allow_pickle=False) as archive:
+            # Opened here, as numpy leaves a damaged one open.
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
                 if "z" not in archive:
                     raise ValueError(f"holds {', '.join(archive.files) or 'nothing'}, expected an array named z")
                 heights = archive["z"]

@@ -182,7 +182,8 @@ def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
         return
     keys = ("omega", "dt")
     given = [draft.given(f"solver.gfmd.{name}") for name in keys]
-    elastic = _modulus_ratio(draft) == 1.0
+    model = draft["rheology.model"]
+    elastic = model == "elastic" or (model == "prony" and not any(draft["rheology.kappa"] or (1.0,)))
     for name, here in zip(keys, given, strict=True):
         if not here and (any(given) or elastic):
             why = "an elastic substrate, which has no relaxation time" if elastic else "the other one given alone"

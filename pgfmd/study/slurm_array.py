@@ -105,7 +105,7 @@ def memory_per_rank(cases: Sequence[Case], ranks: int) -> int:
 def home_of_jobs() -> Path:
     """The folder with pgfmd's sources and its jobs/: $PGFMD_HOME, else where this module is. Raises SlurmError."""
     named = os.environ.get("PGFMD_HOME")
-    home = Path(named).expanduser().resolve() if named else Path(pgfmd.__file__).resolve().parents[1]
+    home = Path(os.path.expanduser(named)).resolve() if named else Path(pgfmd.__file__).resolve().parents[1]
     if not (home / TEMPLATE).is_file():
         raise SlurmError(f"{home / TEMPLATE} is not there: set PGFMD_HOME to the folder with pgfmd's sources")
     return home

@@ -154,7 +154,7 @@ class _Reader:
         if not isinstance(value, str):
             self.wrong("scene", value, "a file, or the name of a shipped scene", 'for instance scene = "tri-tack"')
             return ""
-        path = self.folder / Path(value).expanduser()
+        path = self.folder / os.path.expanduser(value)
         if path.is_file():
             return str(path)
         if value not in shipped_scenes():
@@ -177,7 +177,7 @@ class _Reader:
     def _at_home(self, name: str, value: Any) -> Any:
         """A value; relative files start at the folder of the study."""
         named = name in FILES and isinstance(value, str)
-        return os.path.normpath(self.folder / Path(value).expanduser()) if named else value
+        return os.path.normpath(self.folder / os.path.expanduser(value)) if named else value
 
     def axes(self, table: Any, common: dict[str, Any]) -> tuple[Axis, ...]:
         axes = []
