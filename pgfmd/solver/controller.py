@@ -83,7 +83,8 @@ class Controller:
         step, why = fit(min(wanted, limits.largest(phase)), end, until)
         search, refused, repeats = PreloadSearch(phase, state.force, self.preload, self.slack), [], 0
         for _ in range(self.largest_try_count):
-            last_resort = bool(refused) and search.bracket is None and step < limits.jump(phase)
+            short = step < limits.jump(phase) or state.elapsed + step == state.elapsed
+            last_resort = bool(refused) and search.bracket is None and short
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=last_resort)
             # Without attraction nothing jumps: what kept the step from being taken was a loose solve before it.
             trial.is_jump = last_resort and limits.attractive and trial.converged and _jumped(trial, refused)

@@ -96,6 +96,14 @@ def test_a_surface_without_equilibrium_is_an_error_and_not_a_hang():
     assert len(scheme.tried) <= Controller.largest_try_count
 
 
+def test_steps_are_not_cut_to_less_than_time_can_tell():
+    scheme, here, hold = Surface(lambda step: math.inf), state(0.1), Phase("dwell", 0.0, 0.0, 10.0)
+    here.elapsed = 1.0
+    with pytest.raises(RunError, match="no equilibrium"):
+        Controller(scheme, StepLimits(TOLERANCE, RANGE, math.inf, True), 1.0).advance(here, hold)
+    assert 1e-18 < min(scheme.tried) < 1e-16
+
+
 def test_a_step_whose_energies_do_not_balance_is_taken_again_and_shorter():
     scheme, here = Surface(lambda step: 1e-6, lambda step: (step / 0.05) ** 2), state(0.1)
     controller(scheme).advance(here, RETRACT)
