@@ -204,7 +204,7 @@ class NewtonSolver:
                 step = sign * first * whole
                 while abs(step) <= MOST_SLIDE * whole:
                     values = self._evaluate(position, u, w, step, step * compliance, history, compliance)
-                    if values[2] + values[3] - start >= best:
+                    if not values[2] + values[3] - start < best:
                         break
                     best, best_step = values[2] + values[3] - start, step
                     step *= 2.0
