@@ -66,6 +66,16 @@ class PathFollowing:
             + ('Set solver.precision = "mixed".' if single else f'Raise drive.preload to "{least:.2g} N" or more.')
         )
 
+    def require_preload(self, state: State, trial: Trial, slack: float) -> None:
+        """RunError where a trial that is to end the approach misses the preload by more than `slack` [N], and rounding allows
+        no better."""
+        scale = self.solver.force_scale
+        if abs(trial.force - scale) > slack and self._least_preload(state, trial) > scale:
+            raise RunError(
+                f"the preload is not found in step {state.counters.steps + 1} (t = {state.time:.6g} s, d = {state.position:.6g} m, "
+                f"force {trial.force:.3g} N). What has been written so far is valid. {self.advice(state, trial)}"
+            )
+
     def _least_preload(self, state: State, trial: Trial) -> float:
         """The preload [N] that rounding allows to find, with some room."""
         rounded = float(np.finfo(self.solver.dtype).eps) * self._scale(state, trial)

@@ -107,8 +107,11 @@ class Controller:
                 state.counters.rejected_steps += 1
                 step, why = other, ""
                 continue
+            met = search.is_met(trial.force)
+            if met:
+                self.scheme.require_preload(state, trial, self.slack)
             self._accept(state, phase, trial, wanted if why else step)
-            return trial, "preload" if search.is_met(trial.force) else why
+            return trial, "preload" if met else why
         raise RunError(self._stuck(state, phase, trial))
 
     def _accept(self, state: State, phase: Phase, trial, wanted: float) -> None:

@@ -39,8 +39,16 @@ def test_a_preload_that_single_precision_cannot_balance_does_not_hold_up_the_run
     assert counters.newton_iterations < 50 * (counters.steps + counters.rejected_steps)
 
 
-def test_a_preload_below_rounding_is_an_error_and_the_cure_works():
-    assert cured("flat-punch", "grid.n=8", QUASISTATIC, "drive.preload=1e-22 N").state.finished == "detached"
+@pytest.mark.parametrize("keys", [(QUASISTATIC,), ("rheology.model=elastic",)], ids=["quasistatic", "inertialess"])
+def test_a_preload_below_rounding_is_an_error_and_the_cure_works(keys):
+    assert cured("flat-punch", "grid.n=8", "drive.preload=1e-22 N", *keys).state.finished == "detached"
+
+
+def test_what_single_precision_cannot_balance_mixed_precision_can():
+    tiny = ("flat-punch", "grid.n=8", QUASISTATIC, "drive.preload=1e-13 N")
+    with pytest.raises(RunError, match='Set solver.precision = "mixed"'):
+        finish(*tiny, "solver.precision=single")
+    assert finish(*tiny, "solver.precision=mixed").state.preload == pytest.approx(1e-13, rel=1e-3)
 
 
 WIDE = {

@@ -39,6 +39,9 @@ class Surface:
     def accept(self, state, trial):
         self.accepted.append(trial)
 
+    def require_preload(self, state, trial, slack):
+        assert abs(trial.force) < math.inf and slack > 0.0
+
     def advice(self, state, trial):
         return "Give it up."
 

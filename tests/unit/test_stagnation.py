@@ -76,7 +76,7 @@ class Sprung:
 def test_a_surface_out_of_reach_of_a_loaded_punch_is_brought_back_to_it():
     # Set free, it would be a thousand ranges within the punch.
     problem = Sprung(far=1e3)
-    outcome, u, w = problem.solve(above=2.0, jump=True)
+    outcome, _, w = problem.solve(above=2.0, jump=True)
     assert outcome.converged
     place = problem.position + problem.spring * outcome.force
     assert outcome.force == pytest.approx(-w.sum() * problem.area, rel=1e-6)
