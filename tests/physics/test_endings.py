@@ -8,6 +8,7 @@ from mpi4py import MPI
 from pgfmd import parts
 from pgfmd.assemble import assemble
 from pgfmd.errors import RunError, SceneError
+from pgfmd.runner import warm_up
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.solver.trial import Change, Trial
 
@@ -126,3 +127,8 @@ def test_scenes_whose_times_and_places_rounding_hides_are_refused():
             parts.confirm(load_scene("tri-tack", [f"{key}=1e20 {cure}"]), "tri-tack")
         most = re.search(r"expected at most (\S+) ", str(caught.value))[1]
         parts.confirm(load_scene("tri-tack", [f"{key}={0.9 * float(most)!r} {cure}"]), "tri-tack")
+
+
+def test_kernels_of_quasistatic_runs_in_single_precision_can_be_compiled_beforehand():
+    # By a scene that has no spring, which single precision refuses.
+    warm_up("quasistatic", "single")
