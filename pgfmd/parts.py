@@ -27,6 +27,9 @@ LEAST_COMPLIANCE = 1e-60
 SOFT_MACHINE = 1e-4
 """Load control: stiffness of the machine's spring, relative to that of the contact of the whole punch."""
 
+TIME_SHARE = 1e-3
+"""Share of the range of adhesion, and of the time in which the punch moves by it, that positions and times have to tell."""
+
 
 def compliance_of(scene):
     """The static compliance G0 of the scene's substrate (halfspace.py, film.py, free_kernel.py)."""
@@ -161,7 +164,7 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         own = scene.substrate.compliance_file
         dotted = "substrate.compliance_file" if own else "grid.n"
         problems.append(Problem(dotted, own or scene.grid.n, "a usable compliance", str(error)))
-    problems += _overlap_problems(scene)
+    problems += _overlap_problems(scene) + _time_problems(scene)
     # Rows are shared out, and in the middle of a transform the columns of its half spectrum.
     columns = transform_side(scene, nb) // 2 + 1
     most = min(nb, columns)
@@ -186,6 +189,20 @@ def _overlap_problems(scene) -> list[Problem]:
     expected = f"at most {most:.3g} N, what overlaps of {deepest_indentation(scene):.3g} m can carry in this range"
     cure = "reduce it, or make adhesion.range shorter (adhesion.range_factor larger)"
     return [Problem("drive.preload", f"{scene.drive.preload:.6g} N", expected, cure)]
+
+
+def _time_problems(scene) -> list[Problem]:
+    """Times at which a step of the loading could no longer be told from none."""
+    drive, longest = scene.drive, TIME_SHARE * scene.adhesion.range / np.finfo(float).eps
+    problems = []
+    if abs(drive.clearance) > longest:
+        expected = f"at most {longest:.2g} m, where a position still tells parts of the range of adhesion"
+        problems.append(Problem("drive.clearance", f"{drive.clearance:.3g} m", expected, "reduce it"))
+    longest /= max(drive.speed, drive.retract_speed)
+    if scene.solver.scheme != "quasistatic" and drive.dwell > longest:
+        expected = f"at most {longest:.2g} s, after which t still tells the steps of the retraction"
+        problems.append(Problem("drive.dwell", f"{drive.dwell:.3g} s", expected, "reduce it, or the speeds"))
+    return problems
 
 
 def _inertia_problems(scene) -> list[Problem]:

@@ -265,6 +265,7 @@ def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
     if scheme == "gfmd":
         tests = (["solver.max_steps=3"],)
     if scheme == "quasistatic":
-        tests = (["drive.machine_stiffness=1 kN/m"],)
+        # Single precision has no machine with a spring.
+        tests = ([] if precision == "single" else ["drive.machine_stiffness=1 kN/m"],)
     for changes in tests:
         assemble(load_scene("tri-tack", [*common, *changes]), MPI.COMM_SELF).run()

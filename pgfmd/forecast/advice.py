@@ -47,6 +47,7 @@ def warnings(scene, ranks: int = 1) -> Iterator[str]:
     """What may spoil the result of a scene, or its run on `ranks` ranks."""
     for rule in (
         _range, _resolution, summits, overlap, _preload, _start, _turn, _speed, _images, films, _explicit_steps,
+        _unread_keys,
     ):  # fmt: skip
         yield from rule(scene)
     yield from _memory(scene, ranks)
@@ -166,6 +167,21 @@ def _explicit_steps(scene) -> Iterator[str]:
     if steps / scene.output.every > MANY_ROWS:
         every = 10 ** math.ceil(math.log10(steps / MANY_ROWS))
         yield f"output.every: about {steps / scene.output.every:.2g} rows are to come in curve.csv; set it to {every}"
+
+
+def _unread_keys(scene) -> Iterator[str]:
+    """Keys of [solver.gfmd] that no other scheme reads. A scene as a run has resolved it has all of them, with their
+    defaults."""
+    if scene.solver.scheme == "gfmd":
+        return
+    given, usual = scene.solver_gfmd, type(scene.solver_gfmd)()
+    changed = [name for name in type(usual).model_fields if getattr(given, name) != getattr(usual, name)]
+    if changed:
+        names = ", ".join(f"solver.gfmd.{name}" for name in changed)
+        yield (
+            f"{names}: not read, as the scheme is '{scene.solver.scheme}'; delete "
+            f"{'it' if len(changed) == 1 else 'them'}, or set solver.scheme = \"gfmd\""
+        )
 
 
 def _memory(scene, ranks: int) -> Iterator[str]:

@@ -87,8 +87,9 @@ class Inertialess(PathFollowing):
         for jump in (False, True):
             # Where the punch starts in contact, the way from the surface at rest may be long.
             outcome = solver.solve(
-                state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance, jump
-            )
+                state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance, jump,
+                largest_force=solver.force_scale,
+            )  # fmt: skip
             state.counters.take(outcome)
             if outcome.converged:
                 break

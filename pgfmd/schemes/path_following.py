@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from pgfmd.errors import RunError
-from pgfmd.physics.drive import PRELOAD
 from pgfmd.solver import kernels
 from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.solver.extrapolation import lagrange_weights
@@ -19,6 +18,8 @@ from pgfmd.solver.trial import Change, Trial
 
 EVENT_TOLERANCE = 2.5e-4
 """Largest tolerance of solves that look for an event."""
+FORCE_ROUNDING = 10.0
+"""Rounding of the force, in units in the last place of the largest force so far: it is a sum of pulls and pushes."""
 LARGER_PRELOAD = 10.0
 """Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just do:
 elsewhere on the path rounding may be worse."""
@@ -55,20 +56,31 @@ class PathFollowing:
 
     def advice(self, state: State, trial: Trial) -> str:
         """What to do about a step that no equilibrium is found for, by its last trial."""
-        return self._larger_preload(state, trial) if trial.left_over else self.cure
-
-    def _larger_preload(self, state: State, trial: Trial) -> str:
-        scale, dtype = self.solver.force_scale, self.solver.dtype
-        single = dtype == np.float32
-        cure = 'Set solver.precision = "mixed".'
-        if not single:
-            rounded = float(np.finfo(dtype).eps) * self._scale(state, trial)
-            least = LARGER_PRELOAD * max(trial.left_over * scale, 10.0 * rounded / (self.solver.force_share * EVENT_TOLERANCE))
-            cure = f'Raise drive.preload to "{least:.2g} N" or more.'
+        scale, least = self.solver.force_scale, self._least_preload(state, trial)
+        if trial.left_over == 0.0 and least <= scale:
+            return self.cure
+        single = self.solver.dtype == np.float32
         return (
             f"In {'single' if single else 'double'} precision the forces on the surface can't be balanced as well as so small "
-            f"a preload, {scale:.3g} N, asks for. {cure}"
+            f"a preload, {scale:.3g} N, asks for. "
+            + ('Set solver.precision = "mixed".' if single else f'Raise drive.preload to "{least:.2g} N" or more.')
         )
+
+    def require_preload(self, state: State, trial: Trial, slack: float) -> None:
+        """RunError where a trial that is to end the approach misses the preload by more than `slack` [N], and rounding allows
+        no better."""
+        scale = self.solver.force_scale
+        if abs(trial.force - scale) > slack and self._least_preload(state, trial) > scale:
+            raise RunError(
+                f"the preload is not found in step {state.counters.steps + 1} (t = {state.time:.6g} s, d = {state.position:.6g} m, "
+                f"force {trial.force:.3g} N). What has been written so far is valid. {self.advice(state, trial)}"
+            )
+
+    def _least_preload(self, state: State, trial: Trial) -> float:
+        """The preload [N] that rounding allows to find, with some room."""
+        rounded = float(np.finfo(self.solver.dtype).eps) * self._scale(state, trial)
+        smallest = FORCE_ROUNDING * rounded / (self.solver.force_share * EVENT_TOLERANCE)
+        return LARGER_PRELOAD * max(trial.left_over * self.solver.force_scale, smallest)
 
     @property
     def pairs(self) -> int:
@@ -160,20 +172,18 @@ class PathFollowing:
         state.counters.steps += 1
 
     def _require_time(self, state: State, trial: Trial) -> None:
-        """RunError where step after step is too short for time to move on: such a run would never end.
+        """RunError where in step after step neither time nor the surface moves on: such a run would never end.
 
-        One alone may end an event or a jump, and those that grow come to an end.
+        One such step may meet an event, and those that grow come to an end.
         """
         longest = max(trial.step, state.last_step)
-        if trial.is_jump or state.elapsed + longest > state.elapsed or trial.step > state.last_step:
+        moves = state.elapsed + longest > state.elapsed or trial.change.largest >= self.tolerance
+        if moves or trial.step > state.last_step:
             return
-        advice = self.cure
-        if trial.phase.ends_with == PRELOAD and abs(trial.force) <= 2.0 * self.solver.force_scale:
-            advice = self._larger_preload(state, trial)
         raise RunError(
             f"time stands still in step {state.counters.steps + 1} ({trial.phase.name}, t = {state.time:.6g} s, "
             f"d = {state.position:.6g} m): steps of {trial.step:.3g} s vanish in it. What has been written so far is valid. "
-            f"{advice}"
+            f"{self.advice(state, trial)}"
         )
 
     def _remember(self, state: State, trial: Trial) -> None:

@@ -91,11 +91,11 @@ class Quasistatic(PathFollowing):
         """Brings the surface into balance with the punch at its first position, downhill from rest; returns the force
         [N]. RunError if there is no balance."""
         first, tolerance = Trial(0.0, state.position, None, converged=True), SHARPNESS * self.tolerance
-        u, w = state.displacement, state.load
-        outcome = self._solve(state.position, u, w, tolerance, jump=True)
+        u, w, largest = state.displacement, state.load, self.solver.force_scale
+        outcome = self._solve(state.position, u, w, tolerance, True, largest)
         self._take(first, outcome)
         if first.converged and self.soft_mode:
-            self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False)
+            self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False, largest)
         state.counters.take(first)
         if not first.converged:
             raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(state, first)}")

@@ -83,7 +83,8 @@ class Controller:
         step, why = fit(min(wanted, limits.largest(phase)), end, until)
         search, refused, repeats = PreloadSearch(phase, state.force, self.preload, self.slack), [], 0
         for _ in range(self.largest_try_count):
-            last_resort = bool(refused) and search.bracket is None and step < limits.jump(phase)
+            short = step < limits.jump(phase) or state.elapsed + step == state.elapsed
+            last_resort = bool(refused) and search.bracket is None and short
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=last_resort)
             # Without attraction nothing jumps: what kept the step from being taken was a loose solve before it.
             trial.is_jump = last_resort and limits.attractive and trial.converged and _jumped(trial, refused)
@@ -106,8 +107,11 @@ class Controller:
                 state.counters.rejected_steps += 1
                 step, why = other, ""
                 continue
+            met = search.is_met(trial.force)
+            if met:
+                self.scheme.require_preload(state, trial, self.slack)
             self._accept(state, phase, trial, wanted if why else step)
-            return trial, "preload" if search.is_met(trial.force) else why
+            return trial, "preload" if met else why
         raise RunError(self._stuck(state, phase, trial))
 
     def _accept(self, state: State, phase: Phase, trial, wanted: float) -> None:

@@ -84,10 +84,12 @@ class LoadSteps:
                 # Short of what could be allowed: where jumps hardly count, they need not be placed as well.
                 room = trial.uncertainty / self._allowed(trial, state.energies.released)
                 followed = LARGEST_GROWTH * followed if room < ROOM and step > 0.5 * followed else followed
-            state.followed = followed
+            state.followed, met = followed, search.is_met(trial.force)
+            if met:
+                self.scheme.require_preload(state, trial, self.slack)
             self.scheme.accept(state, trial)
             state.step = self._next(trial, wanted if why else step, followed)
-            return trial, "preload" if search.is_met(trial.force) else why
+            return trial, "preload" if met else why
         raise RunError(
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, "
             f"d = {self.scheme.place(state):.6g} m, "

@@ -73,10 +73,10 @@ class NewtonSolver:
     for a relaxed or elastic surface, CG is slower, and one small move may be followed by larger ones."""
     timid_way = 0.5
     """A timid solve gives up when the surface moves by more than this many ranges of adhesion."""
-    poll = staticmethod(lambda: None)
-    """Called once an iteration of CG, on every rank: may raise Interrupted (interruption.py)."""
     force_share = 0.2
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
+    poll = staticmethod(lambda: None)
+    """Called once an iteration of CG, on every rank: may raise Interrupted (interruption.py)."""
 
     def __init__(self, points, convolve, height: np.ndarray, law, force_scale: float, rough=None):
         self.force_scale = force_scale
@@ -101,13 +101,12 @@ class NewtonSolver:
         position d [m]; history w_hist [Pa] (size,); compliance J (dimensionless, relative to the relaxed one);
         tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the
         force that is out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0
-        rho is no small stress.) Where rounding allows no correction to be taken, one that is this small will do. jump:
-        the way down may be long. timid: give up where the potential bends down along a direction, or the surface has
-        moved far: there is a better start, nearer by. largest_force [N] so far, if not 0: where rounding allows no better
-        balance, one that is good beside this force will do. Where it does not converge, u and w stay at the lowest Phi
-        found.
+        rho is no small stress.) jump: the way down may be long. timid: give up where the potential bends down along a
+        direction, or the surface has moved far: there is a better start, nearer by. largest_force [N] so far, if not 0:
+        where rounding allows no better balance, one that is good beside this force will do. Where it does not converge,
+        u and w stay at the lowest Phi found.
         """
-        trust, way, cg_count, negative, renewed = 1.0, 0.0, 0, False, False
+        trust, way, cg_count, negative, self._renewed = 1.0, 0.0, 0, False, False
         self._s[:] = 0.0
         self._t[:] = 0.0
         (pull, imbalance, potential, _), drop = self._evaluate(position, u, w, 0.0, 0.0, history, compliance), 0.0
@@ -115,29 +114,23 @@ class NewtonSolver:
             return self._outcome(False, 0, 0, pull, drop, potential, negative, way)
         last_pull = pull
         unbalanced = self.force_share * tolerance * self.force_scale / self.points.grid.cell_area
-        progress, left_over, noise = Progress(tolerance, unbalanced), 0.0, 0.0
-        most = self.largest_jump_count if jump else self.largest_newton_count
-        for count in range(1, most + 1):
+        progress, noise = Progress(tolerance, unbalanced), 0.0
+        for count in range(1, 1 + (self.largest_jump_count if jump else self.largest_newton_count)):
             used, size, bent = self._correct(compliance, tolerance, unbalanced, trust, imbalance)
-            cg_count += used
-            negative |= bent
+            cg_count, negative = cg_count + used, negative or bent
             if timid and (bent or way + size > self.timid_way):
                 break
             longest = trust / size if size > trust or (bent and size > 0.0) else 1.0
-            shortest = 1e-3 * tolerance / max(size, 1.0)
+            shortest = self._shortest(tolerance, size, everywhere=self._renewed and not timid)
             scale, (pull, imbalance, trial, growth) = self._go_down(
                 position, u, w, history, compliance, potential, longest, shortest
             )
-            if scale == 0.0 and size == 0.0 and renewed and not timid:
-                scale, (pull, imbalance, trial, growth) = self._go_a_little(
-                    position, u, w, history, compliance, potential, tolerance
-                )
             if scale == 0.0:
                 # Not downhill along a direction that should be: u has drifted off G0 w, or rounding is reached.
-                if renewed:
+                if self._renewed:
                     break
                 self.convolve(w, u)
-                renewed = True
+                self._renewed = True
                 pull, imbalance, potential, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
                 continue
             kernels.move(u, w, self._s, self._t, scale, scale * compliance)
@@ -148,19 +141,23 @@ class NewtonSolver:
             drop += gained
             small = size < tolerance or (self.forcing + size) * size < tolerance
             if scale == 1.0 and not bent and small and unsettled <= unbalanced:
-                return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size, renewed)
+                return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size)
             noise = self._noise(compliance, u, w) if count == MOST_IDLE else noise
             if progress.stalls(drop, self._slack_of(potential) + noise, size, unsettled):
-                if not bent and size < tolerance:
-                    largest = max(largest_force, abs(pull) * self.points.grid.cell_area) if largest_force else 0.0
-                    if unsettled <= unbalanced * max(1.0, largest / self.force_scale):
-                        return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size, renewed)
-                    left_over = progress.least_unsettled / unbalanced
-                break
+                enough, left_over = self._settle_for(progress, bent, size, unsettled, pull, largest_force)
+                return self._outcome(enough, count, cg_count, pull, drop, potential, negative, way + size, left_over)
             moved = scale * size
             way += moved
             trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
-        return self._outcome(False, count, cg_count, pull, drop, potential, negative, way, renewed, left_over)
+        return self._outcome(False, count, cg_count, pull, drop, potential, negative, way)
+
+    def _settle_for(self, progress, bent, size, unsettled, pull, largest_force) -> tuple[bool, float]:
+        """Whether what a stalled solve has reached will do, and Outcome.left_over."""
+        if bent or size >= progress.tolerance:
+            return False, 0.0
+        largest = max(largest_force, abs(pull) * self.points.grid.cell_area) if largest_force else 0.0
+        enough = unsettled <= progress.unbalanced * max(1.0, largest / self.force_scale)
+        return enough, 0.0 if enough else progress.least_unsettled / progress.unbalanced
 
     def _slack_of(self, potential: float) -> float:
         """How far Phi may rise by rounding, per area of a point."""
@@ -175,12 +172,13 @@ class NewtonSolver:
             squares.append(float(self.points.total_of(self._rows[:1])[0]))
         return float(np.finfo(self.dtype).eps) * math.sqrt(squares[0] * squares[1]) / compliance
 
-    def _go_a_little(self, position, u, w, history, compliance, potential, tolerance):
-        """`_go_down` where nothing interacts, so that the correction knows of no obstacle on its way: it sets the surface
-        free, and that may press it far through the punch."""
-        size = self.points.maximum_of(float(np.abs(self._s).max(initial=0.0))) / self.law.range
-        shortest = 1e-3 * tolerance / max(size, 1.0)
-        return self._go_down(position, u, w, history, compliance, potential, 1.0, shortest)
+    def _shortest(self, tolerance: float, size: float, everywhere: bool) -> float:
+        """Least part of a correction that is tried. everywhere: where nothing interacts, so that the correction knows of no
+        obstacle on its way, by how far it moves any point: it sets the surface free, and may press it far into the punch.
+        Collective."""
+        if everywhere and size == 0.0:
+            size = self.points.maximum_of(float(np.abs(self._s).max(initial=0.0))) / self.law.range
+        return 1e-3 * tolerance / max(size, 1.0)
 
     def _go_down(self, position, u, w, history, compliance, potential, longest, shortest):
         """Halves the step along s until Phi does not rise; (step, what `_evaluate` gives there), step 0 where it always
@@ -210,7 +208,7 @@ class NewtonSolver:
                 step = sign * first * whole
                 while abs(step) <= MOST_SLIDE * whole:
                     values = self._evaluate(position, u, w, step, step * compliance, history, compliance)
-                    if values[2] + values[3] - start >= best:
+                    if not values[2] + values[3] - start < best:
                         break
                     best, best_step = values[2] + values[3] - start, step
                     step *= 2.0
@@ -221,11 +219,12 @@ class NewtonSolver:
         return 0.0
 
     def _outcome(
-        self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved, renewed=False, left_over=0.0
+        self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved, left_over=0.0
     ) -> Outcome:  # fmt: skip
         area = self.points.grid.cell_area
         energies = drop * area, adhesive * area
-        return Outcome(converged, newton_count, cg_count, -pull * area, *energies, negative, moved, left_over, renewed)
+        found = -pull * area, *energies, negative, moved, left_over, self._renewed
+        return Outcome(converged, newton_count, cg_count, *found)
 
     def _evaluate(self, position, u, w, step, weight, history, compliance):
         """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets

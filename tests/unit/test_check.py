@@ -113,6 +113,13 @@ def test_jumps_and_far_displacement_are_remarked():
     assert "11 %" in remarks_of("tri-tack") and "11 %" not in remarks_of("flat-punch")
 
 
+def test_keys_of_gfmd_that_no_other_scheme_reads_are_said():
+    said = warnings_of("tri-tack", "solver.gfmd.omega_tau=3", "solver.gfmd.dt=10 us")
+    assert "solver.gfmd.omega_tau, solver.gfmd.dt: not read" in said and "delete them" in said
+    assert "not read" not in warnings_of("tri-tack")
+    assert "not read" not in warnings_of("tri-tack", "solver.gfmd.omega_tau=3", "solver.scheme=gfmd")
+
+
 def test_what_gfmd_costs_and_adds_is_told():
     text = warnings_of("tri-tack", "solver.scheme=gfmd", "grid.n=256")
     assert "output.every" in text and "max_steps" in text

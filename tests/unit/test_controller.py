@@ -39,6 +39,9 @@ class Surface:
     def accept(self, state, trial):
         self.accepted.append(trial)
 
+    def require_preload(self, state, trial, slack):
+        assert abs(trial.force) < math.inf and slack > 0.0
+
     def advice(self, state, trial):
         return "Give it up."
 
@@ -94,6 +97,14 @@ def test_a_surface_without_equilibrium_is_an_error_and_not_a_hang():
     with pytest.raises(RunError, match="no equilibrium.*Give it up"):
         controller(scheme).advance(state(0.1), RETRACT)
     assert len(scheme.tried) <= Controller.largest_try_count
+
+
+def test_steps_are_not_cut_to_less_than_time_can_tell():
+    scheme, here, hold = Surface(lambda step: math.inf), state(0.1), Phase("dwell", 0.0, 0.0, 10.0)
+    here.elapsed = 1.0
+    with pytest.raises(RunError, match="no equilibrium"):
+        Controller(scheme, StepLimits(TOLERANCE, RANGE, math.inf, True), 1.0).advance(here, hold)
+    assert 1e-18 < min(scheme.tried) < 1e-16
 
 
 def test_a_step_whose_energies_do_not_balance_is_taken_again_and_shorter():
