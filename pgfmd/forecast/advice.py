@@ -170,8 +170,7 @@ def _explicit_steps(scene) -> Iterator[str]:
 
 
 def _unread_keys(scene) -> Iterator[str]:
-    """Keys of [solver.gfmd] that no other scheme reads. A scene as a run has resolved it has all of them, with their
-    defaults."""
+    """Keys of [solver.gfmd] that no other scheme reads."""
     if scene.solver.scheme == "gfmd":
         return
     given, usual = scene.solver_gfmd, type(scene.solver_gfmd)()

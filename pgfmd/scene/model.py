@@ -224,7 +224,8 @@ class Output(Section):
 
 
 class Scene(Section):
-    """A whole scene, resolved: every number in SI, nothing left automatic."""
+    """A whole scene, resolved: every number in SI, nothing left automatic. Scenes are equal where they run alike: keys
+    without a use don't count."""
 
     title: str = key("a line that names the scene in plots and reports", "")
     punch: Punch
@@ -240,6 +241,12 @@ class Scene(Section):
     def section(self, name: str) -> Section:
         """The section that a scene calls by this name, such as "solver.gfmd"."""
         return getattr(self, name.replace(".", "_"))
+
+    def __eq__(self, other: object) -> bool:
+        return self.to_toml() == other.to_toml() if isinstance(other, Scene) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.to_toml())
 
     def to_toml(self) -> str:
         """The complete scene as TOML in SI units; loading it gives an equal scene. Keys without a use are left out."""

@@ -256,9 +256,6 @@ def _resolve(title: str, draft: Draft) -> Scene:
             "base": (substrate.base or "bonded") if math.isfinite(substrate.thickness) else None,
         },
     }
-    if parts["solver"].scheme != "gfmd":
-        # No other scheme reads them, and the resolved scene does not name them.
-        parts["solver.gfmd"] = SECTIONS["solver.gfmd"].model_construct()
     resolved = {
         name.replace(".", "_"): part.model_copy(update=automatic.get(name, {})) for name, part in parts.items()
     }
