@@ -22,7 +22,7 @@ from .bulges import Bulge, bulges
 from .compliance import CellCompliance, fit_cell_compliance
 from .contact_stiffness import stiffness_table, unloading_stiffness
 from .hysteresis import Audit, Twin, audit_of, is_quasistatic, twin_of
-from .low_pass import PAPER_RESOLUTION, filtered
+from .low_pass import filtered
 from .site_loads import site_loads
 from .table import Table
 from .tabor import effective_tabor
@@ -116,7 +116,7 @@ def analyse(
         _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.told else WITHIN_STEPS)
         _add_works_and_areas(table, found)
         _remark_thinned(table, results)
-        places = bulges(loop, resolution or PAPER_RESOLUTION)
+        places = bulges(loop, resolution)
         _add_stiffness(table, loop)
         _add_bulges(table, places)
         _add_sites(table, results, loop)

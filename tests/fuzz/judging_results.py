@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pgfmd.commands.run import UNBALANCED
 from pgfmd.errors import PgfmdError, RunError, SceneError
 from pgfmd.results import load
-from pgfmd.results.audit import at_stake
+from pgfmd.results.audit import UNBALANCED, at_stake
 from pgfmd.results.verify import verify
 from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.simulation import FINISHED, STOPPED_PRELOAD, STOPPED_STEPS

@@ -99,6 +99,13 @@ def test_bulges_are_found_where_they_were_put():
     # The slope of a Gaussian dip is largest one width behind its middle.
     assert shoulder.displacement == pytest.approx(-4.6e-6, abs=0.1e-6)
     assert [bulge.kind for bulge in bulges(with_dip(0.0))] == ["minimum"]
+    # Nanometres and metres, to which 0.1 um is the whole way, or finer than can be filtered.
+    for scale in (1e-3, 1e5):
+        loop = with_dip(2e-3)
+        minimum, pull_off = bulges(dataclasses.replace(loop, displacement=scale * loop.displacement))
+        assert minimum.displacement == pytest.approx(-5e-6 * scale, abs=0.3e-6 * scale)
+        # To the resolution, 1/50 of the way.
+        assert pull_off.displacement == pytest.approx(2e-6 * scale, abs=0.24e-6 * scale)
 
 
 def test_a_loop_without_tension_or_retraction_says_so():

@@ -8,9 +8,10 @@ from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.solver.machine import SprungConvolution
+from pgfmd.solver.multiplier import periodic_multiplier
 from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.stagnation import MOST_IDLE, Progress
-from pgfmd.solver.transform import Convolution, periodic_multiplier
+from pgfmd.solver.transform import Convolution
 
 MODULUS, GAMMA, LENGTH, RANGE = 2.65e6, 0.05, 100e-6, 0.5e-6
 
