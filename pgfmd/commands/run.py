@@ -32,6 +32,8 @@ TOLD = (
     ("work of separation", "work_of_separation", "_J", 1e9, "nJ"),
 )
 """What the last lines of a run tell: words, key of `run.json`, its unit; factor to the unit that is shown."""
+MISSED = 0.01
+"""By how much a preload may be missed, relative to itself, without a word at the end of a run."""
 OFF = "off"
 _BEGAN = time.time()
 """About when the process began: limits of time count from then."""
@@ -73,7 +75,7 @@ def run(
         options = Options(fresh, tuple(allow or ()), Timing(every, limit, whose))
         record = run_scene(loaded, comm, directory, say, options)
         if comm.rank == 0:
-            for line in _summary(record, directory):
+            for line in [*_missed_preload(record, loaded.drive.preload), *_summary(record, directory)]:
                 say(line)
 
 
@@ -116,6 +118,17 @@ def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -
     if out is not None:
         return scene, out
     return scene, Path(scene.output.directory or Path("out", Path(source).stem)).expanduser()
+
+
+def _missed_preload(record: dict, asked: float) -> list[str]:
+    """What is said of a preload [N] that the run could not meet."""
+    met = record["preload_N"]
+    if met is None or abs(met - asked) <= MISSED * asked:
+        return []
+    return [
+        f"The preload is {met:.4g} N instead of {asked:.4g} N: the force jumps from below to that much. Choose a "
+        "drive.preload on either side of the jump, or a smaller solver.accuracy."
+    ]
 
 
 def _summary(record: dict, directory: Path) -> list[str]:

@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from small_runs import SCENE, run
 
-from pgfmd.commands.run import _summary
+from pgfmd.commands.run import _missed_preload, _summary
 from pgfmd.errors import ResultError
 from pgfmd.files.curve_file import CURVE_COLUMNS
 from pgfmd.results import load
@@ -141,3 +141,9 @@ def test_a_foreign_record_is_refused(text, tmp_path):
     with pytest.raises(ResultError, match="run.json: damaged: it does not say how a run has finished"):
         started(tmp_path)
     assert (tmp_path / "run.json").read_text() == text
+
+
+def test_a_preload_that_was_not_met_is_told():
+    assert _missed_preload(RECORD | {"preload_N": 1.001e-3}, 1e-3) == [] == _missed_preload(RECORD | {"preload_N": None}, 1e-3)
+    (text,) = _missed_preload(RECORD | {"preload_N": 1.3e-3}, 1e-3)
+    assert "0.0013 N instead of 0.001 N" in text and "drive.preload" in text
