@@ -16,7 +16,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from pgfmd.scene import shipped_scenes
-from pgfmd.scene.fields import limits_text, written
+from pgfmd.scene.fields import LARGEST, SMALLEST, limits_text, written
 from pgfmd.scene.model import PATTERNS, RHEOLOGIES, SECTIONS, Keys
 from pgfmd.units import DIMENSIONS
 
@@ -28,10 +28,11 @@ HEAD = """# Keys of a scene
 
 This page is made from the models by `docs/make_scene_reference.py`.
 
-A scene is a TOML file of sections. A quantity is a text with its unit, such as `"375 um"`, `"375 µm"` or
-`"50 mJ/m^2"`; any unit of the right dimension will do. A number without a dimension is written bare. Keys that are not
-listed here are errors, and so are keys for which the chosen `pattern` or `model` has no use. Relative paths start at
-the scene's folder.
+A scene is a TOML file of sections, in UTF-8; a byte order mark, UTF-16 and Windows-1252 (Latin-1) are read as well. A
+quantity is a text with its unit, such as `"375 um"`, `"375 µm"` or `"50 mJ/m^2"`; any unit of the right dimension will
+do. A number without a dimension is written bare. The magnitude of a number, given or automatic, must be between
+{smallest:g} and {largest:g} in SI units, or zero where the key allows it. Keys that are not listed here are errors, and
+so are keys for which the chosen `pattern` or `model` has no use. Relative paths start at the scene's folder.
 
 Any key can be changed on the command line or in `load_scene` by an override `section.key=value`, such as
 `"drive.speed=10 um/s"`. Overriding `punch.pattern` or `rheology.model` drops those keys of the scene which the new
@@ -107,7 +108,8 @@ def section_lines(section: str) -> Iterator[str]:
 
 def page() -> str:
     """The whole page as Markdown."""
-    lines = [HEAD.format(scenes=", ".join(f"`{name}`" for name in shipped_scenes()))]
+    scenes = ", ".join(f"`{name}`" for name in shipped_scenes())
+    lines = [HEAD.format(scenes=scenes, smallest=SMALLEST, largest=LARGEST)]
     for section in SECTIONS:
         lines.extend(section_lines(section))
     return "\n".join(lines)

@@ -17,10 +17,15 @@ LINKS=${LINKS:-100}
 
 case=$(grep -v -e '^ *#' -e '^ *$' "$CASES" | sed -n "${SLURM_ARRAY_TASK_ID}p")
 [ -n "$case" ] || { echo "job: $CASES has no case $SLURM_ARRAY_TASK_ID" >&2; exit 2; }
-# Quotes as on a command line: the first word is the folder, the others go to pgfmd run.
-eval "set -- $case"
-folder=$RESULTS/$1
-shift
+# Words as on a command line, with its quotes, but nothing in them is carried out. The first is the folder, the others go
+# to pgfmd run.
+if ! words=$(printf '%s\n' "$case" | xargs printf '%s\n'); then
+    echo "job: $CASES: case $SLURM_ARRAY_TASK_ID can't be read: $case" >&2
+    exit 2
+fi
+mapfile -t words <<<"$words"
+folder=$RESULTS/${words[0]}
+set -- "${words[@]:1}"
 
 . "$PGFMD_HOME/jobs/batch.bash"
 run_pgfmd "$@" --out "$folder"

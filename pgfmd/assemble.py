@@ -11,9 +11,10 @@ from .schemes.inertialess import Inertialess
 from .solver.controller import Controller, StepLimits
 from .solver.far_field import far_weights
 from .solver.grid import Grid, PunchPoints
+from .solver.multiplier import FEW, free_multiplier, periodic_multiplier
 from .solver.newton import NewtonSolver
 from .solver.simulation import Simulation
-from .solver.transform import Convolution, Plane, free_multiplier, periodic_multiplier
+from .solver.transform import Convolution, Plane
 
 STEP_SHARE = 0.7
 """Tolerance of a step's error, in ranges of adhesion, for a `solver.accuracy` of 1. With 0.5,
@@ -32,10 +33,12 @@ def convolution_of(scene, points: PunchPoints, whole_cell: bool = False, dtype=n
 
 def heights_of(scene, points: PunchPoints) -> np.ndarray:
     """Height z [m] of the punch's lower face at the local points, its minimum over all ranks zero."""
-    x, y = points.coordinates()
-    raw = parts.topography_of(scene.punch).heights(x, y)
-    lowest = -points.maximum_of(-raw.min() if raw.size else -math.inf)
-    return np.ascontiguousarray(raw - lowest)
+    topography, heights = parts.topography_of(scene.punch), points.zeros()
+    # A few points at a time: formulas need many arrays.
+    for start in range(0, points.size, FEW):
+        heights[start : start + FEW] = topography.heights(*points.coordinates(start, start + FEW))
+    heights += points.maximum_of(-heights.min() if heights.size else -math.inf)
+    return heights
 
 
 def assemble(scene, comm) -> Simulation:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -15,9 +17,11 @@ from .commands import fit_prony as fit_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
+from .commands.names import Folder, path_option
+from .commands.printing import command
 from .commands.run import Changes, Overrides, SceneName, all_changes
 from .errors import PgfmdError, Problem, ResultError, SceneError
-from .host import launch
+from .host import faults, launch, streams
 
 app = typer.Typer(
     help="Tack tests of a corrugated punch on a viscoelastic, adhesive substrate. Start with: pgfmd init tri-tack",
@@ -34,31 +38,60 @@ COLLECTIVE = ("run", "bench")
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of `pgfmd`: ends in SystemExit with 0, or the exit code of the error."""
+    streams.open_closed()
     arguments = sys.argv[1:] if arguments is None else arguments
     _, rank = launch.launched()
     if rank and not set(arguments[:1]) & set(COLLECTIVE):
         # `mpirun pgfmd plot`: once is enough.
         raise SystemExit(0)
+    streams.forgive()
+    faults.expect(arguments)
+    # A user's choice for windows, such as a notebook's: pictures go to files.
+    os.environ["MPLBACKEND"] = "agg"
     if arguments[:1] == ["run"]:
         # Before it loads what it needs: a batch system may have enough of a job early.
         launch.listen()
     try:
         code = app(arguments, prog_name="pgfmd", standalone_mode=False)
+        if code == launch.INTERRUPTED:
+            # Some versions of Typer make this of a Ctrl-C, without a word.
+            raise KeyboardInterrupt
     except PgfmdError as error:
         if rank == 0:
             launch.complain(error)
         code = error.exit_code
-    except (KeyboardInterrupt, typer.Abort):
-        launch.complain("interrupted")
-        code = launch.INTERRUPTED
+    except (KeyboardInterrupt, typer.Abort) as error:
+        # Typer makes the same of a Ctrl-C and of the end of a file that something read.
+        if isinstance(error.__cause__, EOFError):
+            code = _unexpected(error.__cause__, rank)
+        else:
+            if rank == 0:
+                launch.complain("interrupted")
+            code = launch.INTERRUPTED
     except Exception as error:
         # A usage error of typer's parser, whichever package it comes from.
-        if not (hasattr(error, "show") and hasattr(error, "exit_code")):
-            raise
-        if rank == 0:
-            error.show()
-        code = error.exit_code
-    raise SystemExit(code or 0)
+        if hasattr(error, "show") and hasattr(error, "exit_code"):
+            if rank == 0:
+                error.show()
+            code = error.exit_code
+        elif _is_of_stdout(error):
+            code = streams.refuse(error)
+        else:
+            code = _unexpected(error, rank)
+    raise SystemExit(streams.finish(code or 0))
+
+
+def _is_of_stdout(error: Exception) -> bool:
+    """Whether it is what was printed that could not be written: the error is of no file."""
+    reasons = (errno.ENOSPC, errno.EIO, errno.EPIPE, errno.EDQUOT)
+    return isinstance(error, OSError) and error.filename is None and error.errno in reasons
+
+
+def _unexpected(error: Exception, rank: int) -> int:
+    """Tells of an error that nobody expected, on one rank; returns the exit code."""
+    faults.take_turn(rank)
+    launch.complain(faults.describe(error, *reversed(launch.launched())))
+    return faults.exit_code(error)
 
 
 def _version(wanted: bool) -> None:
@@ -82,19 +115,19 @@ def init(
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file of this name.")] = False,
 ) -> None:
     """Write a commented scene, NAME.toml, into the current folder."""
+    from .files.regular_files import write_new
     from .scene import shipped_text
 
     text = shipped_text(name)
     path = Path(f"{name}.toml")
     try:
-        with open(path, "w" if force else "x", encoding="utf-8") as file:
-            file.write(text)
+        write_new(path, text, force)
     except FileExistsError:
         problem = Problem("NAME", name, f"no file {path} here", "move it away, or overwrite it with --force")
         raise SceneError(str(path), [problem]) from None
     except OSError as error:
         raise ResultError(f"{path}: could not be written: {error.strerror}") from None
-    print(f"{path} written. Next: pgfmd check {path}, then pgfmd run {path}")
+    print(f"{path} written. Next: {command('pgfmd', 'check', path)}, then {command('pgfmd', 'run', path)}")
 
 
 @app.command()
@@ -118,11 +151,17 @@ def check(
 
 
 @app.command()
-def plot(directory: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that a run wrote to.")]) -> None:
+def plot(
+    directory: Folder,
+    out: Annotated[
+        Path | None,
+        path_option("--out", "-o", metavar="DIR", help="Folder of the pictures, if not DIR itself."),
+    ] = None,
+) -> None:
     """Draw curves, maps and energies of a results folder as PNG files in it."""
     from .plots.folder import plot_results
 
-    for path in plot_results(directory):
+    for path in plot_results(directory, out):
         print(path)
 
 
@@ -131,7 +170,7 @@ def plot_rheology(
     scene: SceneName,
     changes: Changes = None,
     overrides: Overrides = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = None,
+    out: Annotated[Path | None, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = None,
 ) -> None:
     """Draw modulus and creep of a scene's elastomer, and what the paper's auxiliary masses make of them."""
     from .parts import series_of

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+LONGEST_VALUE = 300
+"""Characters of a value that a message shows."""
+
 
 class PgfmdError(Exception):
     """Base of every error whose text is meant for the user; the command line prints it without a traceback."""
@@ -21,8 +24,18 @@ class Problem:
     cure: str = ""
 
     def __str__(self) -> str:
-        text = f"{self.key} = {self.value!r}: expected {self.expected}"
+        text = f"{self.key} = {_shown(self.value)}: expected {self.expected}"
         return f"{text}; {self.cure}" if self.cure else text
+
+
+def _shown(value: object) -> str:
+    """A value as a message shows it: the middle of a long one is left out."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):
+        # A whole number of thousands of digits, or lists within lists.
+        return "(too long to be shown)"
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 50]} ... {text[-40:]}"
 
 
 class SceneError(PgfmdError):

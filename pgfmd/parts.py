@@ -16,13 +16,19 @@ from .physics.drive import Drive
 from .physics.film import Film
 from .physics.free_kernel import FreeFilm, FreeHalfSpace
 from .physics.halfspace import HalfSpace, TabulatedCompliance
+from .physics.heightfile import HIGHEST
 from .physics.inertia import Inertia, contact_stiffness, inertia_of, instability
 from .physics.rheology import PronySeries
 from .physics.topography import Topography
 from .solver.grid import Grid
 
+LEAST_COMPLIANCE = 1e-60
+"""Compliance [m/Pa] that is not too small to be computed with; its inverse is not too large."""
 SOFT_MACHINE = 1e-4
 """Load control: stiffness of the machine's spring, relative to that of the contact of the whole punch."""
+
+TIME_SHARE = 1e-3
+"""Share of the range of adhesion, and of the time in which the punch moves by it, that positions and times have to tell."""
 
 
 def compliance_of(scene):
@@ -129,12 +135,18 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
     source: how to call the scene in messages. Raises SceneError with every problem found.
     """
     problems = []
-    spacing = scene.grid.length / scene.grid.n
-    corner = np.array([0.5 * spacing])
+    grid = Grid(scene.grid.n, scene.grid.length)
+    spacing = grid.spacing
+    block_start, nb = grid.block(scene.punch.radius)
+    # Near the axis, and at the rim, where profiles end and maps may.
+    axis, rim = 0.5 * spacing, grid.coordinate(block_start + nb - 1 - np.arange(min(2, nb)))
+    x, y = np.concatenate([[axis], rim, 0 * rim + axis]), np.concatenate([[axis], 0 * rim + axis, rim])
     try:
-        raw = topography_of(scene.punch).heights(corner, corner)
-        if not np.isfinite(raw).all():
-            problems.append(Problem("punch.file", scene.punch.file, "finite heights"))
+        with np.errstate(over="ignore", invalid="ignore"):
+            raw = topography_of(scene.punch).heights(x, y)
+        if not (np.abs(raw) <= HIGHEST).all():
+            expected = f"a face with heights of at most {HIGHEST:g} m"
+            problems.append(Problem("punch.pattern", scene.punch.pattern, expected, "look at the keys of [punch]"))
     except (ValueError, OSError) as error:
         dotted = "punch.file" if scene.punch.file else "punch.pattern"
         problems.append(Problem(dotted, scene.punch.file or scene.punch.pattern, "a usable topography", str(error)))
@@ -143,13 +155,16 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         if scene.substrate.boundary == "free":
             compliance.kernel(0.0, 0.0, spacing)
         else:
-            compliance(np.array([2.0 * math.pi / scene.grid.length]), np.array([0.0]))
+            # The longest and the shortest wave of the cell.
+            unit, most = 2.0 * math.pi / grid.length, grid.n // 2
+            found = compliance(unit * np.array([1.0, most]), unit * np.array([0.0, most]))
+            if not ((found >= LEAST_COMPLIANCE) & (found <= 1.0 / LEAST_COMPLIANCE)).all():
+                raise ValueError(f"G0 = {found.min():g} to {found.max():g} m/Pa can't be computed with; look at the units")
     except (ValueError, OSError) as error:
         own = scene.substrate.compliance_file
         dotted = "substrate.compliance_file" if own else "grid.n"
         problems.append(Problem(dotted, own or scene.grid.n, "a usable compliance", str(error)))
-    problems += _overlap_problems(scene)
-    _, nb = Grid(scene.grid.n, scene.grid.length).block(scene.punch.radius)
+    problems += _overlap_problems(scene) + _time_problems(scene)
     # Rows are shared out, and in the middle of a transform the columns of its half spectrum.
     columns = transform_side(scene, nb) // 2 + 1
     most = min(nb, columns)
@@ -174,6 +189,20 @@ def _overlap_problems(scene) -> list[Problem]:
     expected = f"at most {most:.3g} N, what overlaps of {deepest_indentation(scene):.3g} m can carry in this range"
     cure = "reduce it, or make adhesion.range shorter (adhesion.range_factor larger)"
     return [Problem("drive.preload", f"{scene.drive.preload:.6g} N", expected, cure)]
+
+
+def _time_problems(scene) -> list[Problem]:
+    """Times at which a step of the loading could no longer be told from none."""
+    drive, longest = scene.drive, TIME_SHARE * scene.adhesion.range / np.finfo(float).eps
+    problems = []
+    if abs(drive.clearance) > longest:
+        expected = f"at most {longest:.2g} m, where a position still tells parts of the range of adhesion"
+        problems.append(Problem("drive.clearance", f"{drive.clearance:.3g} m", expected, "reduce it"))
+    longest /= max(drive.speed, drive.retract_speed)
+    if scene.solver.scheme != "quasistatic" and drive.dwell > longest:
+        expected = f"at most {longest:.2g} s, after which t still tells the steps of the retraction"
+        problems.append(Problem("drive.dwell", f"{drive.dwell:.3g} s", expected, "reduce it, or the speeds"))
+    return problems
 
 
 def _inertia_problems(scene) -> list[Problem]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import math
 import re
 from dataclasses import dataclass
 from decimal import Decimal
@@ -16,23 +17,25 @@ from decimal import Decimal
 
 @dataclass(frozen=True)
 class Dimension:
-    """A kind of quantity: its name with article, the SI unit a scene is resolved to, and an example for messages."""
+    """A kind of quantity: its name with article, the SI unit a scene is resolved to, an example for messages, and the
+    units that are usually written, which hints name."""
 
     phrase: str
     unit: str
     example: str
+    usual: tuple[str, ...]
 
 
 DIMENSIONS = {
-    "length": Dimension("a length", "m", "375 um"),
-    "time": Dimension("a time", "s", "400 us"),
-    "speed": Dimension("a speed", "m/s", "1 um/s"),
-    "force": Dimension("a force", "N", "40 mN"),
-    "modulus": Dimension("a modulus", "Pa", "2 MPa"),
-    "energy per area": Dimension("an energy per area", "J/m^2", "50 mJ/m^2"),
-    "angular frequency": Dimension("an angular frequency", "rad/s", "15700 rad/s"),
-    "wavenumber": Dimension("a wavenumber", "1/m", "5e6 1/m"),
-    "stiffness": Dimension("a stiffness", "N/m", "38.1 kN/m"),
+    "length": Dimension("a length", "m", "375 um", ("m", "mm", "um", "nm", "pm", "cm", "km")),
+    "time": Dimension("a time", "s", "400 us", ("s", "ms", "us", "ns", "ps", "min", "h")),
+    "speed": Dimension("a speed", "m/s", "1 um/s", ("m/s", "mm/s", "um/s", "nm/s", "um/min", "mm/min")),
+    "force": Dimension("a force", "N", "40 mN", ("N", "mN", "uN", "nN", "pN", "kN", "MN")),
+    "modulus": Dimension("a modulus", "Pa", "2 MPa", ("Pa", "kPa", "MPa", "GPa", "TPa", "mPa")),
+    "energy per area": Dimension("an energy per area", "J/m^2", "50 mJ/m^2", ("J/m^2", "mJ/m^2", "uJ/m^2", "mN/m")),
+    "angular frequency": Dimension("an angular frequency", "rad/s", "15700 rad/s", ("rad/s", "1/s")),
+    "wavenumber": Dimension("a wavenumber", "1/m", "5e6 1/m", ("1/m", "1/mm", "1/um", "1/nm")),
+    "stiffness": Dimension("a stiffness", "N/m", "38.1 kN/m", ("N/m", "kN/m", "MN/m", "mN/m", "N/mm", "N/um")),
 }
 
 _NUMBER = r"[+-]?(?:(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|inf(?:inity)?|nan)"
@@ -40,10 +43,12 @@ _NAME = r"[^\W\d_]+(?:(?:\^|\*\*)-?\d|⁻?[¹²³])?"
 # Only products of named units and one-digit powers reach pint, which would also evaluate endless arithmetic.
 _UNIT = rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/·]\s*{_NAME}|\s+{_NAME})*"
 _QUANTITY = re.compile(rf"\s*(?P<number>{_NUMBER})(?:\s*(?P<unit>{_UNIT}))?\s*", re.IGNORECASE)
-_USUAL_UNITS = (
-    *("m", "mm", "um", "nm", "s", "ms", "us", "m/s", "mm/s", "um/s", "nm/s", "N", "mN", "uN", "nN"),
-    *("Pa", "kPa", "MPa", "GPa", "J/m^2", "mJ/m^2", "N/m", "kN/m", "1/m", "1/mm", "1/um", "rad/s"),
-)
+_DECIMAL_COMMA = re.compile(r"(?P<before>\s*[+-]?\d+),(?P<after>\d+(?:[eE][+-]?\d+)?)(?!\d)(?P<rest>[^,.]*)")
+_BARE_POWER = re.compile(r".*[^\W\d_]\d\s*")
+_PREFIXES = {12: "T", 9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "u", -9: "n", -12: "p"}
+_PREFIXED = ("m", "s", "N", "Pa", "J/m^2", "m/s", "N/m")
+"""Units that a person writes with a prefix; `rad/s` and `1/m` are not among them."""
+_LONG_TIMES = {"years": 31557600.0, "days": 86400.0, "h": 3600.0, "min": 60.0}
 
 
 class UnitError(ValueError):
@@ -69,7 +74,8 @@ def _si_factor(unit: str):
     try:
         base = _registry().Quantity(Decimal(1), _registry().parse_expression(unit).units)
         scale = base.to_base_units()
-    except (pint.PintError, AttributeError, ArithmeticError) as error:
+    except (pint.PintError, AttributeError, ArithmeticError, TypeError, ValueError) as error:
+        # TypeError: units of logarithmic scales, such as dB, have no factor.
         raise LookupError(unit) from error
     return scale.magnitude, scale.dimensionality
 
@@ -79,11 +85,30 @@ def _expectation(dimension: str) -> str:
     return f'{kind.phrase} with its unit, such as "{kind.example}"'
 
 
-def _refuse_dimension(text: str, dimensionality, dimension: str) -> UnitError:
+def _refuse_dimension(text: str, unit: str, dimensionality, dimension: str) -> UnitError:
+    hint = _meant(unit, dimension, cutoff=1.0)
     for kind in DIMENSIONS.values():
         if _si_factor(kind.unit)[1] == dimensionality:
-            return UnitError(_expectation(dimension), f'"{text.strip()}" is {kind.phrase}')
-    return UnitError(_expectation(dimension), f'"{text.strip()}" has the dimension {dimensionality}')
+            return UnitError(_expectation(dimension), f'"{text.strip()}" is {kind.phrase}{hint}')
+    return UnitError(_expectation(dimension), f'"{text.strip()}" has the dimension {dimensionality}{hint}')
+
+
+def _meant(unit: str, dimension: str, cutoff: float) -> str:
+    """A hint at the usual units of a dimension that a text may mean: those that differ in capitals only, else the one
+    nearest to it; empty if there is none."""
+    usual = DIMENSIONS[dimension].usual
+    plain = unit.replace("µ", "u").replace("μ", "u")
+    near = [known for known in usual if known.lower() == plain.lower()]
+    near = near or difflib.get_close_matches(plain, usual, n=1, cutoff=cutoff)
+    return f"; did you mean {' or '.join(f'{chr(34)}{known}{chr(34)}' for known in near)}?" if near else ""
+
+
+def decimal_comma(text: str) -> str:
+    """How to write a text whose number has a comma, as a cure; empty if it has none."""
+    match = _DECIMAL_COMMA.fullmatch(text)
+    if match is None:
+        return ""
+    return f'write a decimal point, "{match["before"].strip()}.{match["after"]}{match["rest"].rstrip()}", not a comma'
 
 
 def parse_quantity(text: object, dimension: str) -> float:
@@ -104,7 +129,8 @@ def parse_quantity(text: object, dimension: str) -> float:
         raise UnitError(expected, "the text is empty")
     match = _QUANTITY.fullmatch(text)
     if match is None:
-        raise UnitError(expected, "write a number, a space and a unit")
+        powers = 'write powers with ^, as in "J/m^2"' if _BARE_POWER.fullmatch(text) else ""
+        raise UnitError(expected, decimal_comma(text) or powers or "write a number, a space and a unit")
     number = match["number"].lower().replace("_", "")
     if match["unit"] is None:
         if "inf" in number:
@@ -113,12 +139,18 @@ def parse_quantity(text: object, dimension: str) -> float:
     try:
         factor, dimensionality = _si_factor(match["unit"])
     except LookupError:
-        near = difflib.get_close_matches(match["unit"], _USUAL_UNITS, n=1, cutoff=0.5)
-        hint = f'; did you mean "{near[0]}"?' if near else ""
+        hint = _meant(match["unit"], dimension, cutoff=0.5)
         raise UnitError(expected, f'the unit "{match["unit"]}" is not known{hint}') from None
     if dimensionality != _si_factor(kind.unit)[1]:
-        raise _refuse_dimension(text, dimensionality, dimension)
-    return float(Decimal(number) * factor)
+        raise _refuse_dimension(text, match["unit"], dimensionality, dimension)
+    try:
+        value = float(Decimal(number) * factor)
+    except ArithmeticError:
+        # An exponent beyond any that can be computed with.
+        value = float(number)
+    if value in (float("inf"), float("-inf")) and "inf" not in number:
+        raise UnitError(expected, "it must be a finite number, this one is too large")
+    return value
 
 
 def format_quantity(value: float, dimension: str) -> str:
@@ -127,3 +159,17 @@ def format_quantity(value: float, dimension: str) -> str:
     if value in (float("inf"), float("-inf")):
         return str(value)
     return f"{value!r} {DIMENSIONS[dimension].unit}"
+
+
+def handy_quantity(value: float, dimension: str, digits: int = 3) -> str:
+    """The SI value as a person would write it, for messages: "375 um", "40 mN"; rounded, so not to compute with."""
+    unit = DIMENSIONS[dimension].unit
+    for name, seconds in _LONG_TIMES.items():
+        if unit == "s" and 2 * seconds <= abs(value) < math.inf:
+            return f"{value / seconds:.{digits}g} {name}"
+    if unit not in _PREFIXED or not math.isfinite(value) or value == 0.0:
+        return f"{value:.{digits}g} {unit}"
+    # Rounded first: 999.9996 um is 1 mm.
+    power = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))) + 1e-12)
+    power = min(max(3 * (power // 3), min(_PREFIXES)), max(_PREFIXES))
+    return f"{value / 10.0**power:.{digits}g} {_PREFIXES[power]}{unit}"

@@ -23,7 +23,7 @@ from validation import ROOT, flat, numbers, response, schemes, spheres, waves
 from validation.choice import chosen
 from validation.drawing import Line, number, shown
 
-from pgfmd.plots.folder import STYLE
+from pgfmd.plots.drawing import STYLE
 
 PAGE = ROOT / "docs" / "validation.md"
 FOLDER = ROOT / "docs" / "figures" / "validation"

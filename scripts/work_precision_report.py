@@ -11,7 +11,7 @@ from matplotlib import rc_context
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from pgfmd.benchmark.curve_errors import cost_at
-from pgfmd.plots.folder import STYLE
+from pgfmd.plots.drawing import STYLE
 from pgfmd.plots.maps import new_figure
 
 MEASURES = {

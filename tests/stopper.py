@@ -8,6 +8,8 @@ class StopAfter:
     at its start."""
 
     steps, patience = math.inf, math.inf
+    asked = False
+    """Nothing is stopped within a step."""
 
     def __init__(self, comm):
         self.looks = 0

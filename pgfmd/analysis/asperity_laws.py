@@ -17,9 +17,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from pgfmd.reference import jkr
+from pgfmd.results.loop import Array, Loop
 
 from .crack_law import CrackLaw
-from .loop import Array, Loop
 
 LEAST_RADIUS = 1e-3
 """A contact whose radius has shrunk to this part of the JKR radius at zero load is open."""

@@ -24,11 +24,11 @@ import numpy as np
 from pgfmd.errors import ResultError
 from pgfmd.parts import law_of, series_of
 from pgfmd.results import Results
+from pgfmd.results.loop import Array, Loop
 from pgfmd.units import parse_quantity
 
 from .asperity_laws import JkrAsperity, MeasuredAsperity, ViscoelasticAsperity
 from .crack_law import CrackLaw
-from .loop import Array, Loop
 from .scene_differences import differences
 from .summits import Summits
 
@@ -196,7 +196,7 @@ def asperity_remarks(asperity: Results, scene: dict, summits: Summits, preload: 
     if abs(known.radius - typical) > 0.02 * typical:
         remarks.append(f"radii differ: {typical:.4g} m here, {known.radius:.4g} m in the asperity's run")
     share = preload / len(summits)
-    reached = float(np.max(known.loop.force))
+    reached = known.loop.preload
     if abs(reached - share) > 0.1 * share:
         text = f"preload of one asperity: {reached:.4g} N in its run, {share:.4g} N = preload/{len(summits)} here"
         remarks.append(text)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pgfmd.errors import ResultError
 from pgfmd.files.storage import SCENE_FILE
 from pgfmd.results import Results
+from pgfmd.results.measures import Measures, measure
 from pgfmd.scene import load_scene
 
 from .bearing_area import Prediction, asperity_remarks, laws_of, predict
-from .measures import Measures, measure
 from .summits import summits_of
 from .table import Table
 
@@ -34,8 +34,8 @@ def add_bearing_area(
     table: Table, results: Results, found: Measures, asperity: Results | None = None
 ) -> list[Prediction]:
     """Predict, and add rows to the table: of each law what it says, and how that compares with the run."""
-    preload = results.run.get("preload_N") or found.largest_force
-    if preload is None:
+    preload = found.preload if found.preload is not None else found.largest_force
+    if preload is None or preload <= 0.0:
         raise ResultError(f"{results.directory}: no bearing-area model: the run has no compressive force yet")
     predictions = predictions_for(results, preload, asperity)
     first = predictions[0]

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from pgfmd.errors import ResultError
 from pgfmd.results import load
+from pgfmd.results.loop import Loop
+from pgfmd.results.measures import Measures
 
 from .comparison import Overlay, renamed
 from .experiment import read_experiment
-from .loop import Loop
 from .table import Table
 
 
@@ -42,33 +43,44 @@ def load_loops(
 def comparison_table(
     found: Overlay, measured: bool, correct: str, machine_stiffness: float, resolution: float | None
 ) -> Table:
-    """What has been done to the curves, and their forces and energies side by side.
+    """What has been done to each curve, and their forces and energies side by side.
 
     measured: whether the last loop is an experiment. The other arguments as in `comparison.overlay`.
     """
-    table, section = Table(), "Corrections"
-    if measured:
-        given = math.isfinite(machine_stiffness)
-        note = "taken off the experiment's displacement, F/k_M" if given else "nothing is taken off"
-        table.add(section, "machine_stiffness", "machine stiffness", machine_stiffness, "N/m", note)
+    table, section = Table(), "Displacements"
+    for number, (loop, change) in enumerate(zip(found.loops, found.changes, strict=True), 1):
+        table.add(section, f"curve_{number}", loop.name, change)
+    if measured and math.isfinite(machine_stiffness):
+        table.add(section, "machine_stiffness", "machine stiffness, k_M", machine_stiffness, "N/m", "of the experiment")
+    if measured and found.offset:
         table.add(section, "offset", "offset", found.offset, "m", "by which the experiment is pushed in")
     if found.cell is not None:
         done = {
-            "experiment": "F/k_cc taken off the experiment" if measured else "no correction: there is no experiment",
-            "simulation": "F/k_cc added to each simulation, with its own k_cc",
-            "none": "no correction",
+            "experiment": "taken off the experiment" if measured else "not used: there is no experiment",
+            "simulation": "of the first run; each simulation takes up its own",
+            "none": "not used; --correct takes it in",
         }[correct]
         table.add(section, "k_cc", "compliance of the cell, k_cc", found.cell.stiffness, "N/m", done)
     if resolution is not None:
         table.add(section, "low_pass", "low-pass filter", resolution, "m", "of all curves")
     for number, (loop, measures) in enumerate(zip(found.loops, found.measures, strict=True)):
         section = f"Curve {number + 1}, {loop.name}"
-        table.add(section, "largest_force", "largest force", measures.largest_force, "N")
-        tension = None if measures.pull_off is None else measures.pull_off.tension
-        table.add(section, "pull_off_force", "pull-off force", tension, "N")
-        table.add(section, "work_of_separation", "work of separation", measures.work_of_separation, "J")
-        table.add(section, "hysteresis", "hysteresis", measures.hysteresis, "J", "net work of the rows that there are")
+        _add_measures(table, section, measures)
         if number:
             note = f"rms on the way out, against {found.loops[0].name}"
             table.add(section, "difference", "difference of forces", found.differences[number - 1], "N", note)
     return table
+
+
+def _add_measures(table: Table, section: str, found: Measures) -> None:
+    """The forces and works of a curve, as `pgfmd analyse` has them."""
+    table.add(section, "preload", "preload", found.preload, "N", "at the end of the approach")
+    table.add(section, "largest_force", "largest force", found.largest_force, "N")
+    tension, spread = (found.pull_off.tension, found.pull_off.uncertainty) if found.pull_off else (None, None)
+    table.add(section, "pull_off_force", "pull-off force", tension, "N", uncertainty=spread)
+    tension, spread = found.snap_in.tension, found.snap_in.uncertainty
+    table.add(section, "snap_in_force", "snap-in force", tension, "N", uncertainty=spread)
+    work, spread = found.work_of_separation, found.work_of_separation_uncertainty
+    table.add(section, "work_of_separation", "work of separation", work, "J", uncertainty=spread)
+    work, spread = found.hysteresis, found.hysteresis_uncertainty
+    table.add(section, "hysteresis", "hysteresis", work, "J", "net work of the loop, as far as it goes", spread)

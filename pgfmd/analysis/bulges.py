@@ -7,13 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import find_peaks
 
-from .loop import Loop
+from pgfmd.results.loop import Loop
+
 from .low_pass import PAPER_RESOLUTION, low_pass
 
 PROMINENCE = 0.02
 """A minimum counts if it is deeper than this share of the range of forces below the larger of zero and its load."""
 SLOPE_PROMINENCE = 0.25
 """An inflection counts if the slope rises by this share of the branch's median slope."""
+FINEST = 5e-4
+"""Least resolution by itself, as a share of the way back: noise of a grid is not taken for bulges."""
+COARSEST = 0.02
+"""Largest resolution by itself, as a share of the way back: bulges of a small punch are not filtered away."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +30,11 @@ class Bulge:
     force: float
 
 
-def bulges(loop: Loop, resolution: float = PAPER_RESOLUTION) -> list[Bulge]:
+def bulges(loop: Loop, resolution: float | None = None) -> list[Bulge]:
     """The bulges of the retraction, in the order in which they come, the pull-off among them.
 
-    The branch is filtered to `resolution` [m] first. A minimum is a dip of the force against the displacement; an
+    The branch is filtered to `resolution` [m] first; None: to the paper's 0.1 um, where that is between 1/2000 and 1/50 of
+    the way back, else to the nearer of these. A minimum is a dip of the force against the displacement; an
     inflection is a place where the force keeps falling, but less steeply than before and after. Empty without a
     retraction.
     """
@@ -37,6 +43,8 @@ def bulges(loop: Loop, resolution: float = PAPER_RESOLUTION) -> list[Bulge]:
     x = np.maximum.accumulate(loop.displacement[rows])
     if not loop.retracted or len(x) < 4 or x[-1] <= x[0]:
         return []
+    if resolution is None:
+        resolution = min(max(PAPER_RESOLUTION, FINEST * (x[-1] - x[0])), COARSEST * (x[-1] - x[0]))
     force = low_pass(x, loop.force[rows], resolution)
     moving = np.concatenate(([True], np.diff(x) > 0))
     even = np.arange(x[0], x[-1], resolution / 4)

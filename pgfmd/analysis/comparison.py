@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pgfmd.results.loop import Loop
+from pgfmd.results.measures import Measures, measure
+
 from .compliance import (
-    PAPER_MACHINE_STIFFNESS,
     CellCompliance,
     corrected_experiment,
     corrected_simulation,
     fit_cell_compliance,
 )
-from .loop import Loop
 from .low_pass import filtered
-from .measures import Measures, measure
 
 FIT_LEVELS = (0.2, 0.9)
 """Forces of the loading branch, as shares of the smaller preload, over which a measured zero is fitted."""
@@ -27,13 +27,15 @@ SAMPLES = 201
 class Overlay:
     """Loops as they are drawn, the runs first.
 
-    measures: of each. cell: k_cc of the first run, None without one. offset [m]: by which the experiment was pushed in.
-    differences: root mean square force [N] by which each other loop differs from the first on the retraction, over
-    the indentations that both have; None where they have none in common.
+    measures: of each. changes: what has been done to each, in words, "as measured" or "as simulated" if nothing. cell:
+    k_cc of the first run, None without one. offset [m]: by which the experiment was pushed in. differences: root mean
+    square force [N] by which each other loop differs from the first on the retraction, over the indentations that both
+    have; None where they have none in common.
     """
 
     loops: list[Loop]
     measures: list[Measures]
+    changes: list[str]
     cell: CellCompliance | None
     offset: float
     differences: list[float | None]
@@ -42,8 +44,8 @@ class Overlay:
 def overlay(
     runs: list[Loop],
     experiment: Loop | None = None,
-    correct: str = "experiment",
-    machine_stiffness: float = PAPER_MACHINE_STIFFNESS,
+    correct: str = "none",
+    machine_stiffness: float = np.inf,
     resolution: float | None = None,
     offset: float | None = 0.0,
 ) -> Overlay:
@@ -53,7 +55,7 @@ def overlay(
         runs: at least one. experiment: a measured loop, if any.
         correct: what takes up the compliance of the periodic cell, one of `compliance.WAYS`: the "experiment" loses
             F/k_cc of the first run, as in the paper's figures; each "simulation" gains its own; or "none" does.
-        machine_stiffness: k_M [N/m] of the experiment, infinite where its displacements have been corrected before.
+        machine_stiffness: k_M [N/m] that is taken off the experiment, infinite for nothing.
         resolution: of the low-pass filter [m], for all loops; None for none.
         offset: [m] by which the experiment is pushed in after that, or None to fit it: such that on the way in it
             needs, in the mean over forces, the indentation of the first run.
@@ -63,18 +65,31 @@ def overlay(
     """
     cells = [fit_cell_compliance(run) for run in runs]
     stiffnesses = [cell.stiffness if cell else np.inf for cell in cells]
+    changes = ["as simulated"] * len(runs)
     if correct == "simulation":
         runs = [corrected_simulation(run, stiffness) for run, stiffness in zip(runs, stiffnesses, strict=True)]
+        changes = [_in_words({"+ F/k_cc": stiffness}, 0.0, "as simulated") for stiffness in stiffnesses]
     loops, moved = list(runs), 0.0
     if experiment is not None:
         of_cell = stiffnesses[0] if correct == "experiment" else np.inf
         measured = corrected_experiment(experiment, machine_stiffness, of_cell)
         moved = fitted_offset(runs[0], measured) if offset is None else offset
         loops.append(measured.pushed_in_by(moved))
+        changes.append(_in_words({"− F/k_M": machine_stiffness, "− F/k_cc": of_cell}, moved, "as measured"))
     if resolution is not None:
         loops = [filtered(loop, resolution) for loop in loops]
+        changes = [f"{change}, filtered over {1e6 * resolution:.3g} um" for change in changes]
     differences = [rms_difference(loops[0], loop) for loop in loops[1:]]
-    return Overlay(loops, [measure(loop) for loop in loops], cells[0], moved, differences)
+    return Overlay(loops, [measure(loop) for loop in loops], changes, cells[0], moved, differences)
+
+
+def _in_words(stiffnesses: dict[str, float], offset: float, untouched: str) -> str:
+    """What has been done to the displacements of a curve: terms with their stiffness [N/m], infinite for none, and what
+    it was pushed in by [m]."""
+    terms = [f"{name} ({value / 1e3:.4g} kN/m)" for name, value in stiffnesses.items() if np.isfinite(value)]
+    if offset:
+        terms.append(f"pushed in by {1e6 * offset:.4g} um")
+    return ", ".join(terms) or untouched
 
 
 def fitted_offset(run: Loop, measured: Loop) -> float:

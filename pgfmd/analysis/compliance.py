@@ -7,7 +7,7 @@ Paper, "Refinements and corrections", with indentations counted positive when th
 
 The surface far away of a periodic cell rises when the punch presses (u_inf > 0 for F > 0), and the ideal indentation
 counts from there. The paper's figures leave the simulations as they are and take F/k_cc off the experiments instead:
-then both are shown as they are in the cell.
+then both are shown as they are in the cell. Nothing is corrected unless asked for.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .loop import Loop
+from pgfmd.results.loop import Loop
 
-PAPER_MACHINE_STIFFNESS = 38.1e3
-"""k_M [N/m] of the paper's setup."""
+
 LEAST_FORCE = 1e-3
 """Rows below this share of the largest force say nothing about a stiffness and are left out of the fit."""
 WAYS = ("experiment", "simulation", "none")
@@ -69,7 +68,7 @@ def corrected_simulation(loop: Loop, cell_stiffness: float) -> Loop:
 
 
 def corrected_experiment(
-    loop: Loop, machine_stiffness: float = PAPER_MACHINE_STIFFNESS, cell_stiffness: float = np.inf
+    loop: Loop, machine_stiffness: float = np.inf, cell_stiffness: float = np.inf
 ) -> Loop:
     """A measured loop without the machine's compliance, u_ind - F/k_M, and, to lay it over an uncorrected run of a
     periodic cell, without the cell's, - F/k_cc.

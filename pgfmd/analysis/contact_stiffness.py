@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .loop import Array, Loop
+from pgfmd.results.loop import Array, Loop
+
 
 WINDOW = 0.1
 """Forces over which a slope is taken, as a share of the preload."""
@@ -40,12 +41,12 @@ def stiffness_at(loop: Loop, branch: str, load: float) -> Stiffness | None:
     Where the branch passes this load several times, the passage nearest to the turning point. None where it does not.
     """
     force, indentation = _from_the_turn(loop, branch)
-    return _between(loop, branch, force, indentation, load + 0.5 * WINDOW * float(np.max(loop.force)))
+    return _between(loop, branch, force, indentation, load + 0.5 * WINDOW * loop.preload)
 
 
 def stiffness_table(loop: Loop) -> list[Stiffness]:
     """Slopes of both branches at a quarter, half and three quarters of the preload, and at zero load."""
-    preload = float(np.max(loop.force))
+    preload = loop.preload
     rows = [stiffness_at(loop, branch, part * preload) for branch in loop.branches for part in (0.0, *FRACTIONS)]
     return [row for row in rows if row is not None]
 
@@ -55,13 +56,15 @@ def _from_the_turn(loop: Loop, branch: str) -> tuple[Array, Array]:
     if branch == "approach":
         rows = slice(0, loop.preload_row + 1)
         return loop.force[rows][::-1], loop.indentation[rows][::-1]
-    rows = loop.branches[branch]
+    # From where the drive has its full speed: within the turn the force changes while the punch hardly moves.
+    steady = np.flatnonzero(loop.phase == "retract")
+    rows = slice(max(int(steady[0]) - 1, 0) if steady.size else loop.turning_row, None)
     return loop.force[rows], loop.indentation[rows]
 
 
 def _between(loop: Loop, branch: str, force: Array, indentation: Array, upper: float) -> Stiffness | None:
     """Least-squares slope over equal parts of the way from the force `upper` to a window below."""
-    preload = float(np.max(loop.force))
+    preload = loop.preload
     lower = upper - WINDOW * preload
     if preload <= 0.0 or len(force) < 2 or force[0] < upper * (1 - 1e-12):
         return None

@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from pgfmd.characterisation.dma import MeasurementError
+from pgfmd.files.text import read_text
+from pgfmd.results.loop import Array, Loop
 from pgfmd.units import UnitError, parse_quantity
-
-from .loop import Array, Loop
 
 NAMES = {
     "indentation": ("indentation", "depth", "penetration"),
@@ -87,9 +87,9 @@ def _confirm(path: Path, indentation: Array, force: Array) -> None:
 def _columns(path: Path) -> dict[str, Array]:
     """The columns that are known, in SI units."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as problem:
-        reason = getattr(problem, "strerror", None) or "not a text file in UTF-8"
+        text = read_text(path)
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or "not a text file"
         raise MeasurementError(f"{path}: could not be read: {reason}; export the measurement as CSV") from None
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip(" \t;,")]
     lines = [(number, line) for number, line in lines if not line.lstrip().startswith("#")]

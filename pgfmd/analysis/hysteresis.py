@@ -17,9 +17,9 @@ import numpy as np
 
 from pgfmd.plots.folder import column
 from pgfmd.results import Results
+from pgfmd.results.loop import Loop
+from pgfmd.results.measures import net_work
 
-from .loop import Loop
-from .measures import net_work
 from .scene_differences import differences
 
 SAME_SECTIONS = ("punch", "substrate", "adhesion", "drive", "grid")
@@ -103,7 +103,7 @@ def _remarks(results: Results, loop: Loop, twin: Results, other: Loop) -> list[s
     for name, result, curve in (("this run", results, loop), ("the twin", twin, other)):
         if not curve.retracted or abs(curve.force[-1]) > 1e-3 * np.max(np.abs(curve.force)):
             remarks.append(f"the loop of {name} is not closed: {result.run.get('finished', 'the run goes on')}")
-    preloads = float(np.max(loop.force)), float(np.max(other.force))
+    preloads = loop.preload, other.preload
     if abs(preloads[1] - preloads[0]) > SAME_LOOP * max(preloads):
         remarks.append(f"preloads differ: {preloads[0]:.4g} N here, {preloads[1]:.4g} N in the twin")
     return remarks

@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 from scipy.ndimage import convolve1d
 
-from .loop import Array, Loop
+from pgfmd.results.loop import Array, Loop
+
 
 PAPER_RESOLUTION = 1e-7
 """[m]: the resolution to which the paper filters its measured curves."""
@@ -93,4 +94,5 @@ def filtered(loop: Loop, resolution: float = PAPER_RESOLUTION) -> Loop:
     deepest = len(force) - 1 - int(np.argmin(loop.displacement[::-1]))
     for rows in (slice(0, loop.preload_row + 1), slice(max(deepest, loop.preload_row), len(force))):
         force[rows] = low_pass(loop.displacement[rows], loop.force[rows], resolution)
-    return dataclasses.replace(loop.with_force(force), work=loop.work, separation=loop.separation)
+    told = {key: value for key, value in loop.told.items() if not key.endswith("_N")}
+    return dataclasses.replace(loop.with_force(force), work=loop.work, separation=loop.separation, told=told)

@@ -3,19 +3,21 @@ model."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pgfmd.errors import ResultError
-from pgfmd.plots.folder import GREY, RED, STYLE, TURQUOISE, energy_unit
+from pgfmd.plots.drawing import drawing, literal, write_picture
+from pgfmd.plots.folder import GREY, RED, TURQUOISE, energy_unit
 from pgfmd.plots.maps import new_figure, signed
+from pgfmd.plots.thinning import seen
+from pgfmd.results.loop import Loop
 
 from .bulges import Bulge
 from .compliance import CellCompliance
 from .hysteresis import Audit, Twin
-from .loop import Loop
 
 COLOURS = (TURQUOISE, RED, "#d18f00", "#6a4c93", "#4a7c2a", "#8a5a44")
 DASHES = (0, (4, 2))
@@ -23,34 +25,27 @@ PARTS = (("viscous", RED), ("released in jumps", "#6a4c93"), ("stored or unexpla
 TWIN_PARTS = (("multistability (twin)", "#6a4c93"), ("viscous and coaction", RED))
 
 
-def save(figure: Any, path: Path) -> Path:
+def save(figure: Any, path: Path, hint: str = "") -> Path:
     """Write a figure in the style of the other pictures.
 
     Raises:
-        ResultError: if it can't be written.
+        ResultError: if it can't be written, with `hint` at the end.
     """
-    from matplotlib import rc_context
-
-    try:
-        with rc_context(STYLE):
-            figure.savefig(path)
-    except (OSError, ValueError) as problem:
-        raise ResultError(f"{path}: could not be written: {problem}") from problem
-    return path
+    with drawing():
+        return write_picture(figure, path, hint)
 
 
 def styled(draw: Any, *arguments: Any, **options: Any) -> Any:
     """A figure made with the project's settings, whatever those of the caller."""
-    from matplotlib import rc_context
-
-    with rc_context(STYLE):
+    with drawing():
         return draw(*arguments, **options)
 
 
-def overlay_figure(loops: list[Loop], dots: int | None = None, note: str = "") -> Any:
+def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence[str] = ()) -> Any:
     """Force [mN] against indentation [um]: approaches thin and dashed, retractions in colour.
 
-    dots: number of the loop that was measured, drawn in black. note: what has been done to the curves.
+    dots: number of the loop that was measured, drawn in black. changes: what has been done to each curve, for its
+    legend; none for nothing to say.
     """
     figure = new_figure(5.6, 4.0)
     axis = figure.subplots()
@@ -61,12 +56,12 @@ def overlay_figure(loops: list[Loop], dots: int | None = None, note: str = "") -
         rows = loop.branches["retraction"]
         before = slice(0, rows.start + 1)
         if rows.start > 1:
-            axis.plot(x[before], force[before], color=colour, linestyle=DASHES, linewidth=0.8)
-        axis.plot(x[rows], force[rows], color=colour, linewidth=1.0 if number == dots else 1.4, label=loop.name)
+            axis.plot(*seen(x[before], force[before]), color=colour, linestyle=DASHES, linewidth=0.8)
+        width = 1.0 if number == dots else 1.4
+        label = literal(f"{loop.name}: {changes[number]}" if changes else loop.name)
+        axis.plot(*seen(x[rows], force[rows]), color=colour, linewidth=width, label=label)
     axis.legend(loc="upper left")
     axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
-    if note:
-        axis.set_title(note, color="0.35")
     return figure
 
 
@@ -76,7 +71,8 @@ def bulge_figure(loop: Loop, found: list[Bulge]) -> Any:
     axis = figure.subplots()
     rows = loop.branches["retraction"]
     axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-    axis.plot(1e6 * loop.indentation[rows], 1e3 * loop.force[rows], color=TURQUOISE, label="retraction")
+    x, force = seen(1e6 * loop.indentation[rows], 1e3 * loop.force[rows])
+    axis.plot(x, force, color=TURQUOISE, label="retraction")
     for kind, marker in (("minimum", "v"), ("inflection", "d")):
         own = [bulge for bulge in found if bulge.kind == kind]
         if own:
@@ -95,7 +91,7 @@ def compliance_figure(loop: Loop, cell: CellCompliance) -> Any:
     for name, rows in loop.branches.items():
         colour = GREY if name == "approach" else TURQUOISE
         style = {"linestyle": DASHES if name == "approach" else "-", "label": name}
-        axis.plot(1e3 * loop.force[rows], 1e6 * loop.u_inf[rows], color=colour, **style)
+        axis.plot(*seen(1e3 * loop.force[rows], 1e6 * loop.u_inf[rows]), color=colour, **style)
     ends = np.array([loop.force.min(), loop.force.max()])
     label = f"F/k_cc,  k_cc = {cell.stiffness / 1e3:.4g} kN/m"
     axis.plot(1e3 * ends, 1e6 * ends / cell.stiffness, color="black", linewidth=0.8, label=label)

@@ -9,16 +9,16 @@ import numpy as np
 from pgfmd.physics.contact_sites import KINDS
 from pgfmd.plots.folder import column
 from pgfmd.results import Results
+from pgfmd.results.loop import Loop
 
-from .loop import Loop
 
 
 @dataclass(frozen=True)
 class SiteLoads:
     """Of one kind of site: how many there are, how many were in contact at most, and forces [N] on the punch.
 
-    first_joins, last_joins: of the approach up to the preload, the turn included. first_leaves, last_leaves: after the
-    preload. None where none did.
+    first_joins, last_joins: on the way in, until the punch turns round. first_leaves, last_leaves: on the way out. None
+    where none did.
     """
 
     kind: str
@@ -35,10 +35,10 @@ def site_loads(results: Results, loop: Loop) -> list[SiteLoads]:
     sites = results.sites
     if sites is None or not len(sites):
         return []
-    preload_time = loop.time[loop.preload_row]
+    turn = loop.time[loop.turning_row]
     time, force = column(sites, "time [s]"), column(sites, "force [N]")
     kind, event = column(sites, "kind").astype(str), column(sites, "event").astype(str)
-    before = time <= preload_time
+    before = time <= turn
     found = []
     for name in KINDS:
         own = kind == name

@@ -10,18 +10,19 @@ from pathlib import Path
 from typing import Any
 
 from pgfmd.errors import ResultError
-from pgfmd.files.storage import write_atomically
+from pgfmd.files.regular_files import write_atomically
+from pgfmd.plots.drawing import elsewhere, target_folder
 from pgfmd.results import Results, load
-from pgfmd.results.audit import at_stake
+from pgfmd.results.audit import UNBALANCED, at_stake, largest_residual
+from pgfmd.results.loop import Loop
+from pgfmd.results.measures import Measures, measure
 
 from . import pictures
 from .bulges import Bulge, bulges
 from .compliance import CellCompliance, fit_cell_compliance
 from .contact_stiffness import stiffness_table, unloading_stiffness
 from .hysteresis import Audit, Twin, audit_of, is_quasistatic, twin_of
-from .loop import Loop
-from .low_pass import PAPER_RESOLUTION, filtered
-from .measures import Measures, measure
+from .low_pass import filtered
 from .site_loads import site_loads
 from .table import Table
 from .tabor import effective_tabor
@@ -29,9 +30,8 @@ from .tabor import effective_tabor
 RECORD_FILE = "analysis.json"
 BLURRED = 0.05
 """Scatter of u_inf, as a share of its range, from which on its line says little."""
-FOLLOWS = "by the parabola through the lowest rows"
-UNEXPLAINED = 0.1
-"""Residual of the energy audit, as a share of what is at stake (results/audit.py), that is remarked."""
+WITHIN_STEPS = "as the run found it within its steps"
+BY_ROWS = "by the parabola through the lowest rows"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,15 +57,18 @@ class Analysis:
         """The table's numbers in SI units, as `analysis.json` has them."""
         return self.table.record()
 
-    def write(self) -> list[Path]:
-        """Write `analysis.json` and the pictures into the folder; returns them. ResultError if one can't be written."""
-        path = self.directory / RECORD_FILE
+    def write(self, out: Path | None = None) -> list[Path]:
+        """Write `analysis.json` and the pictures into the folder, or into `out`; returns them. ResultError if one can't
+        be written."""
+        folder = target_folder(self.directory, out)
+        path = folder / RECORD_FILE
+        hint = elsewhere(path, self.directory)
         text = json.dumps(self.record, indent=2, ensure_ascii=False, allow_nan=False)
         try:
             write_atomically(path, f"{text}\n".encode())
         except OSError as problem:
-            raise ResultError(f"{path}: could not be written: {problem.strerror}") from problem
-        return [path, *(pictures.save(draw(), self.directory / name) for name, draw in self._drawings())]
+            raise ResultError(f"{path}: could not be written: {problem.strerror}{hint}") from problem
+        return [path, *(pictures.save(draw(), folder / name, hint) for name, draw in self._drawings())]
 
     def _drawings(self) -> Iterator[tuple[str, Any]]:
         if self.bulges:
@@ -110,9 +113,10 @@ def analyse(
         loop = whole if resolution is None else _filtered(whole, resolution)
         table = Table(f"{results.scene.get('title') or results.directory.name}: {results.directory}")
         found = measure(loop)
-        _add_forces(table, found, resolution, thinned=loop.tension is not None)
+        _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.told else WITHIN_STEPS)
+        _add_works_and_areas(table, found)
         _remark_thinned(table, results)
-        places = bulges(loop, resolution or PAPER_RESOLUTION)
+        places = bulges(loop, resolution)
         _add_stiffness(table, loop)
         _add_bulges(table, places)
         _add_sites(table, results, loop)
@@ -138,24 +142,32 @@ def _filtered(loop: Loop, resolution: float) -> Loop:
         raise ResultError(f"{loop.name}: the curve could not be filtered: {problem}") from problem
 
 
-def _add_forces(table: Table, found: Measures, resolution: float | None, thinned: bool) -> None:
+def _add_forces(table: Table, found: Measures, resolution: float | None, source: str) -> None:
     if resolution is not None:
         table.add("Forces", "low_pass", "low-pass filter", resolution, "m", "of the curve; pull-off and all below")
-    note = "the preload, and what the turn adds"
-    table.add("Forces", "largest_force", "largest force", found.largest_force, "N", note)
+    table.add("Forces", "preload", "preload", found.preload, "N", "at the end of the approach")
+    table.add("Forces", "largest_force", "largest force", found.largest_force, "N", "what the turn adds included")
     if found.pull_off:
-        follows = "as the run found it between the rows" if thinned else FOLLOWS
-        table.add("Forces", "pull_off_force", "pull-off force", found.pull_off.tension, "N", follows)
-        place = found.pull_off.displacement
-        table.add("Forces", "pull_off_displacement", "at the displacement", place, "m", "negative when pushed in")
+        tension, place = found.pull_off.tension, found.pull_off.displacement
+        note = source if tension > 0.0 else "no tension on the way out"
+        table.add("Forces", "pull_off_force", "pull-off force", tension, "N", note, found.pull_off.uncertainty)
+        if tension > 0.0:
+            note = "negative when pushed in"
+            table.add("Forces", "pull_off_displacement", "at the displacement", place, "m", note)
     else:
-        table.add("Forces", "pull_off_force", "pull-off force", None, "N", "no tension after the preload")
-    if found.snap_in:
-        note = "largest tension on the way in"
-        table.add("Forces", "snap_in_force", "snap-in force", found.snap_in.tension, "N", note)
-    note = "work against a tensile force on the way out"
-    table.add("Work", "work_of_separation", "work of separation", found.work_of_separation, "J", note)
-    table.add("Work", "hysteresis", "hysteresis", found.hysteresis, "J", "net work of the loop")
+        table.add("Forces", "pull_off_force", "pull-off force", None, "N", "the punch has not turned round yet")
+    note = "largest tension on the way in"
+    table.add("Forces", "snap_in_force", "snap-in force", found.snap_in.tension, "N", note, found.snap_in.uncertainty)
+    if found.time_to_preload is not None:
+        note = "from the first contact"
+        table.add("Forces", "time_to_preload", "time to the preload", found.time_to_preload, "s", note)
+
+
+def _add_works_and_areas(table: Table, found: Measures) -> None:
+    note, spread = "work against a tensile force on the way out", found.work_of_separation_uncertainty
+    table.add("Work", "work_of_separation", "work of separation", found.work_of_separation, "J", note, spread)
+    note = "net work of the loop"
+    table.add("Work", "hysteresis", "hysteresis", found.hysteresis, "J", note, found.hysteresis_uncertainty)
     if found.largest_area is not None:
         table.add("Contact", "largest_area", "largest contact area", found.largest_area, "m^2")
     if found.area_at_pull_off is not None:
@@ -172,11 +184,11 @@ def _remark_thinned(table: Table, results: Results) -> None:
 
 
 def _remark_unexplained(table: Table, results: Results, audit: Audit | None) -> None:
-    """Of an audit that does not close well enough to split the hysteresis by it."""
-    if audit and abs(audit.residual) > UNEXPLAINED * at_stake(results, audit.work):
+    """Of an audit that does not close well enough to split the hysteresis by it: by what `pgfmd run` goes as well."""
+    if audit and largest_residual(results) > UNBALANCED * at_stake(results, audit.work):
         table.remarks.append(
-            f"the energy audit leaves {audit.residual * 1e9:.3g} nJ unexplained of a loop of {audit.work * 1e9:.3g} nJ"
-            ": run it again with a lower solver.accuracy before believing energies"
+            f"the energy audit leaves {largest_residual(results) * 1e9:.3g} nJ unexplained of a loop of "
+            f"{audit.work * 1e9:.3g} nJ: run it again with a lower solver.accuracy before believing energies"
         )
 
 
@@ -185,7 +197,7 @@ def _add_stiffness(table: Table, loop: Loop) -> None:
     if first:
         note = "slope over the first tenth of the preload; in a viscous run partly the glassy response"
         table.add(section, "unloading_stiffness", "at the start of unloading", first.stiffness, "N/m", note)
-    preload = float(loop.force.max())
+    preload = loop.preload
     for entry in stiffness_table(loop):
         part = round(100 * entry.load / preload)
         note = f"around {entry.load * 1e3:.3g} mN, {part} % of the preload"
@@ -259,8 +271,8 @@ def _add_tabor(table: Table, results: Results, found: Measures, twin: Results | 
     from pgfmd.files.storage import SCENE_FILE
     from pgfmd.scene import load_scene
 
-    scene = load_scene(source.directory / SCENE_FILE)
-    if scene.punch.radius is None or pull_off is None or scene.adhesion.law != "cosine":
+    scene = load_scene(source.directory / SCENE_FILE, require_files=False)
+    if scene.punch.radius is None or pull_off is None or scene.adhesion.law != "cosine" or pull_off.tension <= 0.0:
         return
     adhesion, modulus = scene.adhesion, scene.substrate.contact_modulus
     tabor = effective_tabor(pull_off.tension, scene.punch.radius, modulus, adhesion.range, adhesion.work_of_adhesion)

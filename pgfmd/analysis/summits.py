@@ -12,9 +12,9 @@ import numpy as np
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, SUMMIT, contact_sites
 from pgfmd.physics.topography import Topography, height_map
+from pgfmd.results.loop import Array
 from pgfmd.solver.grid import Grid
 
-from .loop import Array
 
 FINE = 400
 """Parts of a wavelength over which curvatures are taken where the face is a formula."""

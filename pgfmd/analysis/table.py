@@ -15,13 +15,15 @@ SUFFIXES = {"N": "N", "m": "m", "J": "J", "s": "s", "N/m": "N_per_m", "m^2": "m2
 
 @dataclass(frozen=True)
 class Row:
-    """One number: key of the record, without unit; name, value, SI unit, and what it says."""
+    """One number: key of the record, without unit; name, value, SI unit, what it says, and its uncertainty in this
+    unit, None where none is known."""
 
     key: str
     name: str
     value: float | int | str | None
     unit: str = ""
     note: str = ""
+    uncertainty: float | None = None
 
 
 @dataclass
@@ -33,10 +35,15 @@ class Table:
     remarks: list[str] = field(default_factory=list)
 
     def add(
-        self, section: str, key: str, name: str, value: float | int | str | None, unit: str = "", note: str = ""
-    ) -> None:
+        self, section: str, key: str, name: str, value: float | int | str | None, unit: str = "", note: str = "",
+        uncertainty: float | None = None,
+    ) -> None:  # fmt: skip
         """One more row; a section begins with its first."""
-        self.sections.setdefault(section, []).append(Row(key, name, value, unit, note))
+        if value is None:
+            uncertainty = None
+        if uncertainty:
+            note = f"± {uncertainty:.2g}, {note}" if note else f"± {uncertainty:.2g}"
+        self.sections.setdefault(section, []).append(Row(key, name, value, unit, note, uncertainty))
 
     def __getitem__(self, key: str) -> Any:
         """The value of a row, by its key without unit. KeyError if there is none."""
@@ -50,12 +57,16 @@ class Table:
         return any(row.key == key for rows in self.sections.values() for row in rows)
 
     def record(self) -> dict:
-        """Nested dicts for JSON: section, then key with its unit, as in `pull_off_force_N`; None if there is none."""
+        """Nested dicts for JSON: section, then key with its unit, as in `pull_off_force_N`, and where one is known
+        `pull_off_force_uncertainty_N`; None if there is none."""
         found: dict[str, Any] = {"title": self.title}
         for section, rows in self.sections.items():
-            found[re.sub(r"\W+", "_", section.lower())] = {
-                f"{row.key}_{SUFFIXES[row.unit]}" if row.unit else row.key: row.value for row in rows
-            }
+            entries = found[re.sub(r"\W+", "_", section.lower())] = {}
+            for row in rows:
+                suffix = f"_{SUFFIXES[row.unit]}" if row.unit else ""
+                entries[f"{row.key}{suffix}"] = row.value
+                if row.uncertainty is not None:
+                    entries[f"{row.key}_uncertainty{suffix}"] = row.uncertainty
         found["remarks"] = self.remarks
         return plain(found)
 

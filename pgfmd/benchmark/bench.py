@@ -10,7 +10,8 @@ import numpy as np
 
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.solver.grid import Grid, PunchPoints
-from pgfmd.solver.transform import Convolution, periodic_multiplier, plain_pair
+from pgfmd.solver.multiplier import periodic_multiplier
+from pgfmd.solver.transform import Convolution, plain_pair
 
 from .curve_errors import cost_at
 from .work_precision import Laboratory, Row, explicit, implicit, study

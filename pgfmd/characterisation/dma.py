@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgfmd.errors import PgfmdError
+from pgfmd.files.text import read_text
 from pgfmd.units import UnitError, parse_quantity
 
 ABSOLUTE_ZERO = -273.15
@@ -101,18 +102,11 @@ def temperature_in_kelvin(text: str) -> float:
 def _lines(path: Path) -> list[tuple[int, str]]:
     """Number and text of every line that is neither empty nor a comment."""
     try:
-        raw = path.read_bytes()
+        text = read_text(path)
     except OSError as error:
         raise MeasurementError(f"{path}: could not be read: {error.strerror}") from None
-    codings = ("utf-16",) if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "cp1252")
-    for coding in codings:
-        try:
-            text = raw.decode(coding)
-            break
-        except UnicodeDecodeError:
-            continue
-    else:
-        raise MeasurementError(f"{path}: expected a text file; export the measurement as CSV")
+    except ValueError:
+        raise MeasurementError(f"{path}: expected a text file; export the measurement as CSV") from None
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1)]
     lines = [(number, line) for number, line in lines if line.strip(" \t;,") and not line.lstrip().startswith("#")]
     if not lines:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from enum import Enum
@@ -13,7 +12,8 @@ import typer
 
 from pgfmd.errors import ResultError
 
-PAPER_MACHINE = "38.1 kN/m"
+from .names import Folder, named, path_option
+from .printing import print_json
 
 
 class Correct(str, Enum):
@@ -44,16 +44,20 @@ LowPass = Annotated[
 
 
 def analyse(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that a run wrote to.")],
+    directory: Folder,
     twin: Annotated[
-        Path | None, typer.Option("--twin", metavar="DIR", help="Results of the quasi-static twin of the run.")
+        Path | None, path_option("--twin", metavar="DIR", help="Results of the quasi-static twin of the run.")
     ] = None,
     bearing_area: Annotated[bool, typer.Option("--bearing-area", help="Lay a bearing-area model beside it.")] = False,
     asperity: Annotated[
         Path | None,
-        typer.Option("--asperity", metavar="DIR", help="Results of one isolated asperity, for that model."),
+        path_option("--asperity", metavar="DIR", help="Results of one isolated asperity, for that model."),
     ] = None,
     low_pass: LowPass = None,
+    out: Annotated[
+        Path | None,
+        path_option("--out", "-o", metavar="DIR", help="Folder of what is written, if not DIR itself."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Measure a run: forces, works, stiffness, shares of the hysteresis. Writes analysis.json and pictures into DIR."""
@@ -61,9 +65,9 @@ def analyse(
     from pgfmd.analysis.table import show
 
     analysis = analysis_of(directory, twin, bearing_area, asperity, _length(low_pass, "--low-pass"))
-    paths = analysis.write()
+    paths = analysis.write(out)
     if as_json:
-        print(json.dumps(analysis.record, indent=2, ensure_ascii=False))
+        print_json(analysis.record)
         return
     show(analysis.table)
     for path in paths:
@@ -72,15 +76,20 @@ def analyse(
 
 def compare(
     sources: Annotated[
-        list[Path], typer.Argument(metavar="DIR [DIR...] [EXP.csv]", help="Folders of results, and a measured curve.")
+        list[Path],
+        typer.Argument(
+            metavar="DIR [DIR...] [EXP.csv]", parser=named, help="Folders of results, and a measured curve."
+        ),
     ],
     machine_stiffness: Annotated[
         str,
-        typer.Option("--machine-stiffness", metavar="STIFFNESS", help="Of the experiment; inf if corrected before."),
-    ] = PAPER_MACHINE,
+        typer.Option(
+            "--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off the experiment; such as 38.1kN/m."
+        ),
+    ] = "inf",
     correct: Annotated[
         Correct, typer.Option("--correct", help="Which curves take up the compliance of the periodic cell.")
-    ] = Correct.experiment,
+    ] = Correct.none,
     low_pass: LowPass = None,
     offset: Annotated[
         str, typer.Option("--offset", metavar="LENGTH|fit", help="By which the experiment is pushed in.")
@@ -92,10 +101,13 @@ def compare(
         Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")
     ] = Pressing.compression,
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FILE.png", help="Name of the picture.")
+        Path, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")
     ] = Path("comparison.png"),
 ) -> None:
-    """Lay curves of runs, and a measured one, over each other: a table and a picture."""
+    """Lay curves of runs, and a measured one, over each other: a table and a picture.
+
+    Curves are compared as they are, unless a correction is asked for.
+    """
     from pgfmd.analysis import pictures
     from pgfmd.analysis.beside_experiment import comparison_table, load_loops
     from pgfmd.analysis.comparison import overlay
@@ -111,7 +123,7 @@ def compare(
         raise ResultError(f"the curves could not be compared: {problem}") from None
     table = comparison_table(found, experiment is not None, correct.value, stiffness, resolution)
     measured = len(runs) if experiment is not None else None
-    figure = pictures.styled(pictures.overlay_figure, found.loops, measured)
+    figure = pictures.styled(pictures.overlay_figure, found.loops, measured, found.changes)
     path = pictures.save(figure, out)
     show(table)
     print(path)

@@ -9,6 +9,8 @@ import typer
 
 from pgfmd.host import launch
 
+from .printing import print_json
+
 app = typer.Typer(invoke_without_command=True)
 
 
@@ -50,8 +52,6 @@ def transform(
     effort: Annotated[Effort, typer.Option(help="Effort of FFTW's planner, for both sides.")] = Effort.estimate,
 ) -> None:
     """Time a pair of transforms: mpi4py-fft's own on the whole plane, and the fused one under a punch half as wide."""
-    import json
-
     comm = launch.world()
     with launch.guarded(comm):
         from pgfmd.benchmark import bench
@@ -59,7 +59,7 @@ def transform(
         record = bench.transform(comm, n, effort.value)
         if comm.rank == 0:
             if as_json:
-                print(json.dumps(record))
+                print_json(record, indent=None)
             else:
                 for name, value in record.items():
                     print(f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}")

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 from pgfmd.forecast.advice import automatic_range, remarks, warnings
 from pgfmd.forecast.estimate import PROGRAM_BYTES, effort_of, memory_of, punch_points
+from pgfmd.forecast.plausibility import face_of
 from pgfmd.parts import compliance_of, inertia_of_scene, law_of, series_of, topography_of
 from pgfmd.physics.inertia import contact_stiffness
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene.model import SECTIONS, unused_keys
-from pgfmd.units import DIMENSIONS
+from pgfmd.units import DIMENSIONS, handy_quantity
 
 CORRUGATIONS = {"triangular": "tri", "hexagonal": "hex"}
 
@@ -48,6 +49,7 @@ def report(scene, ranks: int = 1) -> Report:
     """Everything that can be said about a scene, for a run on `ranks` ranks."""
     sections = {
         "Scene (SI)": list(_values(scene)),
+        "Punch": list(_punch(scene)),
         "Adhesion": list(_adhesion(scene)),
         "Rheology": list(_rheology(scene)),
         "Cost": list(_cost(scene, ranks)),
@@ -82,6 +84,13 @@ def _plain(value: object) -> float | int | str:
 
 def _unit(dimension: str) -> str:
     return DIMENSIONS[dimension].unit if dimension in DIMENSIONS else ""
+
+
+def _punch(scene) -> Iterator[Line]:
+    face = face_of(scene)
+    note = f"{handy_quantity(face.relief, 'length')} from the lowest to the highest point of the face"
+    yield Line("height range", face.relief, "m", note)
+    yield Line("steepest slope", face.slope, "", "1 is 45 degrees; small slopes are assumed")
 
 
 def _adhesion(scene) -> Iterator[Line]:

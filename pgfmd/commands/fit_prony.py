@@ -10,13 +10,17 @@ from typing import Annotated, Any
 import typer
 
 from pgfmd.errors import ResultError
+from pgfmd.files.regular_files import write_new
+
+from .names import named, path_option
 
 CELSIUS_OR_KELVIN = "Temperature of the tack test, such as 25C; needed where the file has several."
 
 
 def fit_prony(
     file: Annotated[
-        Path, typer.Argument(metavar="DMA.csv", help="Columns frequency, E', E'', and temperature if any.")
+        Path,
+        typer.Argument(metavar="DMA.csv", parser=named, help="Columns frequency, E', E'', and temperature if any."),
     ],
     elements: Annotated[
         int | None,
@@ -29,8 +33,8 @@ def fit_prony(
         str | None, typer.Option("--wlf", metavar="C1,C2", help="WLF constants, C2 in K; fitted without it.")
     ] = None,
     vertical: Annotated[bool, typer.Option("--vertical-shift", help="Divide moduli by T/T_ref, too.")] = False,
-    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE.toml", help="Write the table there.")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", "-p", metavar="FILE.png", help="Draw data and fit.")] = None,
+    out: Annotated[Path | None, path_option("--out", "-o", metavar="FILE.toml", help="Write the table there.")] = None,
+    plot: Annotated[Path | None, path_option("--plot", "-p", metavar="FILE.png", help="Draw data and fit.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the table's file.")] = False,
 ) -> None:
     """Fit a Prony series to a DMA measurement; prints the rheology table of a scene."""
@@ -64,8 +68,7 @@ def _read(parser: Callable[[str], Any], text: str | None, option: str) -> Any:
 
 def _write(path: Path, text: str, force: bool) -> None:
     try:
-        with open(path, "w" if force else "x", encoding="utf-8") as file:
-            file.write(text)
+        write_new(path, text, force)
     except FileExistsError:
         raise ResultError(f"{path}: exists already; move it away, or overwrite it with --force") from None
     except OSError as error:

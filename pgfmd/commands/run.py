@@ -9,8 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
-from pgfmd.host import launch
+from pgfmd.host import batch, launch
+from pgfmd.host.streams import say
 from pgfmd.host.walltime import end_of_job, seconds_of
+
+from .names import path_option
+from .printing import command
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
 Changes = Annotated[
@@ -21,10 +25,15 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", "-s", metavar="KEY=VALUE", help="The same, one key at a time."),
 ]
-UNBALANCED = 0.05
-"""Residual of the energy audit, as a share of what is at stake (results/audit.py), that is told at the end of a run."""
 LAUNCHER_NEEDS = 10.0
 """Time [s] before the end of a job at which a run has to be over: after a code other than 0, mpirun takes 5 s to end."""
+TOLD = (
+    ("pull-off force", "pull_off_force", "_N", 1e3, "mN"),
+    ("work of separation", "work_of_separation", "_J", 1e9, "nJ"),
+)
+"""What the last lines of a run tell: words, key of `run.json`, its unit; factor to the unit that is shown."""
+MISSED = 0.01
+"""By how much a preload may be missed, relative to itself, without a word at the end of a run."""
 OFF = "off"
 _BEGAN = time.time()
 """About when the process began: limits of time count from then."""
@@ -33,7 +42,7 @@ _BEGAN = time.time()
 def run(
     scene: SceneName,
     changes: Changes = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")] = None,
+    out: Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the results.")] = None,
     overrides: Overrides = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start anew; old results are kept in DIR/previous-1 ...")] = False,
     allow: Annotated[
@@ -52,6 +61,7 @@ def run(
     # Before MPI: what is wrong with an option is found, and told, by every rank alike.
     every = math.inf if checkpoint_every == OFF else _time("--checkpoint-every", checkpoint_every)
     limit = math.inf if walltime is None else _BEGAN + _time("--walltime", walltime)
+    whose = "" if walltime is None else f"--walltime {walltime}"
     comm = launch.world()
     with launch.guarded(comm):
         changed = all_changes(changes, overrides)
@@ -59,13 +69,14 @@ def run(
         from pgfmd.restart.keeper import Timing
         from pgfmd.runner import Options, run_scene
 
-        job_ends = end_of_job() if comm.rank == 0 else None
-        limit = limit if job_ends is None else min(limit, job_ends - LAUNCHER_NEEDS)
-        options = Options(fresh, tuple(allow or ()), Timing(every, limit))
-        record = run_scene(loaded, comm, directory, _say, options)
+        job_ends = _end_of_job() if comm.rank == 0 else None
+        if job_ends is not None and job_ends - LAUNCHER_NEEDS < limit:
+            limit, whose = job_ends - LAUNCHER_NEEDS, f"{batch.this_job()}, which ends {_moment(job_ends)}"
+        options = Options(fresh, tuple(allow or ()), Timing(every, limit, whose))
+        record = run_scene(loaded, comm, directory, say, options)
         if comm.rank == 0:
-            for line in _summary(record, directory):
-                _say(line)
+            for line in [*_missed_preload(record, loaded.drive.preload), *_summary(record, directory)]:
+                say(line)
 
 
 def all_changes(changes: list[str] | None, overrides: list[str] | None) -> list[str]:
@@ -80,6 +91,23 @@ def _time(option: str, text: str) -> float:
         raise typer.BadParameter(str(error), param_hint=option) from None
 
 
+def _end_of_job() -> float | None:
+    """When the batch job ends (time.time()); None without one, and for one that had ended before this process began."""
+    ends = end_of_job()
+    if ends is None or ends > _BEGAN:
+        return ends
+    say(
+        f"warning: the time of {batch.this_job()} was over {_moment(ends)}, before this process began: it is taken to be "
+        "outside of that job, and its limit is not heeded (--walltime sets one)"
+    )
+    return None
+
+
+def _moment(seconds: float) -> str:
+    """A time of time.time() as a local date."""
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))
+
+
 def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -> tuple[Any, Path]:
     """The checked scene and the folder for its results."""
     from pgfmd.parts import confirm
@@ -92,8 +120,15 @@ def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -
     return scene, Path(scene.output.directory or Path("out", Path(source).stem)).expanduser()
 
 
-def _say(line: str) -> None:
-    print(line, flush=True)
+def _missed_preload(record: dict, asked: float) -> list[str]:
+    """What is said of a preload [N] that the run could not meet."""
+    met = record["preload_N"]
+    if met is None or abs(met - asked) <= MISSED * asked:
+        return []
+    return [
+        f"The preload is {met:.4g} N instead of {asked:.4g} N: the force jumps from below to that much. Choose a "
+        "drive.preload on either side of the jump, or a smaller solver.accuracy."
+    ]
 
 
 def _summary(record: dict, directory: Path) -> list[str]:
@@ -104,22 +139,26 @@ def _summary(record: dict, directory: Path) -> list[str]:
     if record["pull_off_force_N"] is None:
         measured = "no pull-off force, the run ended before the retraction"
     else:
-        measured = (
-            f"pull-off force {record['pull_off_force_N'] * 1e3 + 0.0:.4g} mN, "
-            f"work of separation {record['work_of_separation_J'] * 1e9:.4g} nJ"
-        )
+        measured = ", ".join(_number(record, *about) for about in TOLD)
     lines.append(
         f"{measured}; {record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
     )
     lines += _unbalanced(record, directory)
-    return [*lines, f"results: {directory}    pictures: pgfmd plot {directory}"]
+    return [*lines, f"results: {directory}    pictures: {command('pgfmd', 'plot', directory)}"]
+
+
+def _number(record: dict, name: str, key: str, suffix: str, factor: float, unit: str) -> str:
+    """A number of the record, with its uncertainty where there is one."""
+    spread = record.get(f"{key}_uncertainty{suffix}")
+    told = f" ± {spread * factor:.2g}" if spread else ""
+    return f"{name} {record[key + suffix] * factor + 0.0:.4g}{told} {unit}"
 
 
 def _unbalanced(record: dict, directory: Path) -> list[str]:
     """What is said of an energy audit that does not close, in any scheme; nothing of one that does."""
     from pgfmd.errors import ResultError
     from pgfmd.results import load
-    from pgfmd.results.audit import LEAST_LOOP, at_stake
+    from pgfmd.results.audit import LEAST_LOOP, UNBALANCED, at_stake
 
     if record["energy_residual"] is None:
         return []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +10,10 @@ import typer
 from pgfmd.errors import ResultError
 from pgfmd.host import launch
 
-Folders = Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders that runs write to.")]
+from .names import named
+from .printing import print_json
+
+Folders = Annotated[list[Path], typer.Argument(metavar="DIR...", parser=named, help="Folders that runs write to.")]
 COLUMNS = ("folder", "state", "phase", "way", "left", "step", "t [s]", "F [mN]", "preload [mN]", "checkpoint", "links",
            "steps/s")  # fmt: skip
 
@@ -31,7 +33,7 @@ def status(
             launch.complain(error)
             wrong = True
     if as_json:
-        print(json.dumps([one.as_json() for one in found], indent=2, ensure_ascii=False))
+        print_json([one.as_json() for one in found])
     elif len(directories) == 1:
         for one in found:
             print("\n".join(_lines(one)))

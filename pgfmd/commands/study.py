@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,13 +10,16 @@ import typer
 
 from pgfmd.errors import PgfmdError
 from pgfmd.host import launch
+from pgfmd.host.streams import say
 
+from .names import named, path_option
+from .printing import command
 from .run import Changes, Overrides, SceneName, all_changes
 
 if TYPE_CHECKING:
     from pgfmd.study.campaign import Campaign
 
-Out = Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder of the folders of the cases.")]
+Out = Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the folders of the cases.")]
 Ranks = Annotated[int | None, typer.Option("--ranks", "-n", min=1, help="Ranks of each job.")]
 Retry = Annotated[bool, typer.Option("--retry", help="Go on with failed cases, too.")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Start changed and damaged cases anew; keeps the old.")]
@@ -46,7 +48,7 @@ class Quantity(StrEnum):
 
 
 def study(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="The study: docs/studies.md.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", parser=named, help="The study: docs/studies.md.")],
     out: Out = None,
     ranks: Ranks = None,
     jobs: Annotated[
@@ -196,7 +198,7 @@ def show_agenda(campaign: Campaign) -> None:
     for case in campaign.cases:
         mark = "to run" if case.name in chosen else "left"
         say(f"{mark:6}  {case.name}: {standings[case.name]}")
-        say(f"        pgfmd run {campaign.quoted(case)} --out {campaign.folder(case)}")
+        say(f"        {command('pgfmd', 'run', *campaign.arguments(case), '--out', campaign.folder(case))}")
 
 
 def require_one_process() -> None:
@@ -204,9 +206,3 @@ def require_one_process() -> None:
     processes, _ = launch.launched()
     if processes > 1:
         raise PgfmdError("start it without mpirun: it starts one for each of its jobs (--ranks)")
-
-
-def say(line: str) -> None:
-    """A line for the user, at once."""
-    print(line, flush=True)
-    sys.stdout.flush()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import re
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -13,7 +12,12 @@ from typing import Any
 
 from pgfmd.errors import ResultError
 
+from .regular_files import open_regular
 from .storage import on_root
+
+
+PIECE = 2**20
+"""Bytes that are read at a time: tables may be of any length."""
 
 
 class CsvFile:
@@ -95,28 +99,36 @@ class CsvFile:
 
     def _open(self) -> int:
         # "a" would write at the end whatever `truncate` did before on some network file systems: seek instead.
-        self._file = os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644), "r+b", buffering=0)
-        ends = self._line_ends()
-        if not ends:
+        self._file = os.fdopen(open_regular(self.path, os.O_RDWR | os.O_CREAT), "r+b", buffering=0)
+        count, end = self._lines()
+        if not count:
             self._file.truncate(0)
             self._file.seek(0)
             self._write(self._header)
             return 0
         self._file.seek(0)
-        if self._file.read(ends[0]) != self._header:
+        if self._file.read(len(self._header)) != self._header:
             raise ResultError(f"{self.path}: its columns are not {self._header.decode().strip()}; move it away")
-        self._keep(ends[-1])
-        return len(ends) - 1
+        self._keep(end)
+        return count - 1
 
-    def _line_ends(self) -> list[int]:
-        """Offsets just after every newline."""
+    def _lines(self) -> tuple[int, int]:
+        """How many newlines there are, and the offset just after the last."""
+        count = end = position = 0
         self._file.seek(0)
-        return [newline.end() for newline in re.finditer(b"\n", self._file.readall())]
+        while piece := self._file.read(PIECE):
+            count += piece.count(b"\n")
+            if b"\n" in piece:
+                end = position + piece.rindex(b"\n") + 1
+            position += len(piece)
+        return count, end
 
     def _keep(self, size: int) -> None:
         self._file.truncate(size)
         self._file.seek(0)
-        self._digest = hashlib.sha256(self._file.read(size))
+        self._digest = hashlib.sha256()
+        while piece := self._file.read(PIECE):
+            self._digest.update(piece)
 
     def _mark(self) -> dict:
         os.fsync(self._file.fileno())
@@ -152,7 +164,7 @@ def begins_as_marked(path: Path, mark: dict) -> bool:
     """Whether a table begins with the rows that a checkpoint has marked. OSError if it can't be read."""
     digest, left = hashlib.sha256(), mark["bytes"]
     with open(path, "rb") as file:
-        while left and (piece := file.read(min(left, 2**20))):
+        while left and (piece := file.read(min(left, PIECE))):
             digest.update(piece)
             left -= len(piece)
     return digest.hexdigest() == mark["sha256"]

@@ -25,7 +25,8 @@ from pgfmd.errors import ResultError
 
 from .checksum import whole_sum
 from .hdf5 import open_serial
-from .storage import UNDO_SUFFIX, bring_to_disk, secure_space, write_atomically
+from .regular_files import bring_to_disk, open_regular, require_regular, write_atomically
+from .storage import UNDO_SUFFIX, secure_space
 
 BLOCK_FIELDS = {
     "gap": ("m", "gap between punch and elastomer"),
@@ -39,6 +40,8 @@ SNAPSHOT_NUMBERS = {
     "force": ("N", "normal force on the punch, positive in compression"),
 }
 LABEL_BYTES = 80
+LABEL_AXIS = "label_bytes"
+"""Dimension of a label's characters; a dimension only, not a variable."""
 NUMBERS = "numbers"
 """What the checksum of a snapshot's numbers and label is called after."""
 CHUNK_BYTES = 2**26
@@ -91,7 +94,8 @@ def _chunk_rows(side: int) -> int:
 
 def create(path: Path, layout: Layout) -> None:
     """A file without snapshots. OSError if it can't be written."""
-    with open_serial(path, "w") as file:
+    # "x": nothing may have come under this name meanwhile, not even a link.
+    with open_serial(path, "x") as file:
         file.attrs["Conventions"] = "CF-1.11"
         file.attrs["title"] = "pgfmd: snapshots of an adhesive contact"
         for name, value in layout.attributes.items():
@@ -103,15 +107,29 @@ def create(path: Path, layout: Layout) -> None:
         _growing(file, "snapshot", "i8", long_name="number of the snapshot").make_scale("snapshot")
         for name, (units, long_name) in SNAPSHOT_NUMBERS.items():
             _growing(file, name, "f8", units=units, long_name=long_name)
-        # Fixed length: text of free length can't be written through MPI-IO, should a later version want to.
-        text = h5py.string_dtype("utf-8", LABEL_BYTES)
-        _growing(file, "label", text, long_name="what the programme calls this moment", _Encoding="utf-8")
+        _create_labels(file)
         for name in (*layout.arrays, NUMBERS):
             _growing(file, checksum_of(name), "u8", long_name=f"checksum of {name}, for `pgfmd verify`")
         for name in (*SNAPSHOT_NUMBERS, "label", *map(checksum_of, (*layout.arrays, NUMBERS))):
             file[name].dims[0].attach_scale(file["snapshot"])
         for name in layout.arrays:
             _create_array(file, name, layout)
+
+
+def _create_labels(file: h5py.File) -> None:
+    """Labels as netCDF's character arrays, which every reader of netCDF makes texts of.
+
+    Not text of fixed length, which netCDF's library can't read; nor of free length, for which HDF5 takes another 4 kB
+    with every snapshot, to be copied aside with each that follows.
+    """
+    # netCDF-4's way to write down a dimension without values.
+    only_a_dimension = file.create_dataset(LABEL_AXIS, (LABEL_BYTES,), ">f4")
+    only_a_dimension.make_scale(f"This is a netCDF dimension but not a netCDF variable.{LABEL_BYTES:10d}")
+    labels = file.create_dataset(
+        "label", (0, LABEL_BYTES), "S1", maxshape=(None, LABEL_BYTES), chunks=(SCALAR_CHUNK, LABEL_BYTES)
+    )
+    labels.attrs.update(long_name="what the programme calls this moment", _Encoding="utf-8")
+    labels.dims[1].attach_scale(only_a_dimension)
 
 
 def _growing(file: h5py.File, name: str, dtype: object, **attributes: str) -> h5py.Dataset:
@@ -169,6 +187,21 @@ def checksum_of(name: str) -> str:
     return f"{name}_checksum"
 
 
+def label_of(labels: h5py.Dataset, frame: int) -> bytes:
+    """The label of one snapshot, in UTF-8, from the variable `label` of a file of this version or of an earlier one,
+    which kept text of fixed length."""
+    return labels[frame].tobytes().rstrip(b"\0")
+
+
+def _write_label(labels: h5py.Dataset, frame: int, text: bytes) -> None:
+    labels[frame] = np.frombuffer(text.ljust(LABEL_BYTES, b"\0"), dtype="S1") if labels.ndim == 2 else text
+
+
+def variables(file: h5py.File) -> list[str]:
+    """Names of the variables of a file, its mere dimensions left out."""
+    return [name for name in file if name != LABEL_AXIS]
+
+
 def sum_of_numbers(label: bytes, numbers: Sequence[float]) -> np.uint64:
     """Checksum of a snapshot's `SNAPSHOT_NUMBERS` and label."""
     text = np.frombuffer(label.ljust(LABEL_BYTES, b"\0"), dtype=np.uint64)
@@ -181,7 +214,7 @@ def describe(path: Path, frame: int, label: str, sums: dict[str, int], **numbers
     cut = label.encode()[:LABEL_BYTES].decode(errors="ignore").encode()
     sums = sums | {NUMBERS: sum_of_numbers(cut, [numbers[name] for name in SNAPSHOT_NUMBERS])}
     with open_serial(path, "r+") as file:
-        file["label"][frame] = cut
+        _write_label(file["label"], frame, cut)
         for name in SNAPSHOT_NUMBERS:
             file[name][frame] = numbers[name]
         for name, total in sums.items():
@@ -241,7 +274,7 @@ def forget(path: Path) -> None:
 def put_back(path: Path) -> bool:
     """Undo an addition that never ended, if there was one; returns whether. ResultError for a damaged undo file."""
     undo = undo_path(path)
-    if not (undo.exists() and path.exists()):
+    if not (require_regular(undo) and require_regular(path)):
         return False
     head, _, kept = undo.read_bytes().partition(b"\n")
     try:
@@ -251,7 +284,7 @@ def put_back(path: Path) -> bool:
         whole = False
     if not whole:
         raise ResultError(f"{undo}: damaged, so the snapshots in {path} can't be trusted; move both away")
-    with open(path, "r+b") as file:
+    with os.fdopen(open_regular(path, os.O_RDWR), "r+b") as file:
         position = 0
         for start, length in about["spans"]:
             file.seek(start)

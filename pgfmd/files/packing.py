@@ -1,9 +1,10 @@
 """Dataclasses taken apart for a checkpoint, and put together again: numbers here, arrays there.
 
 Nothing is listed by hand: whatever fields a dataclass has, now or later, are packed. Arrays are shares of a whole that
-the ranks hold side by side along the last axis, in the order of the ranks, whatever decides on the shares. Two entries
+the ranks hold side by side along the last axis, in the order of the ranks, whatever decides on the shares. Three entries
 of a field's metadata say more: `replicated=True`, an array that is the same on every rank; `like="name"`, a list of
-arrays, each with the share of the field of that name. Plain NumPy, no MPI.
+arrays, each with the share of the field of that name; `unknown=value`, what the field becomes where it was packed by a
+version that did not have it yet. Plain NumPy, no MPI.
 """
 
 from __future__ import annotations
@@ -50,6 +51,9 @@ def unpack(target: Any, numbers: Numbers, read: Read, path: str = "") -> None:
     if unknown:
         raise ValueError(f"{type(target).__name__} has no {', '.join(sorted(unknown))}")
     for name, value, about in _fields(target):
+        if name not in numbers and "unknown" in about:
+            setattr(target, name, about["unknown"])
+            continue
         packed = numbers[name]
         if is_dataclass(value):
             unpack(value, packed, read, f"{path}{name}/")

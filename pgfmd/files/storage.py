@@ -19,6 +19,8 @@ import numpy as np
 
 from pgfmd.errors import ResultError
 
+from .regular_files import open_regular, require_regular, write_atomically
+
 CURVE_FILE = "curve.csv"
 ENERGY_FILE = "energy.csv"
 EVENTS_FILE = "events.csv"
@@ -26,13 +28,14 @@ PATCHES_FILE = "patches.csv"
 SITES_FILE = "sites.csv"
 FIELDS_FILE = "fields.h5"
 RUN_FILE = "run.json"
+ANALYSIS_FILE = "analysis.json"
 SCENE_FILE = "scene.resolved.toml"
 CHECKPOINT_FILE = "checkpoint.h5"
 PREVIOUS_CHECKPOINT_FILE = "checkpoint.previous.h5"
 CHECKPOINT_FILES = (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE)
 """Newest first."""
 UNDO_SUFFIX = ".undo"
-RESULTS = (*CHECKPOINT_FILES, RUN_FILE, "analysis.json", ENERGY_FILE, EVENTS_FILE, PATCHES_FILE, SITES_FILE,
+RESULTS = (*CHECKPOINT_FILES, RUN_FILE, ANALYSIS_FILE, ENERGY_FILE, EVENTS_FILE, PATCHES_FILE, SITES_FILE,
            FIELDS_FILE + UNDO_SUFFIX, FIELDS_FILE, SCENE_FILE, CURVE_FILE)  # fmt: skip
 """The files of a run, in the order in which they are moved away: what is left by somebody who is interrupted must neither
 look like a run to go on with, nor, as long as there is a curve, like none."""
@@ -90,6 +93,15 @@ def on_root(comm, what: str, action: Callable[[], Value]) -> Value | None:
     return result
 
 
+def require_regular_files(directory: Path, links: bool = False) -> None:
+    """ResultError if anything in a results folder that has the name of a run's file is none.
+
+    links: whether links to files will do, as they do for reading.
+    """
+    for name in RESULTS:
+        require_regular(directory / name, links)
+
+
 def make_directory(path: Path) -> None:
     """Make the results folder, and those above it, and prove that it can be written. OSError if it can't."""
     path.mkdir(parents=True, exist_ok=True)
@@ -99,32 +111,17 @@ def make_directory(path: Path) -> None:
 
 def set_aside(directory: Path) -> Path | None:
     """Move the results in a folder to a folder `previous-<k>` within it, which is returned; None without results."""
-    old = [directory / name for name in RESULTS if (directory / name).exists()]
+    # What only has the name of a file too, such as a link to nothing.
+    old = [directory / name for name in RESULTS if os.path.lexists(directory / name)]
     if not old:
         return None
-    target = next(folder for k in range(1, 10**6) if not (folder := directory / f"previous-{k}").exists())
+    target = next(
+        folder for k in range(1, 10**6) if not os.path.lexists(folder := directory / f"previous-{k}")
+    )
     target.mkdir()
     for file in (*old, *sorted(directory.glob("*.png"))):
         file.rename(target / file.name)
     return target
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Replace a small file in one step: temporary file, fsync, rename. The old file survives a failure.
-
-    Raises:
-        OSError: as the system reports it; the temporary file is removed.
-    """
-    temporary = path.with_name(path.name + ".tmp")
-    try:
-        with open(temporary, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 def secure_space(path: Path, start: int, size: int) -> None:
@@ -135,21 +132,12 @@ def secure_space(path: Path, start: int, size: int) -> None:
     """
     if size <= 0 or not hasattr(os, "posix_fallocate"):
         return
-    with open(path, "r+b") as file:
+    with os.fdopen(open_regular(path, os.O_RDWR), "r+b") as file:
         try:
             os.posix_fallocate(file.fileno(), start, size)
         except OSError as problem:
             if problem.errno not in (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS):
                 raise
-
-
-def bring_to_disk(path: Path) -> None:
-    """Waits until a file or folder is on the disk. OSError."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def require_record(path: Path, found: Any) -> dict:
@@ -159,12 +147,13 @@ def require_record(path: Path, found: Any) -> dict:
     return found
 
 
-def write_run_json(path: str | Path, comm, record: dict) -> None:
+def write_run_json(path: str | Path, comm, record: dict, guard: Callable[[], None] = lambda: None) -> None:
     """Write the record of a run, keys in the order given; numbers that are not finite become null.
 
     Args:
         path: the file. comm: the communicator; collective over it, the record of rank 0 is written.
         record: nested dicts and sequences of numbers (NumPy ones too), text, booleans, None and paths.
+        guard: called on rank 0 before; raises if the folder is no longer the one that it was.
 
     Raises:
         ResultError: on every rank, if it can't be written; the file of before is then unharmed.
@@ -172,6 +161,7 @@ def write_run_json(path: str | Path, comm, record: dict) -> None:
     path = Path(path)
 
     def write() -> None:
+        guard()
         try:
             text = json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False)
         except TypeError as problem:

@@ -8,7 +8,10 @@ from collections.abc import Iterator
 
 from pgfmd.parts import deepest_indentation, inertia_of_scene, relaxation_of, series_of
 from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.physics.drive import OVERSHOOT, Drive
 
+from . import plausibility
+from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
 from .estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of
 
 PAPER_FACTOR = 0.156
@@ -19,6 +22,10 @@ FEWEST_POINTS = 8
 """Grid points that a wavelength should have."""
 JUMP_FACTOR = 0.38
 """A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
+LONGEST_TURN = 5.0 * OVERSHOOT
+"""Way of a turn, in ranges of adhesion, from which on it matters for what follows."""
+PRESSED_IN = 2.0
+"""A start that is deeper than the estimated depth at the preload by this factor is warned of."""
 MANY_ROWS = 1e5
 """Rows of curve.csv, a hundred bytes each, that are more than anyone plots."""
 GLASSY, QUASI_STATIC = 1e-2, 1e3
@@ -38,14 +45,18 @@ def jump_threshold(scene) -> float:
 
 def warnings(scene, ranks: int = 1) -> Iterator[str]:
     """What may spoil the result of a scene, or its run on `ranks` ranks."""
-    for rule in (_range, _resolution, _preload, _speed, _images, _explicit_steps):
+    for rule in (
+        _range, _resolution, summits, overlap, _preload, _start, _turn, _speed, _images, films, _explicit_steps,
+        _unread_keys,
+    ):  # fmt: skip
         yield from rule(scene)
     yield from _memory(scene, ranks)
+    yield from plausibility.warnings(scene)
 
 
 def remarks(scene) -> Iterator[str]:
     """What is good to know about a scene."""
-    for rule in (_jumps, _far_displacement, _quasi_static, _inertia):
+    for rule in (_jumps, few_points, soft_overlap, _far_displacement, _quasi_static, _inertia):
         yield from rule(scene)
 
 
@@ -72,6 +83,40 @@ def _resolution(scene) -> Iterator[str]:
             f"grid.n: only {wavelength * n / length:.3g} points a wavelength, fewer than {FEWEST_POINTS} distort the "
             f"asperities; use n >= {needed}"
         )
+
+
+def _start(scene) -> Iterator[str]:
+    """Starts that are pressed in beyond the preload: at once, and so with the modulus of short times."""
+    drive, punch = scene.drive, scene.punch
+    if drive.clearance >= 0.0 or punch.pattern == "file" or punch.radius is None:
+        return
+    depth = depth_of(scene, relaxation_of(scene).kappa_inf) + 2.0 * (punch.amplitude or 0.0)
+    if -drive.clearance > PRESSED_IN * depth:
+        yield (
+            f"drive.clearance: the start, pressed in by {-drive.clearance * 1e6:.3g} um, is deeper than the preload asks "
+            f"for, about {depth * 1e6:.2g} um at once: the run will refuse it; raise drive.preload or start higher"
+        )
+
+
+def _turn(scene) -> Iterator[str]:
+    """Turns given by the scene that are a motion of their own."""
+    keys = scene.drive
+    # Of the punch, whatever the way of a machine with a spring.
+    drive = Drive(keys.speed, keys.preload, keys.retract_speed, keys.turn_time, keys.dwell, keys.clearance)
+    ways = {"goes on by": drive.overshoot}
+    if scene.solver.scheme != "quasistatic":
+        ways["comes back by"] = drive.rise
+    what, way = max(ways.items(), key=lambda item: item[1])
+    repulsive = scene.adhesion.law == "repulsive"
+    scale = max(depth_of(scene), scene.adhesion.range) if repulsive else scene.adhesion.range
+    if way <= LONGEST_TURN * scale:
+        return
+    longest = drive.turn_time * OVERSHOOT * scene.adhesion.range / way
+    yield (
+        f"drive.turn_time: within the turn the punch {what} {way * 1e6:.3g} um, {way / scale:.2g} "
+        f"{'indentations' if repulsive else 'ranges of adhesion'}: what happens there, perhaps the pull-off, does so below "
+        f'the speed of the retraction; leave it out, or set at most "{longest:.2g} s"'
+    )
 
 
 def _preload(scene) -> Iterator[str]:
@@ -108,7 +153,7 @@ def _images(scene) -> Iterator[str]:
     if scene.substrate.boundary == "periodic" and radius is not None and length < 3.0 * radius:
         yield (
             f"grid.length is only {length / radius:.3g} punch radii: the periodic images carry part of the load; "
-            f"the paper has 4.{_free_boundary(scene)}"
+            f"the paper has 4.{free_boundary(scene)}"
         )
 
 
@@ -124,11 +169,18 @@ def _explicit_steps(scene) -> Iterator[str]:
         yield f"output.every: about {steps / scene.output.every:.2g} rows are to come in curve.csv; set it to {every}"
 
 
-def _free_boundary(scene) -> str:
-    """What a free boundary offers to a scheme that can have one."""
+def _unread_keys(scene) -> Iterator[str]:
+    """Keys of [solver.gfmd] that no other scheme reads."""
     if scene.solver.scheme == "gfmd":
-        return ""
-    return ' substrate.boundary = "free" has no images, needs no such correction and costs the same'
+        return
+    given, usual = scene.solver_gfmd, type(scene.solver_gfmd)()
+    changed = [name for name in type(usual).model_fields if getattr(given, name) != getattr(usual, name)]
+    if changed:
+        names = ", ".join(f"solver.gfmd.{name}" for name in changed)
+        yield (
+            f"{names}: not read, as the scheme is '{scene.solver.scheme}'; delete "
+            f"{'it' if len(changed) == 1 else 'them'}, or set solver.scheme = \"gfmd\""
+        )
 
 
 def _memory(scene, ranks: int) -> Iterator[str]:
@@ -154,7 +206,7 @@ def _far_displacement(scene) -> Iterator[str]:
     if scene.substrate.boundary == "periodic" and scene.punch.radius is not None:
         yield (
             "periodic cell: the far displacement u_inf is extrapolated; for a flat punch and L = 4a it is about 11 % "
-            f"off that of a free surface.{_free_boundary(scene)}"
+            f"off that of a free surface.{free_boundary(scene)}"
         )
 
 

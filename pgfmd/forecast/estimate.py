@@ -126,9 +126,9 @@ def modulus_of(scene) -> float:
     return scene.substrate.contact_modulus / quasistatic_compliance(scene)
 
 
-def depth_of(scene) -> float:
-    """Rough static indentation [m] at the preload."""
-    punch, modulus, preload = scene.punch, modulus_of(scene), scene.drive.preload
+def depth_of(scene, stiffening: float = 1.0) -> float:
+    """Rough indentation [m] at the preload: static, or with a modulus that is larger by the factor `stiffening`."""
+    punch, modulus, preload = scene.punch, stiffening * modulus_of(scene), scene.drive.preload
     if punch.radius is None:
         return 2.0 * (punch.amplitude or 0.0) + scene.adhesion.range
     if punch.pattern in ("sphere", "power"):

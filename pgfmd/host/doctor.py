@@ -1,4 +1,5 @@
-"""Is this machine ready? One line a check, with the cure where it fails.
+"""Is this machine ready? One line a check, with the cure where it fails. FAIL: no run, or none under mpirun, works;
+NOTE: runs work, but lack something.
 
 MPI is started in child processes only, under a hard time limit: a broken MPI must not take the doctor with it.
 `python -m pgfmd.host.doctor FILE` is such a child.
@@ -6,11 +7,10 @@ MPI is started in child processes only, under a hard time limit: a broken MPI mu
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import platform
-import shutil
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -18,25 +18,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .processes import cores
+from .ranks import Lack, Trouble, launcher, library_of, maker_of, mpi_of_launcher, mpi_of_mpi4py, on_ranks
 
-TIME_LIMIT = 60.0
 _LEAST_PYTHON = (3, 11)
 _LARGEST_ERROR = 1e-12
-_LAUNCHER_PREFIXES = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "HYDRA_", "HYDI_")
+_KERNEL_BYTES = 2**20
+"""More than a compiled kernel takes."""
+_PACKAGES = {
+    "NumPy": "numpy scipy", "numba": "numba llvmlite", "compiled kernels": "numba llvmlite", "MPI": "mpi4py",
+    "mpirun": "mpi4py", "FFTW": "mpi4py-fft", "parallel HDF5": "h5py", "transform": "mpi4py-fft",
+}  # fmt: skip
+_ONE_MPI = "put the mpirun of mpi4py's MPI first on PATH, or install mpi4py anew with this one's mpicc"
 _REINSTALL_H5PY = "build h5py with MPI: HDF5_MPI=ON CC=mpicc pip install --no-binary=h5py --no-build-isolation h5py"
-
-
-class Trouble(Exception):
-    """A check that failed: what is wrong, and a cure."""
-
-    def __init__(self, what: str, cure: str):
-        super().__init__(what)
-        self.cure = cure
 
 
 @dataclass(frozen=True)
 class Finding:
-    """The outcome of a check: its name, whether it is fine, what was found, and the cure if it is not."""
+    """The outcome of a check: its name, whether runs work, what was found, and the cure if something is amiss."""
 
     name: str
     fine: bool
@@ -44,7 +42,8 @@ class Finding:
     cure: str = ""
 
     def __str__(self) -> str:
-        line = f"{'OK  ' if self.fine else 'FAIL'} {self.name}: {self.found}"
+        verdict = "FAIL" if not self.fine else "NOTE" if self.cure else "OK  "
+        line = f"{verdict} {self.name}: {self.found}"
         return f"{line}\n     cure: {self.cure}" if self.cure else line
 
 
@@ -54,9 +53,9 @@ def examine() -> Iterator[Finding]:
         try:
             yield Finding(name, True, check())
         except Trouble as trouble:
-            yield Finding(name, False, str(trouble), trouble.cure)
+            yield Finding(name, not trouble.stops, str(trouble), trouble.cure)
         except Exception as error:  # a library may fail to load in any way, and the other checks should still run
-            cure = "install it anew: pip install --force-reinstall"
+            cure = f"install it anew: pip install --force-reinstall {_PACKAGES.get(name, 'pgfmd')}"
             yield Finding(name, False, f"{type(error).__name__}: {error}", cure)
 
 
@@ -89,6 +88,20 @@ def _numba() -> str:
     return f"{numba.__version__}, compiles"
 
 
+def _kernels() -> str:
+    from pgfmd.solver.compiled import CURE, place
+
+    folder = place()
+    if folder is None:
+        raise Lack("can't be kept anywhere, each start compiles anew", CURE)
+    try:
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(bytes(_KERNEL_BYTES))
+    except OSError as error:
+        raise Lack(f"can't be kept in {folder}: {error.strerror}", f"make room, or {CURE}") from None
+    return f"kept in {folder}"
+
+
 def _mpi() -> str:
     import mpi4py
 
@@ -96,11 +109,7 @@ def _mpi() -> str:
     from mpi4py import MPI
 
     major, minor = MPI.Get_version()
-    return f"{_library(MPI)}, MPI {major}.{minor}, mpi4py {mpi4py.__version__}"
-
-
-def _library(mpi) -> str:
-    return mpi.Get_library_version().splitlines()[0].split(",")[0].strip("\0 ")
+    return f"{library_of(MPI)}, MPI {major}.{minor}, mpi4py {mpi4py.__version__}"
 
 
 def _fftw() -> str:
@@ -122,49 +131,63 @@ def _hdf5() -> str:
 
     version = f"h5py {h5py.__version__}, HDF5 {h5py.version.hdf5_version}"
     if not h5py.get_config().mpi:
-        raise Trouble(f"{version}, without MPI: rank 0 has to write all fields alone", _REINSTALL_H5PY)
+        raise Lack(f"{version}, without MPI: rank 0 has to write all fields alone", _REINSTALL_H5PY)
     return f"{version}, with MPI"
 
 
 def _mpirun() -> str:
-    path = shutil.which("mpirun") or shutil.which("mpiexec")
+    trouble = _trouble_with_mpirun()
+    if trouble is not None:
+        raise trouble
+    return f"{launcher()} belongs to the same MPI"
+
+
+@functools.cache
+def _trouble_with_mpirun() -> Trouble | None:
+    try:
+        _try_mpirun()
+    except Trouble as trouble:
+        return trouble
+    return None
+
+
+def _try_mpirun() -> None:
+    path = launcher()
     if path is None:
         cure = "install MPI's programs (Debian: openmpi-bin), or load its module"
-        raise Trouble("neither mpirun nor mpiexec is on PATH", cure)
+        raise Lack("neither mpirun nor mpiexec is on PATH: runs on one rank only", cure)
     # One write each: two processes that print may mix up their lines.
     probe = "import os; from mpi4py import MPI; os.write(1, b'%d\\n' % MPI.COMM_WORLD.size)"
-    output = _under_mpirun(path, ["-c", probe])
-    sizes = output.split()
+    own, theirs = mpi_of_mpi4py(), mpi_of_launcher(path)
+    try:
+        sizes = on_ranks(path, ["-c", probe]).split()
+    except Trouble as trouble:
+        if maker_of(own) == maker_of(theirs):
+            raise
+        raise Trouble(f"{path} is of {theirs}, mpi4py of {own}: {trouble}", _ONE_MPI) from None
     if sizes != ["2", "2"]:
-        raise Trouble(
-            f"{path} starts 2 processes that see {' and '.join(sizes) or 'no'} ranks: it is not mpi4py's MPI",
-            "put the mpirun of mpi4py's MPI first on PATH, or install mpi4py anew with this one's mpicc",
-        )
-    return f"{path} belongs to the same MPI"
+        seen = " and ".join(sizes) or "no"
+        raise Trouble(f"{path} is of {theirs}, mpi4py of {own}: 2 processes see {seen} ranks", _ONE_MPI)
 
 
 def _transform() -> str:
-    path = shutil.which("mpirun") or shutil.which("mpiexec")
-    if path is None:
-        raise Trouble("not tried: no mpirun", "see the line about mpirun")
+    # What is wrong with mpirun is said in its own line; what runs on one rank need is another matter.
+    path, ranks = (launcher(), "2 ranks") if _trouble_with_mpirun() is None else (None, "1 rank")
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder, "probe.json")
-        _under_mpirun(path, ["-m", "pgfmd.host.doctor", str(target)])
+        on_ranks(path, ["-m", "pgfmd.host.doctor", str(target)])
         if not target.is_file():
-            raise Trouble("the two ranks left no result", "see the lines above")
+            raise Trouble(f"{ranks} left no result", "see the lines above")
         found = json.loads(target.read_text())
-    if found["ranks"] != 2 or not found["error"] < _LARGEST_ERROR:
-        raise Trouble(
-            f"on {found['ranks']} ranks it differs by {found['error']:.1e} from NumPy's",
-            "install mpi4py-fft and FFTW anew",
-        )
-    return f"on 2 ranks as NumPy's, to {found['error']:.1e}"
+    if not found["error"] < _LARGEST_ERROR:
+        raise Trouble(f"on {ranks} it differs by {found['error']:.1e} from NumPy's", "install mpi4py-fft and FFTW anew")
+    return f"on {ranks} as NumPy's, to {found['error']:.1e}"
 
 
 def _memory() -> str:
     pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     if pages < 1e9:
-        raise Trouble(f"{pages / 1e9:.1f} GB", "a run needs about 0.2 GB for each rank and its fields")
+        raise Lack(f"{pages / 1e9:.1f} GB", "a run needs about 0.2 GB for each rank and its fields")
     return f"{pages / 1e9:.1f} GB, {cores()} cores for this process"
 
 
@@ -172,6 +195,7 @@ CHECKS: dict[str, Callable[[], str]] = {
     "Python": _python,
     "NumPy": _numpy,
     "numba": _numba,
+    "compiled kernels": _kernels,
     "MPI": _mpi,
     "FFTW": _fftw,
     "parallel HDF5": _hdf5,
@@ -181,51 +205,6 @@ CHECKS: dict[str, Callable[[], str]] = {
 }
 
 
-def _under_mpirun(path: str, arguments: list[str]) -> str:
-    """Standard output of Python on two ranks. Raises Trouble if that fails or takes too long."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(_LAUNCHER_PREFIXES)}
-    # A user's own settings of Open MPI count; what a surrounding mpirun left behind does not.
-    environment |= {name: value for name, value in os.environ.items() if name.startswith("OMPI_MCA_rmaps")}
-    environment |= {
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMPI_MCA_rmaps_base_oversubscribe": "1",
-        "OMP_NUM_THREADS": "1",
-    }
-    command = [path, "-n", "2", sys.executable, *arguments]
-    with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as complaints:
-        process = subprocess.Popen(
-            command, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=complaints, start_new_session=True
-        )
-        try:
-            code = process.wait(timeout=TIME_LIMIT)
-        except subprocess.TimeoutExpired:
-            _end(process)
-            raise Trouble(
-                f"{path}: two ranks did not finish within {TIME_LIMIT:.0f} s",
-                "check mpirun's network settings and host names",
-            ) from None
-        output.seek(0)
-        complaints.seek(0)
-        if code:
-            lines = [line for line in complaints.read().splitlines() if line.strip(" -")]
-            raise Trouble(
-                f"{path}: two ranks ended with code {code}: {lines[0] if lines else 'no message'}",
-                f"try it by hand: {path} -n 2 {sys.executable} -m mpi4py.bench helloworld",
-            )
-        return output.read()
-
-
-def _end(process: subprocess.Popen) -> None:
-    """Ends mpirun, which then ends its ranks; the hard way if it does not."""
-    process.terminate()
-    try:
-        process.wait(timeout=5.0)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-
-
 def _probe(target: Path) -> None:
     """What the two ranks do: convolve a random traction and compare with NumPy's transform of the whole plane."""
     import numpy as np
@@ -233,7 +212,8 @@ def _probe(target: Path) -> None:
 
     from pgfmd.physics.halfspace import HalfSpace
     from pgfmd.solver.grid import Grid, PunchPoints
-    from pgfmd.solver.transform import Convolution, periodic_multiplier
+    from pgfmd.solver.multiplier import periodic_multiplier
+    from pgfmd.solver.transform import Convolution
 
     comm, n = MPI.COMM_WORLD, 45
     points, compliance = PunchPoints(Grid(n, 1.0), 0.3, comm), HalfSpace(2.0)

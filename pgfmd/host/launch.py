@@ -22,7 +22,9 @@ from typing import Any
 
 from pgfmd.errors import PgfmdError
 
+from . import faults
 from .processes import end_with_launcher
+from .streams import complain
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
@@ -91,6 +93,11 @@ def on_first(comm, action: Callable[[], Any]) -> Any:
             result = action()
         except PgfmdError as error:
             failure = error
+    if comm.size > 1:
+        # Of objects of any size: MPI's own broadcast refuses more than 2 GiB, on rank 0 alone.
+        from mpi4py.util.pkl5 import Intracomm
+
+        comm = Intracomm(comm)
     told = comm.bcast((result, None) if failure is None else (None, (str(failure), failure.exit_code)))
     if failure is not None:
         raise failure
@@ -100,11 +107,16 @@ def on_first(comm, action: Callable[[], Any]) -> Any:
 
 
 def listen() -> None:
-    """From here on USR1 and USR2 end no process. What comes before a run can answer it (stop_signals.py) is remembered;
+    """From here on USR1, USR2 and XCPU end no process. What comes before a run can answer it (stop_signals.py) is remembered;
     what comes after it, when there is nothing left to stop or save, is not heeded."""
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGUSR1, signal.SIGUSR2):
+        for number in _REMEMBERED:
             signal.signal(number, lambda number, frame: _early.append(number))
+
+
+def is_ignored(number: int) -> bool:
+    """Whether the caller has this signal ignored, as nohup does."""
+    return signal.getsignal(number) == signal.SIG_IGN
 
 
 def take_early() -> list[int]:
@@ -115,13 +127,7 @@ def take_early() -> list[int]:
 
 
 _early: list[int] = []
-
-
-def complain(message: object) -> None:
-    """A message for the user, on stderr."""
-    sys.stdout.flush()
-    sys.stderr.write(f"pgfmd: {message}\n")
-    sys.stderr.flush()
+_REMEMBERED = (signal.SIGUSR1, signal.SIGUSR2, signal.SIGXCPU)
 
 
 class _Exit(SystemExit):
@@ -165,7 +171,8 @@ def _watch_for_faults(MPI) -> None:
             complain(_INTERRUPTION)
             comm.Abort(INTERRUPTED)
         elif not (isinstance(error, PgfmdError) and _all_here(comm)):
-            abort("error", "".join(traceback.format_exception(error)), 1)
+            faults.take_turn(comm.rank)
+            abort("error", faults.describe(error, comm.rank, comm.size), faults.exit_code(error))
         elif comm.rank == 0:
             sys.__excepthook__(kind, error, trace)
 
@@ -189,12 +196,13 @@ def guarded(comm) -> Iterator[None]:
 
     A PgfmdError that every rank has ends in one message and SystemExit with its exit code. One that a single rank has,
     and any other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a
-    message and exit code 130 (mpirun may turn it into its own).
+    message and exit code 130 (mpirun may turn it into its own); HUP likewise, unless it is ignored.
     """
     listen()
     alone = comm.size == 1
     meeting = None if alone else comm.Dup()
-    previous = {number: signal.signal(number, _stopper(comm)) for number in (signal.SIGINT, signal.SIGTERM)}
+    ending = [signal.SIGINT, signal.SIGTERM, *([] if is_ignored(signal.SIGHUP) else [signal.SIGHUP])]
+    previous = {number: signal.signal(number, _stopper(comm)) for number in ending}
     try:
         yield
     except PgfmdError as error:
@@ -212,16 +220,17 @@ def guarded(comm) -> Iterator[None]:
     except BaseException as error:
         if alone:
             raise
-        text = "".join(traceback.format_exception(error))
-        what = "exit" if isinstance(error, SystemExit) else "error"
-        complain(f"rank {comm.rank}: {what} on this rank ends the job\n{text}")
-        comm.Abort(1)
+        faults.take_turn(comm.rank)
+        exits = isinstance(error, SystemExit)
+        text = "".join(traceback.format_exception(error)) if exits else faults.describe(error, comm.rank, comm.size)
+        complain(f"rank {comm.rank}: {'exit' if exits else 'error'} on this rank ends the job\n{text}")
+        comm.Abort(faults.exit_code(error))
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
         # Not put back: the same signal may come twice, and must not end a run that has just been stopped by it. And not
         # left to a handler: on its way out, Python puts the default in the place of those.
-        for number in (signal.SIGUSR1, signal.SIGUSR2):
+        for number in (*_REMEMBERED, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
     if meeting is not None:
         meeting.Free()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from pathlib import Path
 
 _LOCAL = ("ext2", "ext3", "ext4", "xfs", "btrfs", "zfs", "f2fs", "jfs", "bcachefs", "tmpfs", "overlay")
@@ -17,7 +19,8 @@ def has_common_locks(folder: Path, mounts: str | None = None) -> bool:
     """
     if mounts is None:
         try:
-            mounts = _MOUNTS.read_text(errors="replace")
+            # As paths are, whatever the locale says.
+            mounts = os.fsdecode(_MOUNTS.read_bytes())
         except OSError:
             return False
     kind, options = _mount_of(str(Path(folder).resolve()), mounts)
@@ -35,8 +38,8 @@ def _mount_of(folder: str, mounts: str) -> tuple[str, set[str]]:
         first, _, last = (part.split() for part in line.partition(" - "))
         if len(first) < 6 or len(last) < 3:
             continue
-        # Spaces in paths are written in octal.
-        point = first[4].encode().decode("unicode_escape")
+        # Blanks in paths are written in octal.
+        point = re.sub(r"\\([0-7]{3})", lambda match: chr(int(match[1], 8)), first[4])
         inside = folder == point or folder.startswith(point.rstrip("/") + "/")
         # Of several mounts on one point the last counts.
         if inside and len(point) >= len(longest):

@@ -15,12 +15,12 @@ import json
 import os
 import sys
 import time
-import uuid
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from pgfmd.errors import ResultError
+from pgfmd.files.regular_files import name_of_folder, open_folder, open_regular, remove_unfinished, unfinished_beside
 from pgfmd.files.storage import reason
 
 from . import batch
@@ -32,8 +32,6 @@ _MEETING = 2.0
 """Time [s] that a newcomer gives another one to finish taking over a stale lock."""
 _SETTLING = 1.0
 """Time [s] after which, where there is no `flock`, the last newcomer to have replaced a stale lock has won."""
-_LEFT_BEHIND = 600.0
-"""Age [s] of a lock written aside that nobody is going to link any more."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +62,7 @@ class RunLock:
 
     def __init__(self, path: Path, descriptor: int, recovered: str):
         self._path, self._descriptor, self.recovered = path, descriptor, recovered
+        self._place = open_folder(path.parent)
         self._owner = os.getpid()
 
     @classmethod
@@ -74,7 +73,7 @@ class RunLock:
             ResultError: if another run holds it, or may hold it; if the lock can't be written.
         """
         path = Path(folder) / LOCK_FILE
-        aside = path.with_name(f"{LOCK_FILE}.{uuid.uuid4().hex}.tmp")
+        aside = unfinished_beside(path)
         descriptor = -1
         try:
             descriptor = os.open(aside, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
@@ -91,25 +90,42 @@ class RunLock:
         finally:
             with contextlib.suppress(OSError):
                 aside.unlink()
-        _sweep(path)
+        remove_unfinished(path.parent)
         return cls(path, descriptor, recovered)
+
+    def require_held(self) -> None:
+        """ResultError if the folder of this name is no longer the one that was locked: it may be another run's by now.
+        OSError if that can't be told."""
+        if not _is_at(self._descriptor, self._path):
+            folder, now = self._path.parent, name_of_folder(self._place)
+            there = f"its {LOCK_FILE} is another one's" if os.path.lexists(self._path) else f"there is no {LOCK_FILE}"
+            moved = f"The run's own folder is {now} now. " if now and now != folder.resolve() else ""
+            raise ResultError(
+                f"{folder}: no longer the folder that this run has locked, {there}: it was renamed, replaced, or its lock "
+                f"removed while the run went on. {moved}The run ends here and writes nothing more; from the last checkpoint "
+                "the same command goes on, with --out and the name that the folder has now"
+            )
 
     def release(self) -> None:
         """Remove the lock if it is still this one; never raises."""
         if self._descriptor < 0 or self._owner != os.getpid():
             return
-        with contextlib.suppress(OSError):
-            if _is_at(self._descriptor, self._path):
-                self._path.unlink()
-        with contextlib.suppress(OSError):
-            os.close(self._descriptor)
-        self._descriptor = -1
+        # In a folder that was renamed it is still this one, too.
+        now = name_of_folder(self._place)
+        for path in (self._path, *([now / LOCK_FILE] if now else [])):
+            with contextlib.suppress(OSError):
+                if _is_at(self._descriptor, path):
+                    path.unlink()
+        for descriptor in (self._descriptor, self._place):
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
+        self._descriptor = self._place = -1
 
 
 def holder(folder: Path) -> Holder | None:
     """Whose run is in a folder; None if there is no lock. OSError if it can't be read."""
     try:
-        descriptor = os.open(Path(folder) / LOCK_FILE, os.O_RDONLY)
+        descriptor = open_regular(Path(folder) / LOCK_FILE, os.O_RDONLY)
     except FileNotFoundError:
         return None
     try:
@@ -191,9 +207,9 @@ def _linked(aside: Path, path: Path) -> bool:
 def _open(path: Path) -> int:
     try:
         # NFS gives exclusive locks to writers only.
-        return os.open(path, os.O_RDWR)
+        return open_regular(path, os.O_RDWR)
     except PermissionError:
-        return os.open(path, os.O_RDONLY)
+        return open_regular(path, os.O_RDONLY)
 
 
 def _lock(descriptor: int, shared: bool = False) -> bool | None:
@@ -213,22 +229,14 @@ def _text(descriptor: int) -> str:
 
 def _is_at(descriptor: int, path: Path) -> bool:
     """Whether this open file still goes by this name."""
-    with contextlib.suppress(FileNotFoundError):
-        return os.path.samestat(os.fstat(descriptor), path.stat())
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        return os.path.samestat(os.fstat(descriptor), path.lstat())
     return False
 
 
 def _prevails(path: Path, text: str) -> bool:
     time.sleep(_SETTLING)
     return path.read_text(encoding="utf-8") == text
-
-
-def _sweep(path: Path) -> None:
-    """Removes what others, killed in between, have left."""
-    for left in path.parent.glob(f"{LOCK_FILE}.*.tmp"):
-        with contextlib.suppress(OSError):
-            if time.time() - left.stat().st_mtime > _LEFT_BEHIND:
-                left.unlink()
 
 
 def _parsed(text: str) -> dict[str, Any]:

@@ -24,29 +24,32 @@ import threading
 import time
 from typing import Any
 
-from .launch import INTERRUPTED, take_early
+from .launch import INTERRUPTED, is_ignored, take_early
 
 PATIENCE = 6.0
 """Time [s] from TERM or Ctrl-C until the ranks must have agreed to stop."""
-STOPPING = (signal.SIGUSR1, signal.SIGTERM, signal.SIGINT)
+STOPPING = (signal.SIGUSR1, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGXCPU)
+"""HUP: the terminal, or the connection to it, is gone. XCPU: the limit of processor time is near; it comes every second."""
 SAVING = signal.SIGUSR2
 # What is sent once may come twice. A terminal gives Ctrl-C to launcher and ranks, and some launchers pass it on as
 # well; a batch system gives TERM to mpirun and ranks, and OpenMPI's mpirun sends its own some seconds later.
-_REPEATED = {signal.SIGINT: 0.5, signal.SIGTERM: 5.0}
+_REPEATED = {signal.SIGINT: 0.5, signal.SIGTERM: 5.0, signal.SIGHUP: 5.0}
 """Signals that end the process at once when they come again, so many seconds after the first of them."""
 _WAKE = b"\0"
 
 
 class StopSignals:
-    """Turns USR1, TERM and Ctrl-C into a request to stop that the run's loop asks for; USR2 into one to save.
+    """Turns USR1, TERM, Ctrl-C, HUP and XCPU into a request to stop that the run's loop asks for; USR2 into one to save.
+
+    HUP stays ignored where it was (nohup).
 
     A context manager, without communication; the handlers of before come back at its end. Outside the main thread,
-    where there are no signals to be had, it does nothing. A second Ctrl-C or TERM before `heard` ends the process.
+    where there are no signals to be had, it does nothing. A second Ctrl-C, TERM or HUP before `heard` ends the process.
 
     Attributes:
-        patience: seconds from TERM or Ctrl-C until `heard` must have been called; after that the process is ended with
-            exit code 130. It has to be longer than a step. One rank alone waits for nobody, and has no limit. Nor has
-            USR1: it announces an end, and a step that takes long must not cost the checkpoint.
+        patience: seconds from TERM, Ctrl-C or HUP until `heard` must have been called; after that the process is ended with
+            exit code 130. It has to be longer than a step. One rank alone waits for nobody, and has no limit. Nor have
+            USR1 and XCPU: each announces an end, and a step that takes long must not cost the checkpoint.
     """
 
     def __init__(self, comm):
@@ -69,7 +72,8 @@ class StopSignals:
         self._warden = threading.Thread(target=self._watch, name="stop-signals", daemon=True)
         self._warden.start()
         self._former_mouth = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
-        self._previous = {number: signal.signal(number, self._note) for number in (*STOPPING, SAVING)}
+        heeded = [number for number in (*STOPPING, SAVING) if not (number == signal.SIGHUP and is_ignored(number))]
+        self._previous = {number: signal.signal(number, self._note) for number in heeded}
         for number in take_early():
             self._note(number, None)
         return self
@@ -93,6 +97,11 @@ class StopSignals:
     def stop(self) -> int:
         """0, or the number of the first stop signal that this rank has got."""
         return self._first
+
+    @property
+    def asked(self) -> bool:
+        """Whether a stop signal has come to this rank."""
+        return self._first != 0
 
     def take_save(self) -> bool:
         """Whether USR2 came since this was last asked. Only the loop asks: it ends what `heard` allowed for a save."""
@@ -131,7 +140,7 @@ class StopSignals:
                 self._end(f"{name}: no end of the step within {self.patience:g} s, ended without a checkpoint")
 
     def _urge(self, number: int) -> None:
-        """Takes note of a TERM or Ctrl-C; a second one ends the process."""
+        """Takes note of a TERM, Ctrl-C or HUP; a second one ends the process."""
         now = time.monotonic()
         first = min(self._urgent.values(), default=now)
         if self._urgent and not self._heard and now - first > _REPEATED[number]:

@@ -52,7 +52,8 @@ def clock_seconds(text: str) -> float:
 
 
 def end_of_job() -> float | None:
-    """When (time.time()) the batch system ends this job; None without a job or a limit, or if it can't be told.
+    """When (time.time()) the batch system ends this job; None without a job or a limit, or if it can't be told. May have
+    passed: a shell may outlive the job that it was started in, and keep its environment.
 
     May ask the batch system, for seconds: only meant for rank 0.
     """
@@ -61,7 +62,11 @@ def end_of_job() -> float | None:
         return None
     if job.system == batch.SLURM:
         known = os.environ.get("SLURM_JOB_END_TIME", "")
-        return float(known) if known.isdecimal() and int(known) else _end_by_squeue(job.id)
+        told = float(known) if known.isdecimal() and int(known) else None
+        if told is not None and told > time.time():
+            return told
+        # The job may have been given more time than it was told of when it began.
+        return _end_by_squeue(job.id) or told
     return _end_by_qstat(job.id) if job.system == batch.PBS else None
 
 

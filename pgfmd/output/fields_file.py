@@ -7,17 +7,20 @@ collective HDF5 call, where one rank's failure would leave the others waiting.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.files import fields_layout
+from pgfmd.files import fields_layout, row_pieces
 from pgfmd.files.checksum import whole_sum
 from pgfmd.files.fields_layout import BLOCK_FIELDS, SURFACE_FIELD, Layout
 from pgfmd.files.hdf5 import open_serial
-from pgfmd.files.storage import agree, attempt, bring_to_disk, on_root
+from pgfmd.files.regular_files import bring_to_disk, require_regular
+from pgfmd.files.storage import agree, attempt, on_root
+from pgfmd.host.streams import say
 
 # HDF5's own book-keeping for one more snapshot: B-tree nodes and chunks of the per-snapshot numbers.
 BOOKKEEPING_BYTES = 2**17
@@ -29,7 +32,7 @@ def tell_once(comm) -> None:
     """Say on rank 0, once per process, that arrays go through rank 0."""
     global _told
     if not _told and comm.rank == 0:
-        print("h5py has no MPI here: snapshots are gathered to rank 0 and written from there", flush=True)
+        say("h5py has no MPI here: snapshots are gathered to rank 0 and written from there")
     _told = True
 
 
@@ -54,6 +57,7 @@ class FieldsFile:
         inside: np.ndarray,
         surface: bool = False,
         parallel: bool | None = None,
+        guard: Callable[[], None] = lambda: None,
     ):
         """Make or continue the file; collective.
 
@@ -65,13 +69,14 @@ class FieldsFile:
             inside: (rows_local, nb) bool, the points under the punch; all others are written as NaN.
             surface: also keep the displacement of the whole cell.
             parallel: True: through MPI-IO; False: through rank 0; None: MPI-IO if h5py has it, for several ranks.
+            guard: called on rank 0 before the file is changed; raises if its folder is no longer the one that it was.
 
         Raises:
             ResultError: on every rank, if the file can't be made, is damaged or belongs to another grid.
             ValueError: on every rank, if the ranks' rows do not make up the block.
         """
         self.path = Path(path)
-        self._comm = comm
+        self._comm, self._guard = comm, guard
         self._layout = Layout(n, length, block_start, nb, surface)
         self._rows = (row_start, rows_local)
         self._inside = np.asarray(inside, dtype=bool)
@@ -109,6 +114,7 @@ class FieldsFile:
         frame, what = self.frames, f"{self.path}: could not be written"
 
         def make_room() -> None:
+            self._guard()
             fields_layout.put_back(self.path)
             size = fields_layout.reserve(self.path, self._layout.frame_bytes + BOOKKEEPING_BYTES)
             fields_layout.remember(self.path, self._layout, size)
@@ -138,6 +144,7 @@ class FieldsFile:
             )
 
         def cut() -> None:
+            self._guard()
             fields_layout.remember(self.path, self._layout, self.path.stat().st_size)
             fields_layout.resize(self.path, self._layout, frames)
             fields_layout.forget(self.path)
@@ -147,8 +154,9 @@ class FieldsFile:
             self.frames = frames
 
     def _open(self) -> int:
+        self._guard()
         fields_layout.put_back(self.path)
-        if not self.path.exists():
+        if not require_regular(self.path):
             fields_layout.create(self.path, self._layout)
         return fields_layout.count_frames(self.path, self._layout)
 
@@ -181,45 +189,31 @@ class FieldsFile:
         return ResultError(f"{self.path}: {where} has the shape {values.shape}, expected {shape}")
 
     def _write_together(self, frame: int, arrays: dict[str, tuple[np.ndarray, int]]) -> None:
-        together = h5py.h5p.create(h5py.h5p.DATASET_XFER)
-        together.set_dxpl_mpio(h5py.h5fd.MPIO_COLLECTIVE)
         with h5py.File(self.path, "r+", driver="mpio", comm=self._comm) as file:
-            for name, (values, first) in arrays.items():
-                array = file[name].id
-                # Slices of h5py skip the write of a rank without rows, which then is missing in the collective call.
-                space, memory = array.get_space(), h5py.h5s.create_simple((1, *np.maximum(values.shape, 1)))
-                if len(values):
-                    space.select_hyperslab((frame, first, 0), (1, *values.shape))
-                else:
-                    space.select_none()
-                    memory.select_none()
-                array.write(memory, space, values if len(values) else np.zeros((1, *memory.shape[1:])), dxpl=together)
-
-    def _write_gathered(self, frame: int, arrays: dict[str, tuple[np.ndarray, int]]) -> None:
-        problem = None
-        for name, (values, first) in arrays.items():
-            whole = self._gather(values, first)
-            if whole is not None and problem is None:
-                what = f"{self.path}: could not be written"
-                problem = attempt(what, lambda: self._write_whole(name, frame, whole))[1]
+            problem = row_pieces.write_together(f"{self.path}: could not be written", self._calls(file, frame, arrays))
         if problem is not None:
             raise problem
 
-    def _write_whole(self, name: str, frame: int, whole: np.ndarray) -> None:
-        with open_serial(self.path, "r+") as file:
-            file[name][frame] = whole
+    def _calls(self, file: h5py.File, frame: int, arrays: dict[str, tuple[np.ndarray, int]]) -> Iterator[tuple]:
+        """Dataset, rows and their place, for as many collective writes on every rank."""
+        for name, (values, first) in arrays.items():
+            most = max(1, row_pieces.PIECE_BYTES // (8 * values.shape[1]))
+            for start in range(0, max(self._comm.allgather(len(values))), most):
+                yield file[name], values[start : start + most], (frame, first + start, 0)
 
-    def _gather(self, values: np.ndarray, first: int) -> np.ndarray | None:
-        """All rows, on rank 0; None elsewhere."""
-        side = values.shape[1]
-        rows = self._comm.gather((first, len(values)))
-        if rows is None:
-            self._comm.Gatherv(values, None)
-            return None
-        whole = np.empty((side, side))
-        starts, counts = [side * start for start, _ in rows], [side * count for _, count in rows]
-        self._comm.Gatherv(values, [whole, (counts, starts)])
-        return whole
+    def _write_gathered(self, frame: int, arrays: dict[str, tuple[np.ndarray, int]]) -> None:
+        problem, what = None, f"{self.path}: could not be written"
+        for name, (values, first) in arrays.items():
+            for start, rows in row_pieces.rows_on_root(self._comm, values, first):
+                # What is left is taken in any case: the others wait until it is.
+                if problem is None:
+                    problem = attempt(what, lambda: self._write_rows(name, frame, start, rows))[1]
+        if problem is not None:
+            raise problem
+
+    def _write_rows(self, name: str, frame: int, start: int, rows: np.ndarray) -> None:
+        with open_serial(self.path, "r+") as file:
+            file[name][frame, start : start + len(rows)] = rows
 
 
 def _writes_together(path: Path, comm, parallel: bool | None) -> bool:

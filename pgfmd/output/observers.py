@@ -165,7 +165,8 @@ class Agenda:
 
 
 class Snapshots(Observer):
-    """Writes `fields.h5`: at wanted times, at the preload, and at the largest tension of the retraction.
+    """Writes `fields.h5`: at wanted times, at the preload, and at the end of a step with the largest tension of the
+    retraction.
 
     wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface: how
     to have the whole cell's surface, or None. follow: called with number, frame and gap [m] of each snapshot written.
@@ -202,7 +203,7 @@ class Snapshots(Observer):
             self._write_present(simulation, "preload")
             self._schedule(state)
         elif event.kind in ("step", "jump"):
-            tense = simulation.phase.name == "retract" and state.force < 0.0
+            tense = simulation.retracting and state.force < 0.0
             if tense and (not tension.held or state.force < tension.force):
                 tension.take(state, self.surface)
         elif event.kind == "end" and tension.held:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from pgfmd.assemble import assemble, convolution_of
@@ -10,6 +11,7 @@ from pgfmd.files.curve_file import CurveFile, EnergyFile, EventFile, PatchFile, 
 from pgfmd.host import launch
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
+from pgfmd.solver.interruption import Interrupted
 from pgfmd.solver.patches import SitePoints
 
 from . import observers
@@ -25,7 +27,8 @@ class Outputs:
     Files that are there already are continued: cut them back first to what a checkpoint knows, by `cut_back`.
     """
 
-    def __init__(self, simulation, scene, comm, folder: Path, say):
+    def __init__(self, simulation, scene, comm, folder: Path, say, guard: Callable[[], None] = lambda: None):
+        """guard: see FieldsFile."""
         output, points = scene.output, simulation.points
         self.scene, self.comm, self.say = scene, comm, say
         self.tables = {"curve": CurveFile(folder / storage.CURVE_FILE, comm, output.every)}
@@ -34,7 +37,7 @@ class Outputs:
         self.tables["events"] = EventFile(folder / storage.EVENTS_FILE, comm)
         self.fields = FieldsFile(
             folder / storage.FIELDS_FILE, comm, points.grid.n, points.grid.length, points.block_start, points.nb,
-            points.row_start, points.rows, points.inside(), surface=output.surface,
+            points.row_start, points.rows, points.inside(), surface=output.surface, guard=guard,
         )  # fmt: skip
         surface = _surface(simulation, scene) if output.surface else None
         watch, table = self._contact_observers(points, folder) if output.patches else (None, None)
@@ -59,13 +62,16 @@ class Outputs:
         watch = ContactWatch(self.tables["sites"], points, places, jumps)
         return watch, PatchTable(self.tables["patches"], points, places, periodic)
 
-    def plan_snapshots(self, state) -> None:
-        """Has the snapshots taken that the scene asks for, as far as they are still to come."""
+    def plan_snapshots(self, state, keeper=None) -> None:
+        """Has the snapshots taken that the scene asks for, as far as they are still to come.
+
+        That may take long. keeper: who knows whether the run has to stop meanwhile; Interrupted is raised then.
+        """
         asked = self.scene.output.snapshot_times
         wanted = [(value, f"t = {value:g} s") for value, relative in asked if not relative]
         fractions = [value for value, relative in asked if relative]
         if state.preload_time is None:
-            wanted += _scouted(self.scene, self.comm, [value for value in fractions if value < 1.0], self.say)
+            wanted += _scouted(self.scene, self.comm, [value for value in fractions if value < 1.0], self.say, keeper)
         self.snapshots.replan(state, wanted, [value for value in fractions if value > 1.0])
 
     def marks(self) -> dict:
@@ -84,7 +90,7 @@ class Outputs:
             table.close()
 
 
-def _scouted(scene, comm, fractions: list[float], say) -> list[tuple[float, str]]:
+def _scouted(scene, comm, fractions: list[float], say, keeper) -> list[tuple[float, str]]:
     """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
 
     How long the approach takes is known only at its end, so a coarse one is run ahead; its t_pl is good to a few tenths
@@ -99,7 +105,11 @@ def _scouted(scene, comm, fractions: list[float], say) -> list[tuple[float, str]
     scheme = "inertialess" if scene.solver.scheme == "gfmd" else scene.solver.scheme
     coarse = scene.solver.model_copy(update={"scheme": scheme, "accuracy": accuracy})
     quiet = scene.output.model_copy(update={"energy": False})
-    state = assemble(scene.model_copy(update={"solver": coarse, "output": quiet}), comm).run(only_to_preload=True)
+    scout = assemble(scene.model_copy(update={"solver": coarse, "output": quiet}), comm)
+    heed = {"attend": lambda _: keeper.has_to_stop(), "interrupt": keeper.interrupts} if keeper else {}
+    state = scout.run(only_to_preload=True, **heed)
+    if state.preload_time is None and not state.finished:
+        raise Interrupted
     if state.preload_time is None:
         return []
     return [(observers.time_of(state, value), f"{value:g} t_pl") for value in fractions]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib.metadata
+import math
 import platform
 import resource
 import sys
 
 from pgfmd.parts import inertia_of_scene
 from pgfmd.restart.history import History
+from pgfmd.results import uncertainty
 
 from . import observers
 
@@ -22,7 +24,6 @@ def record_of(simulation, scene, comm, history: History) -> dict:
     memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
     links = history.update(counters.steps, max(comm.allgather(scheme.transform_seconds)))
     audit = scene.output.energy and energies.work != 0.0
-    retracted = _has_retracted(simulation)
     return {
         "finished": state.finished,
         "scheme": scene.solver.scheme,
@@ -40,12 +41,8 @@ def record_of(simulation, scene, comm, history: History) -> dict:
         "wall_s": history.total("wall_s"),
         "transform_s": history.total("transform_s"),
         "checkpoint_s": history.total("checkpoint_s"),
-        "pull_off_force_N": -state.pull_off_force if retracted else None,
-        "snap_in_force_N": -state.snap_in_force,
-        "preload_N": state.preload if state.preload_time is not None else None,
-        "time_to_preload_s": _span(state),
-        "work_of_separation_J": energies.work_of_separation if retracted else None,
-        "work_J": energies.work,
+        **_forces(simulation, scene),
+        **_works(simulation, scene),
         "viscous_J": energies.viscous if scene.output.energy else None,
         "released_J": energies.released,
         "energy_residual": energies.largest_residual / abs(energies.work) if audit else None,
@@ -64,9 +61,41 @@ def _numerics(scene) -> dict:
     return {"accuracy": scene.solver.accuracy, "order": scene.solver.order}
 
 
+def _forces(simulation, scene) -> dict:
+    """What the run found of forces (docs: reference, "Numbers"), and how far off that may be."""
+    state, share = simulation.state, uncertainty.share_of(vars(scene.solver))
+    retracted = _has_retracted(simulation)
+    pull_off = uncertainty.of_force(state.pull_off_force, state.pull_off_at_ends, share)
+    snap_in = uncertainty.of_force(state.snap_in_force, state.snap_in_at_ends, share)
+    return {
+        "pull_off_force_N": 0.0 - state.pull_off_force if retracted else None,
+        "pull_off_force_uncertainty_N": pull_off if retracted else None,
+        "snap_in_force_N": 0.0 - state.snap_in_force,
+        "snap_in_force_uncertainty_N": snap_in,
+        "preload_N": state.preload if state.preload_time is not None else None,
+        "largest_force_N": state.largest_force,
+        "time_to_preload_s": _span(state),
+    }
+
+
+def _works(simulation, scene) -> dict:
+    """Works of the punch, and how far off they may be where energies are followed."""
+    energies, share = simulation.state.energies, uncertainty.share_of(vars(scene.solver))
+    retracted, separation = _has_retracted(simulation), energies.work_of_separation
+    residual = energies.largest_residual if simulation.scheme.audit else math.nan
+    return {
+        "work_of_separation_J": separation if retracted else None,
+        "work_of_separation_uncertainty_J": (
+            uncertainty.of_work(separation, separation, residual, share) if retracted else None
+        ),
+        "work_J": energies.work,
+        "work_uncertainty_J": uncertainty.of_work(energies.work, separation, residual, share),
+    }
+
+
 def _has_retracted(simulation) -> bool:
-    """Whether a step of the retraction has been made."""
-    return simulation.phase.name == "retract" and simulation.state.elapsed > 0.0
+    """Whether the punch has begun to go up again."""
+    return simulation.state.preload_time is not None and simulation.retracting
 
 
 def _span(state) -> float | None:

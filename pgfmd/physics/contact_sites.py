@@ -32,7 +32,7 @@ from scipy.ndimage import binary_erosion, minimum_filter
 from scipy.spatial import cKDTree
 
 from .persistence import critical_points
-from .topography import PATTERNS, Topography, height_map
+from .topography import PATTERNS, Topography
 
 Array = NDArray[np.float64]
 
@@ -145,7 +145,7 @@ def _standing_out(face: Topography, side: float | None) -> tuple[Array, Array, N
 
 def _samples(face: Topography, side: float | None) -> tuple[Array, Array]:
     """x and y [m] at which a height map is looked at: its pixels within outline and margin, or in the cell."""
-    heights, radius = height_map(face), face.radius
+    heights, radius = face.map, face.radius
     if radius is None:
         counts = [min(max(round(side / pixel), 1), MOST_SAMPLES) for pixel in heights.pixel]
         return tuple(((np.arange(count) + 0.5) / count - 0.5) * side for count in counts)

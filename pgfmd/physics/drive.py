@@ -5,8 +5,12 @@ A programme is a list of phases, in each of which the punch's velocity changes l
     d(t) = d_0 + v_0 t + (v_1 - v_0) t^2 / (2 T)        t counted from the start of the phase
 
 A phase ends after its duration T, or, where it has none, with an event: the preload is reached, or the punch is free.
-The turn-round is as smooth as in the paper ("Refinements and corrections"): the velocity goes from -v to +v over the
-time T, the punch overshoots its turning point by v T / 4.
+The turn-round is as smooth as in the paper ("Refinements and corrections"): the velocity goes from -v_1 to +v_2 over
+the time T. Of it the punch spends T v_1/(v_1 + v_2) on going on, and the rest on coming back, so that it
+
+    overshoots by  v_1^2 T / (2 (v_1 + v_2)),  and has risen by  v_2^2 T / (2 (v_1 + v_2))  at the end:
+
+both v T/4 at equal speeds. A hold in the middle of the turn parts it in halves, and makes that v_1 T/4 and v_2 T/4.
 """
 
 from __future__ import annotations
@@ -18,7 +22,20 @@ PRELOAD, DETACHED = "preload", "detached"
 """Events that end the phases without a duration."""
 
 OVERSHOOT = 0.02
-"""Largest overshoot v T / 4 of the automatic turn, in ranges of adhesion (v: speed of the approach)."""
+"""Way of the automatic turn to its deepest point, or back from it, whichever is longer, in ranges of adhesion."""
+
+
+def automatic_turn(reach: float, speed: float, retract_speed: float) -> float:
+    """Time [s] of a turn within which the punch overshoots, and rises, by at most `OVERSHOOT` ranges of adhesion.
+
+    reach: the range [m]; speeds [m/s]. What follows the faster of the two: a surface that lets go does so at the speed
+    that was asked for, and not on the way to it. T = 2 OVERSHOOT reach (v_1 + v_2) / max(v_1, v_2)^2, which a hold in the
+    middle makes no longer.
+    """
+    slow, fast = sorted((speed, retract_speed))
+    # Exactly 1 at equal speeds.
+    share = 0.5 * (1.0 + slow / fast)
+    return 4.0 * OVERSHOOT * reach / fast * share
 
 
 @dataclass(frozen=True)
@@ -50,6 +67,11 @@ class Phase:
         """The largest speed [m/s] within the phase."""
         return max(abs(self.velocity_start), abs(self.velocity_end))
 
+    def recedes(self, elapsed: float) -> bool:
+        """Whether the punch moves away from the surface, this long after the phase began, and to the end of the
+        programme."""
+        return self.velocity_end > 0.0 and self.velocity(elapsed) > 0.0
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -65,6 +87,18 @@ class Drive:
     turn_time: float
     dwell: float
     clearance: float
+
+    @property
+    def overshoot(self) -> float:
+        """How far [m] the punch goes on after the preload."""
+        share = 0.25 if self.dwell > 0.0 else 0.5 * self.speed / (self.speed + self.retract_speed)
+        return share * self.speed * self.turn_time
+
+    @property
+    def rise(self) -> float:
+        """How far [m] above its deepest point the punch is when it has reached the speed of the retraction."""
+        share = 0.25 if self.dwell > 0.0 else 0.5 * self.retract_speed / (self.speed + self.retract_speed)
+        return share * self.retract_speed * self.turn_time
 
     @property
     def phases(self) -> tuple[Phase, ...]:

@@ -4,22 +4,34 @@ A map is a 2-D array z[iy, ix] in metres with its physical size (x, y), over the
 is y, axis 1 is x, and like the simulation grid's points the samples sit in the middle of their pixels, centred on the
 punch axis: x = ((ix + 1/2)/nx - 1/2) size_x. As everywhere, lower z touches first; turn over a map whose peaks are
 positive before use. Formats: .npy; .npz with the array "z" and, if the size is not given elsewhere, "size" = (size_x,
-size_y); .csv (commas) and .txt (blanks), # starts a comment.
+size_y); .csv (commas) and .txt (blanks), # starts a comment, in any usual encoding of texts.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import zipfile
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, spline_filter
+
+from pgfmd.files.text import read_table
 
 Array = NDArray[np.float64]
 SUFFIXES = (".npy", ".npz", ".txt", ".csv")
 ORDERS = (1, 3)
+HIGHEST = 1e30
+"""Height [m] that no map may exceed: nothing real does, and squares of heights stay finite."""
 RADIUS_SLACK = 1e-9  # relative; a punch point on the very edge of the map is inside
+WHOLE = 2**22
+"""Most samples of a map that is interpolated as a whole. Larger ones are taken in stripes of about so many samples."""
+MARGIN = 48
+"""Rows and columns around a stripe, more than EDGE: what a cubic spline makes of a sample falls to 1e-27 over them."""
+
+EDGE = 12
+"""Samples beyond a map's edge from which on it is level; map_coordinates takes as many."""
 
 
 def read_heights(path: str | Path) -> tuple[Array, tuple[float, float] | None]:
@@ -27,21 +39,48 @@ def read_heights(path: str | Path) -> tuple[Array, tuple[float, float] | None]:
     path, size = Path(path), None
     try:
         if path.suffix == ".npy":
-            heights = np.load(path, allow_pickle=False)
+            heights = _read_npy(path)
         elif path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as archive:
+            if not zipfile.is_zipfile(path):
+                raise ValueError("expected a whole archive of arrays, as numpy.savez writes it")
+            # Opened here, as numpy leaves a damaged one open.
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
                 if "z" not in archive:
                     raise ValueError(f"holds {', '.join(archive.files) or 'nothing'}, expected an array named z")
                 heights = archive["z"]
-                size = tuple(float(side) for side in archive["size"]) if "size" in archive else None
+                size = _size_of(archive["size"]) if "size" in archive else None
         elif path.suffix in (".txt", ".csv"):
-            heights = np.loadtxt(path, comments="#", delimiter="," if path.suffix == ".csv" else None, ndmin=2)
+            heights = read_table(path, "," if path.suffix == ".csv" else None)
         else:
             raise ValueError(f"unknown kind of file, expected one of {', '.join(SUFFIXES)}")
-        heights = np.asarray(heights, dtype=float)
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{path}: {error}") from error
+        if heights.dtype.kind not in "iuf":
+            raise ValueError(f"holds values of the type {heights.dtype}, expected real numbers")
+        if heights.size <= WHOLE:
+            heights = heights.astype(float, copy=False)
+    except OSError:
+        raise
+    except MemoryError:
+        raise ValueError(f"{path}: does not fit into memory, or is damaged") from None
+    except Exception as error:
+        # A damaged file makes numpy, zipfile and zlib raise whatever they like, EOFError and KeyError among them.
+        raise ValueError(f"{path}: {error or 'damaged'}") from error
     return heights, size
+
+
+def _read_npy(path: Path) -> Array:
+    """An array; a large one stays on the disk, as all ranks of a node share what they read of it."""
+    if path.stat().st_size > 8 * WHOLE:
+        return np.load(path, mmap_mode="r", allow_pickle=False)
+    with open(path, "rb") as file:
+        # numpy.load would take an empty file for a pickle that has ended.
+        return np.lib.format.read_array(file, allow_pickle=False)
+
+
+def _size_of(stored: Array) -> tuple[float, ...]:
+    """A size from a file, as plain numbers; whether it is one is seen by HeightMap."""
+    if stored.ndim != 1:
+        raise ValueError(f"size has the shape {stored.shape}, expected (size_x, size_y)")
+    return tuple(float(side) for side in stored)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,19 +88,26 @@ class HeightMap:
     """Interpolated height map.
 
     heights: z[iy, ix] [m], at least 2 x 2, finite. size: (x, y) [m]. periodic: repeats over the plane, else it must
-    cover every punch point and is continued by its edge values elsewhere. order: 1 bilinear, 3 bicubic spline.
+    cover every punch point and is continued by its edge values elsewhere. order: 1 bilinear, 3 bicubic spline. A large
+    map may be on the disk (numpy.memmap): of more than `WHOLE` samples only stripes are ever in memory.
     """
 
     heights: Array
     size: tuple[float, float]
     periodic: bool = False
     order: int = 1
+    _kept: dict = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 2 or min(self.heights.shape) < 2:
             raise ValueError(f"height map: found shape {self.heights.shape}, expected at least 2 x 2 samples")
-        if not np.all(np.isfinite(self.heights)):
-            raise ValueError("height map: found a height that is not finite; fill the gaps first")
+        some = max(1, WHOLE // self.heights.shape[1])
+        for row in range(0, len(self.heights), some):
+            part = self.heights[row : row + some]
+            if not np.isfinite(part).all():
+                raise ValueError("height map: found a height that is not finite; fill the gaps first")
+            if max(abs(float(part.min())), abs(float(part.max()))) > HIGHEST:
+                raise ValueError(f"height map: found a height above {HIGHEST:g} m; heights are in metres")
         if len(self.size) != 2 or not all(np.isfinite(side) and side > 0 for side in self.size):
             raise ValueError(f"file_size = {self.size!r}: expected two positive lengths (x, y)")
         if self.order not in ORDERS:
@@ -93,6 +139,41 @@ class HeightMap:
             if np.any(outside & (True if radius is None else np.hypot(x, y) <= radius)):
                 raise ValueError(f"height map: covers {size_x:.6g} m x {size_y:.6g} m, which is less than the punch")
         count_y, count_x = self.heights.shape
-        places = np.stack([(y / size_y + 0.5) * count_y - 0.5, (x / size_x + 0.5) * count_x - 0.5])
+        rows, columns = (y / size_y + 0.5) * count_y - 0.5, (x / size_x + 0.5) * count_x - 0.5
+        if self.heights.size > WHOLE:
+            return self._by_stripes(rows, columns)
         mode = "grid-wrap" if self.periodic else "nearest"
-        return map_coordinates(self.heights, places, order=self.order, mode=mode)
+        return map_coordinates(self.heights, np.stack([rows, columns]), order=self.order, mode=mode)
+
+    def _by_stripes(self, rows: Array, columns: Array) -> Array:
+        """Heights at places in pixels, from one stripe of the map after another.
+
+        Stripes are those of the map, whatever places are asked for: so a place has the same bits on any rank.
+        """
+        if self.periodic:
+            rows, columns = np.mod(rows, self.heights.shape[0]), np.mod(columns, self.heights.shape[1])
+        else:
+            # The spline of samples that go on beyond the edge is level from a few of them on.
+            ends = ((-EDGE, count - 1 + EDGE) for count in self.heights.shape)
+            rows, columns = (np.clip(place, *end) for place, end in zip((rows, columns), ends))
+        found, height = np.empty(rows.shape), max(1, WHOLE // self.heights.shape[1])
+        last = (self.heights.shape[0] - 1) // height
+        stripe_of = np.clip(rows // height, 0, last).astype(np.int64)
+        for stripe in np.unique(stripe_of).tolist():
+            here = stripe_of == stripe
+            places = np.stack([rows[here] - (stripe * height - MARGIN), columns[here] + MARGIN])
+            coefficients = self._coefficients(stripe, height)
+            found[here] = map_coordinates(coefficients, places, order=self.order, mode="nearest", prefilter=False)
+        return found
+
+    def _coefficients(self, stripe: int, height: int) -> Array:
+        """What a stripe of so many rows, with its margin, is interpolated from; the last one asked for is kept."""
+        if self._kept.get("stripe") != stripe:
+            self._kept.clear()
+            row, column = (np.arange(-MARGIN, count + MARGIN) for count in (height, self.heights.shape[1]))
+            places = [index % count if self.periodic else np.clip(index, 0, count - 1)
+                      for index, count in zip((row + stripe * height, column), self.heights.shape)]  # fmt: skip
+            samples = self.heights[places[0]].astype(float)[:, places[1]]
+            self._kept["coefficients"] = spline_filter(samples, self.order, output=float) if self.order > 1 else samples
+            self._kept["stripe"] = stripe
+        return self._kept["coefficients"]

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -67,7 +68,7 @@ def height_map(punch: Topography) -> HeightMap:
 
 
 def _file(punch: Topography, x: Array, y: Array) -> Array:
-    return height_map(punch)(x, y, radius=punch.radius)
+    return punch.map(x, y, radius=punch.radius)
 
 
 def _triangular_lattice(punch: Topography) -> Lattice:
@@ -190,6 +191,11 @@ class Topography:
             raise ValueError(f"layer_smoothing = {self.layer_smoothing!r}: expected 0 < layer_smoothing <= 1")
         if self.height_jitter > 0 and PATTERNS[self.pattern].lattice is None:
             raise ValueError(f"height_jitter = {self.height_jitter!r}: pattern {self.pattern!r} has no asperities")
+
+    @cached_property
+    def map(self) -> HeightMap:
+        """The map of a face with the pattern "file", read once. Raises ValueError, OSError."""
+        return height_map(self)
 
     @property
     def summit_radius(self) -> float:

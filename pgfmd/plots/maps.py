@@ -9,6 +9,8 @@ import numpy as np
 
 from pgfmd.results import Results
 
+from .drawing import literal
+
 CONTACT_LEVEL = 0.0
 NEAR_LEVEL = 500e-9  # [m]: the paper's figures shade gaps below 500 nm
 GREYS = ("#2b2b2b", "#9a9a9a", "#e9e9e9")
@@ -85,7 +87,7 @@ class Maps:
         fields, label = self.results.fields, self.results.labels[snapshot]
         label = label if len(label) <= 30 else label[:29] + "…"
         time, force = float(fields["time"][snapshot]), 1e3 * float(fields["force"][snapshot])
-        axis.set_title(f"{label}\n{time:.4g} s,  {signed(force)} mN", linespacing=1.3)
+        axis.set_title(f"{literal(label)}\n{time:.4g} s,  {signed(force)} mN", linespacing=1.3)
         axis.set_aspect("equal")
         axis.set_xticks([])
         axis.set_yticks([])

@@ -8,8 +8,10 @@ import numpy as np
 
 from pgfmd.physics.contact_sites import KINDS
 from pgfmd.results import Results
+from pgfmd.results.loop import turning_row
 
 from .maps import new_figure
+from .thinning import seen
 
 COLOURS = {"summit": "#00798c", "saddle": "#b3352b", "valley": "#d18f00"}
 APPROACH = {"linestyle": (0, (4, 2)), "linewidth": 1.0}
@@ -41,8 +43,7 @@ def site_figure(results: Results) -> Any:
     figure = new_figure(5.2, 5.6)
     upper, lower = figure.subplots(2, 1)
     phase, time = np.asarray(results.curve["phase"]), np.asarray(results.curve["time [s]"])
-    inward = time[phase == "approach"]
-    turn = inward[-1] if inward.size else time[0]
+    turn = time[min(turning_row(np.asarray(results.curve["displacement [m]"]), phase), len(time) - 1)]
     kinds, totals = np.asarray(results.sites["kind"]), np.asarray(results.sites["of"])
     offset = float(results.curve["indentation [m]"][0] + results.curve["displacement [m]"][0])
     for kind in KINDS:
@@ -53,9 +54,10 @@ def site_figure(results: Results) -> Any:
         end = int(np.searchsorted(history["time"], turn, side="right"))
         label = f"{PLURALS[kind]}, of {totals[kinds == kind][0]}"
         for axis, across in ((upper, 1e3 * history["force"]), (lower, indentation)):
-            axis.plot(across[:end], history["count"][:end], color=COLOURS[kind], **APPROACH)
+            count = history["count"]
+            axis.plot(*seen(across[:end], count[:end]), color=COLOURS[kind], **APPROACH)
             # Both branches have the point where one becomes the other.
-            axis.plot(across[end - 1 :], history["count"][end - 1 :], color=COLOURS[kind], label=label)
+            axis.plot(*seen(across[end - 1 :], count[end - 1 :]), color=COLOURS[kind], label=label)
     upper.plot([], [], color="0.3", label="approach", **APPROACH)
     upper.axvline(0, color="0.8", linewidth=0.8, zorder=0)
     upper.set(xlabel="force (mN)", ylabel="in contact")

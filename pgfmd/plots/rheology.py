@@ -1,7 +1,4 @@
-"""Pictures of a rheology: modulus and creep of a series, in the manner of the paper's figure, and a fit to DMA data.
-
-matplotlib is loaded when a picture is made, without pyplot, as in folder.py.
-"""
+"""Pictures of a rheology: modulus and creep of a series, in the manner of the paper's figure, and a fit to DMA data."""
 
 from __future__ import annotations
 
@@ -12,11 +9,11 @@ import numpy as np
 
 from pgfmd.characterisation.dma import ABSOLUTE_ZERO
 from pgfmd.characterisation.prony_fit import moduli_of
-from pgfmd.errors import ResultError
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference.prony import gfmd_creep
 
-from .folder import GREY, RED, STYLE, TURQUOISE
+from .drawing import drawing, literal, write_picture
+from .folder import GREY, RED, TURQUOISE
 from .maps import new_figure, signed
 
 if TYPE_CHECKING:
@@ -34,26 +31,22 @@ def plot_rheology(series: PronySeries, path: str | Path, title: str = "") -> Non
 
     Raises ValueError for a series without elements, ResultError if the picture can't be written.
     """
-    from matplotlib import rc_context
-
     if not series.elements:
         raise ValueError("an elastic material has one modulus at all frequencies: there is nothing to draw")
-    with rc_context(STYLE):
+    with drawing():
         figure = new_figure(9.0, 4.1)
         left, right = figure.subplots(1, 2)
         draw_modulus(left, series)
         draw_creep(right, series)
         if title:
-            figure.suptitle(title, fontsize=9.5)
-        _save(figure, path)
+            figure.suptitle(literal(title), fontsize=9.5)
+        write_picture(figure, path)
 
 
 def plot_fit(material: Material, path: str | Path) -> None:
     """Draw measured moduli, shifted if they were, with the fitted series and the misfit. Raises ResultError."""
-    from matplotlib import rc_context
-
-    with rc_context(STYLE):
-        _save(fit_figure(material), path)
+    with drawing():
+        write_picture(fit_figure(material), path)
 
 
 def draw_modulus(axis: Any, series: PronySeries) -> None:
@@ -143,10 +136,3 @@ def _colours(count: int) -> list:
 
     # Not cmcrameri's, which loads pyplot. The palest end is hard to see on white.
     return [colormaps["viridis"](value) for value in np.linspace(0.0, 0.85, count)]
-
-
-def _save(figure: Any, path: str | Path) -> None:
-    try:
-        figure.savefig(path)
-    except (OSError, ValueError) as problem:
-        raise ResultError(f"{path}: could not be written: {problem}") from problem

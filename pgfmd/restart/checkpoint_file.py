@@ -6,6 +6,7 @@ rank after the other), rank 0 seals it, all bring it to the disk. The file is no
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,9 @@ import numpy as np
 from pgfmd.errors import RunError
 from pgfmd.files.checksum import block_sums
 from pgfmd.files.hdf5 import open_serial
-from pgfmd.files.storage import agree, attempt, bring_to_disk, on_root
+from pgfmd.files.regular_files import bring_to_disk
+from pgfmd.files.row_pieces import write_together
+from pgfmd.files.storage import agree, attempt, on_root
 from pgfmd.solver.finite import lines_of, not_finite_on
 
 from . import checkpoint_layout
@@ -40,8 +43,10 @@ class Place:
         return cls(sum(widths[: comm.rank]), sum(widths), max(widths))
 
 
-def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray]) -> int:
-    """Writes head and arrays (this rank's shares) to a file that must not matter yet; returns its size [bytes].
+def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray], wanted: Path | None = None) -> int:
+    """Writes head and arrays (this rank's shares) to a file that must not be there yet; returns its size [bytes].
+
+    wanted: the name that the file is going to get, which messages then give.
 
     RunError on every rank where a number is not finite, naming array and place: nothing is written then. ResultError on
     every rank if it can't be written; the file is gone then.
@@ -52,10 +57,10 @@ def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray]) -> int:
     shares = {name: share for name, share in shares.items() if len(share) and places[name].total}
     _require_finite(comm, shares)
     entries = [_entry(comm, name, share, places[name]) for name, share in shares.items()]
-    what, size = f"{path}: could not be written", None
+    what, size = f"{wanted or path}: could not be written", None
     try:
         on_root(comm, what, lambda: checkpoint_layout.create(path, head, entries))
-        _write_shares(path, comm, shares, places)
+        _write_shares(path, comm, shares, places, what)
         size = on_root(comm, what, lambda: checkpoint_layout.seal(path))
         # Each rank: on a cluster the data may still be in its own node's memory.
         agree(comm, attempt(what, lambda: bring_to_disk(path))[1])
@@ -132,9 +137,8 @@ def _require_finite(comm, shares: dict[str, np.ndarray]) -> None:
         raise RunError(f"the state is no longer finite: {where}. The checkpoints from before are valid")
 
 
-def _write_shares(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
-    """Every rank's shares into the room that is there. ResultError on every rank if one can't."""
-    what = f"{path}: could not be written"
+def _write_shares(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place], what: str) -> None:
+    """Every rank's shares into the room that is there. ResultError on every rank, beginning with `what`, if one can't."""
     if comm.size > 1 and h5py.get_config().mpi:
         agree(comm, attempt(what, lambda: _write_together(path, comm, shares, places))[1])
         return
@@ -151,28 +155,18 @@ def _write_alone(path: Path, shares: dict[str, np.ndarray], places: dict[str, Pl
 
 
 def _write_together(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
-    together = h5py.h5p.create(h5py.h5p.DATASET_XFER)
-    together.set_dxpl_mpio(h5py.h5fd.MPIO_COLLECTIVE)
     with h5py.File(path, "r+", driver="mpio", comm=comm) as file:
-        for name, share in shares.items():
-            place, dataset, most = places[name], file[name].id, PIECE_BYTES // share.itemsize
-            # As many calls on every rank, each with a small piece.
-            lines = max(1, most // place.widest)
-            for line in range(0, len(share), lines):
-                for start in range(0, place.widest, most):
-                    piece = share[line : line + lines, start : start + most]
-                    _write_piece(dataset, piece, (line, place.first + start), together)
+        problem = write_together(f"{path}: could not be written", _calls(file, shares, places))
+    if problem is not None:
+        raise problem
 
 
-def _write_piece(dataset, piece: np.ndarray, begin: tuple[int, int], together) -> None:
-    """One collective write, in which a rank may have nothing to write."""
-    space = dataset.get_space()
-    if piece.size:
-        space.select_hyperslab(begin, piece.shape)
-        dataset.write(h5py.h5s.create_simple(piece.shape), space, np.ascontiguousarray(piece), dxpl=together)
-    else:
-        # Slices of h5py skip the call of such a rank, for which the others then wait.
-        space.select_none()
-        memory = h5py.h5s.create_simple((1, 1))
-        memory.select_none()
-        dataset.write(memory, space, np.zeros((1, 1), piece.dtype), dxpl=together)
+def _calls(file: h5py.File, shares: dict[str, np.ndarray], places: dict[str, Place]) -> Iterator[tuple]:
+    """Dataset, piece of this rank's share and its place, for as many collective writes on every rank."""
+    for name, share in shares.items():
+        place, most = places[name], PIECE_BYTES // share.itemsize
+        lines = max(1, most // place.widest)
+        for line in range(0, len(share), lines):
+            for start in range(0, place.widest, most):
+                piece = share[line : line + lines, start : start + most]
+                yield file[name], piece, (line, place.first + start)

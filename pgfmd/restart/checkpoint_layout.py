@@ -79,7 +79,8 @@ def create(path: Path, head: dict, entries: list[Entry]) -> None:
     text = json.dumps({**head, "arrays": [entry.as_json() for entry in entries]}, allow_nan=True).encode()
     # HDF5 does not recover from a full disk. So it begins with a file that has all the room it is going to need, and
     # gives back the rest when it closes it.
-    path.write_bytes(_empty_file())
+    with open(path, "xb") as file:
+        file.write(_empty_file())
     needed = len(text) + sum(entry.bytes for entry in entries) + BOOKKEEPING * (len(entries) + 2)
     secure_space(path, path.stat().st_size, needed)
     with open_serial(path, "r+") as file:

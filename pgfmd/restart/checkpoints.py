@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.files.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, bring_to_disk, on_root
+from pgfmd.files.regular_files import bring_to_disk, require_regular, unfinished_beside
+from pgfmd.files.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, on_root
 
 from . import checkpoint_file
 from .checkpoint_layout import Damaged, none_valid
-
-UNFINISHED = ".tmp"
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,13 @@ class Saved:
 
 
 class Checkpoints:
-    """Saves to, and restores from, a folder."""
+    """Saves to, and restores from, a folder.
 
-    def __init__(self, folder: Path, comm):
-        self.comm = comm
+    guard: called on rank 0 before anything there is changed; raises if the folder is no longer the one that it was.
+    """
+
+    def __init__(self, folder: Path, comm, guard: Callable[[], None] = lambda: None):
+        self.comm, self.guard = comm, guard
         self.newest, self.previous = folder / CHECKPOINT_FILE, folder / PREVIOUS_CHECKPOINT_FILE
         # A file that could not be restored from must not take the place of the one that could.
         self._newest_is_whole = False
@@ -49,15 +51,20 @@ class Checkpoints:
         checkpoints of before are unharmed.
         """
         began = time.perf_counter()
-        unfinished = self.newest.with_name(self.newest.name + UNFINISHED)
-        size = checkpoint_file.write(unfinished, self.comm, head, arrays)
-        on_root(self.comm, f"{self.newest}: could not be replaced", lambda: self._rotate(unfinished))
+        on_root(self.comm, f"{self.newest}: could not be written", self.guard)
+        unfinished = self.comm.bcast(unfinished_beside(self.newest))
+        size = checkpoint_file.write(unfinished, self.comm, head, arrays, self.newest)
+        on_root(self.comm, f"{self.newest}: could not be replaced", lambda: self._rotate_or_drop(unfinished))
         self._newest_is_whole = True
         return Saved(size, time.perf_counter() - began)
 
     def drop_previous(self) -> None:
         """Deletes the checkpoint before the newest: a run that is finished needs it no more. Collective."""
-        on_root(self.comm, f"{self.previous}: could not be deleted", lambda: self.previous.unlink(missing_ok=True))
+        on_root(self.comm, f"{self.previous}: could not be deleted", self._drop_previous)
+
+    def _drop_previous(self) -> None:
+        self.guard()
+        self.previous.unlink(missing_ok=True)
 
     def restore(self, apply: Callable[[dict, checkpoint_file.Reader], Any], warn: Callable[[str], None]) -> Path:
         """Has `apply` take the state from the newest valid checkpoint, by its head and a reader of its arrays; returns
@@ -85,10 +92,18 @@ class Checkpoints:
             return path
         raise none_valid(problems)
 
+    def _rotate_or_drop(self, unfinished: Path) -> None:
+        try:
+            # Writing may have taken long.
+            self.guard()
+            self._rotate(unfinished)
+        except BaseException:
+            unfinished.unlink(missing_ok=True)
+            raise
+
     def _rotate(self, unfinished: Path) -> None:
-        if self._newest_is_whole:
-            second = self.previous.with_name(self.previous.name + UNFINISHED)
-            second.unlink(missing_ok=True)
+        if require_regular(self.newest) and self._newest_is_whole:
+            second = unfinished_beside(self.previous)
             try:
                 os.link(self.newest, second)
                 second.replace(self.previous)

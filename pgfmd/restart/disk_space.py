@@ -14,8 +14,11 @@ COPIES = 3
 def require_space(folder: Path, checkpoint_bytes: int, snapshot_bytes: int) -> None:
     """Raises ResultError if the disk lacks room for checkpoints of one size and snapshots of a size in all; what the
     folder holds of a run that goes on is counted as room."""
-    there = sum(file.stat().st_size for file in folder.iterdir() if file.suffix == ".h5")
-    free = shutil.disk_usage(folder).free + there
+    about = shutil.disk_usage(folder)
+    if about.total == 0:
+        # A file system that does not tell, as some in user space don't. A disk that is full is noticed when it is.
+        return
+    free = about.free + sum(file.stat().st_size for file in folder.iterdir() if file.suffix == ".h5")
     needed = COPIES * checkpoint_bytes + snapshot_bytes
     if needed > free:
         raise ResultError(

@@ -39,10 +39,12 @@ class Stopped(PgfmdError):
 
 @dataclass(frozen=True)
 class Timing:
-    """Time [s] between checkpoints, infinite for none but the last; limit: when (time.time()) the run has to be over."""
+    """Time [s] between checkpoints, infinite for none but the last; limit: when (time.time()) the run has to be over, and
+    whose limit that is."""
 
     every: float = 600.0
     limit: float = math.inf
+    whose: str = ""
 
 
 class Keeper:
@@ -81,7 +83,7 @@ class Keeper:
         stop, due = self._agree(now)
         if stop:
             self.out_of_time = stop == OUT_OF_TIME
-            self.why = "the limit of time" if self.out_of_time else StopSignals.name_of(stop)
+            self.why = self._why(stop)
             self._save(simulation)
         elif due or (self._phase != state.phase and math.isfinite(self.timing.every)):
             saved = self._save(simulation)
@@ -92,6 +94,25 @@ class Keeper:
                 )
         self._last_step = time.perf_counter()
         return bool(stop)
+
+    def has_to_stop(self) -> bool:
+        """Whether the run has to stop now, before a step of its own, as `why` then explains. Collective."""
+        # OUT_OF_TIME is below zero, for a signal to count more.
+        mine = self.signals.stop if self.signals.asked else OUT_OF_TIME if self.interrupts() else 0
+        stops = self.comm.allgather(mine)
+        stop = max(stops) or min(stops)
+        if stop:
+            self.out_of_time, self.why = stop == OUT_OF_TIME, self._why(stop)
+        return bool(stop)
+
+    def interrupts(self) -> bool:
+        """Whether this rank wants a step given up that has begun. One that may end in time is waited for."""
+        return self.signals.asked or (self.comm.rank == 0 and self._time_is_up(steps_kept=0.0))
+
+    def _why(self, stop: int) -> str:
+        if stop != OUT_OF_TIME:
+            return StopSignals.name_of(stop)
+        return f"the limit of time ({self.timing.whose})" if self.timing.whose else "the limit of time"
 
     def go_on(self, simulation) -> None:
         """The simulation has come from a checkpoint: it needs no new one, and knows how long one takes."""
@@ -113,11 +134,11 @@ class Keeper:
         signal, due, late = found.tolist()
         return signal or (OUT_OF_TIME if late else 0), bool(due)
 
-    def _time_is_up(self) -> bool:
+    def _time_is_up(self, steps_kept: float = STEPS_KEPT) -> bool:
         if math.isinf(self.timing.limit):
             return False
         kept = max(RESERVE, min(RESERVE_SHARE * (self.timing.limit - self._began), MOST_RESERVE))
-        kept += STEPS_KEPT * self._longest_step + SAVES_KEPT * self._longest_save
+        kept += steps_kept * self._longest_step + SAVES_KEPT * self._longest_save
         return time.time() >= self.timing.limit - kept
 
     def _save(self, simulation) -> Saved:

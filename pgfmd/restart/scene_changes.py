@@ -9,19 +9,19 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from pgfmd.errors import Problem, SceneError
 from pgfmd.parts import drive_of
-from pgfmd.physics.drive import PRELOAD
+from pgfmd.physics.drive import PRELOAD, automatic_turn
 from pgfmd.scene import parse_scene
 from pgfmd.scene.model import SECTIONS
+from pgfmd.scene.path_checks import FILE_KEYS
 
 UNIMPORTANT = ("title", "output.directory")
 CHANGEABLE = ("output.every", "output.snapshots", "solver.accuracy", "solver.max_steps")
 """Keys that may change at any time; those of [drive] may where their phases are still to come."""
-FILES = ("punch.file", "substrate.compliance_file")
-"""Keys that name files: their contents count, not where they are."""
 DERIVED = ("adhesion.q_ref", "adhesion.range", "drive.clearance", "drive.turn_time")
 """Keys that are usually automatic."""
 NOT_THERE = "not there"
@@ -29,8 +29,13 @@ NOT_THERE = "not there"
 
 def contents_of(scene) -> dict[str, str]:
     """Key -> SHA-256 of the file that it names, for the scene's files. OSError if one can't be read."""
-    named = {dotted: getattr(scene.section(dotted.split(".")[0]), dotted.split(".")[1]) for dotted in FILES}
-    return {key: hashlib.sha256(Path(path).read_bytes()).hexdigest() for key, path in named.items() if path}
+    named = {dotted: getattr(scene.section(dotted.split(".")[0]), dotted.split(".")[1]) for dotted in FILE_KEYS}
+    return {key: _digest_of(path) for key, path in named.items() if path}
+
+
+def _digest_of(path: str) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def require_known(allow: Sequence[str]) -> None:
@@ -65,12 +70,13 @@ def differing(text: str, scene, known: dict[str, str] | None = None) -> Iterator
     known: SHA-256 of the contents of the old scene's files; without it they count by name. ValueError if the text is no
     TOML.
     """
-    old, new = _flat(text), _flat(scene.to_toml())
+    old, new = _flat(_rewritten(text)), _flat(scene.to_toml())
     files = contents_of(scene) if known is not None else {}
     # What follows from other keys comes last.
     for key in sorted(old.keys() | new.keys(), key=lambda key: (key in DERIVED, key)):
         before, now = old.get(key, NOT_THERE), new.get(key, NOT_THERE)
-        if known is not None and key in FILES:
+        if known is not None and key in FILE_KEYS:
+            # Their contents count, not where they are.
             if files.get(key) == known.get(key):
                 continue
             now = f"{now} with other contents" if before == now else now
@@ -90,23 +96,46 @@ def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:
             return why
     elif key not in CHANGEABLE:
         return ""
-    return None if key in allow or section in allow else f"to go on with the new one, add --allow {key}"
+    if key in allow or section in allow or (_turn_follows(key, scene) and "drive.retract_speed" in allow):
+        return None
+    return f"to go on with the new one, add --allow {key}"
+
+
+def _turn_follows(key: str, scene) -> bool:
+    """Whether a key is the time of the turn, with the value that follows from the speeds."""
+    speeds = scene.drive.speed, scene.drive.retract_speed
+    return key == "drive.turn_time" and scene.drive.turn_time == automatic_turn(scene.adhesion.range, *speeds)
 
 
 def _drive_refusal(head: dict, scene) -> str:
     """Why the programme can't go on as the scene now has it; nothing if only what is to come has changed."""
     if "state" not in head:
         return "the run is over"
-    before = parse_scene(head["scene"])
+    before = parse_scene(head["scene"], source="the scene of the checkpoint", require_files=False)
     old, new, state = drive_of(before), drive_of(scene), head["state"]
     now = state["phase"]
     if old.clearance != new.clearance or old.phases[: now + 1] != new.phases[: now + 1]:
-        return f"the {old.phases[now].name} has begun"
+        begun = f"the {old.phases[now].name} has begun"
+        kept = replace(new, turn_time=old.turn_time)
+        if kept.clearance == old.clearance and kept.phases[: now + 1] == old.phases[: now + 1]:
+            return f'{begun}: keep drive.turn_time = "{old.turn_time!r} s"'
+        return begun
     if old.preload == new.preload:
         return ""
     if old.phases[now].ends_with != PRELOAD:
         return "the preload has been met"
     return "" if new.preload > state["force"] else f"the force is {state['force']:.6g} N already"
+
+
+def _rewritten(text: str) -> str:
+    """A resolved scene of any version as this one would write it; as it is where it can't be read any more.
+
+    Its files may have moved.
+    """
+    try:
+        return parse_scene(text, require_files=False).to_toml()
+    except SceneError:
+        return text
 
 
 def _flat(text: str) -> dict[str, object]:

@@ -103,6 +103,7 @@ def _take(folder: Path) -> Inventory | None:
             return None
         cure = "name the folder that a run wrote to"
         raise ResultError(f"{folder}: not a results folder, it has none of the files of a run; {cure}")
+    storage.require_regular_files(folder, links=True)
     holder = run_lock.holder(folder)
     lock, curve = folder / run_lock.LOCK_FILE, folder / storage.CURVE_FILE
     began = lock.stat().st_mtime if holder and lock.exists() else 0.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -37,10 +36,9 @@ from pgfmd.files.storage import (
     SITES_FILE,
     UNDO_SUFFIX,
     require_record,
+    require_regular_files,
 )
-
-NUMPY_TYPES = {"float": "f8", "int": "i8", "str": "U64"}
-"""Of a column, by how the field of its row is declared."""
+from pgfmd.files.table_reading import NUMPY_TYPES, read_table
 
 
 def load(directory: str | Path) -> Results:
@@ -54,6 +52,10 @@ def load(directory: str | Path) -> Results:
     """
     directory = Path(directory)
     require_folder(directory)
+    try:
+        require_regular_files(directory, links=True)
+    except OSError as problem:
+        raise ResultError(f"{directory}: could not be read: {problem.strerror}") from problem
     if not (directory / CURVE_FILE).is_file():
         cure = "name the folder that a run wrote to"
         raise ResultError(f"{directory}: not a results folder, it has no {CURVE_FILE}; {cure}")
@@ -184,23 +186,35 @@ class Results:
 
 
 class FieldsMapping(Mapping):
-    """`fields.h5` without xarray: name -> array on disk, read where it is indexed; `units[name]` gives the units."""
+    """`fields.h5` without xarray: name -> array on disk, read where it is indexed, labels as texts; `units[name]` gives
+    the units."""
 
     def __init__(self, path: Path):
         import h5py
 
+        from pgfmd.files.fields_layout import variables
+
         self._file = h5py.File(path, "r", locking=False)
-        self.units = {name: array.attrs["units"] for name, array in self._file.items() if "units" in array.attrs}
+        self._names = variables(self._file)
+        arrays = {name: self._file[name] for name in self._names}
+        self.units = {name: array.attrs["units"] for name, array in arrays.items() if "units" in array.attrs}
 
     def __getitem__(self, name: str) -> Any:
-        array = self._file[name]
-        return array.asstr() if name == "label" else array
+        if name not in self._names:
+            raise KeyError(name)
+        if name != "label":
+            return self._file[name]
+        from pgfmd.files.fields_layout import label_of
+
+        labels = self._file[name]
+        texts = [label_of(labels, frame).decode(errors="replace") for frame in range(len(labels))]
+        return np.array(texts, dtype=object)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._file)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(self._file)
+        return len(self._names)
 
     def close(self) -> None:
         """Close the file; its arrays can't be read any more."""
@@ -218,23 +232,14 @@ def _open_fields(path: Path) -> Any:
 
 def _table(path: Path, columns: tuple[str, ...], row: type) -> Any:
     """A table of the run. A last line without its end, which a live run has just begun, is left out."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as problem:
-        raise ResultError(f"{path}: could not be read: {problem}") from problem
-    whole = text[: text.rfind("\n") + 1]
-    header, _, body = whole.partition("\n")
-    if header != ",".join(columns):
-        raise ResultError(
-            f"{path}: its first line is {header!r}, expected {','.join(columns)!r}; a run of another version of pgfmd?"
-        )
-    dtype = [(name, NUMPY_TYPES[entry.type]) for name, entry in zip(columns, dataclasses.fields(row), strict=True)]
-    try:
-        rows = np.loadtxt(io.StringIO(body), dtype, delimiter=",", ndmin=1) if body else np.empty(0, dtype)
-    except ValueError as problem:
-        raise ResultError(f"{path}: could not be read: {problem}") from problem
+    found = read_table(path, columns, row)
     try:
         import pandas
     except ImportError:
+        entries = zip(columns, dataclasses.fields(row), strict=True)
+        rows = np.empty(len(found[columns[0]]), [(name, NUMPY_TYPES[entry.type]) for name, entry in entries])
+        for name in columns:
+            rows[name] = found.pop(name)
         return rows
-    return pandas.DataFrame(rows)
+    # Not copied: a long table would be there twice.
+    return pandas.DataFrame(found, copy=False)

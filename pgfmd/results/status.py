@@ -165,7 +165,7 @@ def _scene_text(found: Inventory) -> str:
 def _look_ahead(status: Status, found: Inventory) -> None:
     """Where the run is, how fast, and what is left."""
     try:
-        scene = parse_scene(_scene_text(found))
+        scene = parse_scene(_scene_text(found), require_files=False)
     except FileNotFoundError:
         status.left_remark = "it has only just begun"
         return

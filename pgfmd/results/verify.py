@@ -19,7 +19,16 @@ from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.checksum import whole_sum
 from pgfmd.files.csv_file import begins_as_marked
-from pgfmd.files.fields_layout import NUMBERS, SNAPSHOT_NUMBERS, Layout, checksum_of, sum_of_numbers, undo_path
+from pgfmd.files.fields_layout import (
+    LABEL_BYTES,
+    NUMBERS,
+    SNAPSHOT_NUMBERS,
+    Layout,
+    checksum_of,
+    label_of,
+    sum_of_numbers,
+    undo_path,
+)
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.restart.checkpoint_layout import Damaged, examine
 
@@ -234,14 +243,16 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
 def _strange(file: h5py.File, layout: Layout, frames: int) -> list[str]:
     """Variables that are not what the file's own attributes and number of snapshots make them."""
     shapes = {name: (frames, side, side) for name, (_, _, side, _) in layout.arrays.items()}
-    shapes |= {name: (frames,) for name in (*SNAPSHOT_NUMBERS, "label", *map(checksum_of, (*layout.arrays, NUMBERS)))}
+    shapes |= {name: (frames,) for name in (*SNAPSHOT_NUMBERS, *map(checksum_of, (*layout.arrays, NUMBERS)))}
+    # Of an earlier version: one text a snapshot.
+    shapes["label"] = (frames, LABEL_BYTES) if file["label"].ndim == 2 else (frames,)
     found = [name for name, shape in shapes.items() if file[name].shape != shape]
     return found + [name for name, axis in layout.axes.items() if not np.array_equal(file[name], axis)]
 
 
 def _numbers_are_right(file: h5py.File, frame: int) -> bool:
     numbers = [file[name][frame] for name in SNAPSHOT_NUMBERS]
-    return sum_of_numbers(bytes(file["label"][frame]), numbers) == file[checksum_of(NUMBERS)][frame]
+    return sum_of_numbers(label_of(file["label"], frame), numbers) == file[checksum_of(NUMBERS)][frame]
 
 
 def _sum_of(array: h5py.Dataset, frame: int) -> np.uint64:

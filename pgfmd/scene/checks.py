@@ -8,7 +8,6 @@ together.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator
 
 from pgfmd.errors import Problem
@@ -17,6 +16,8 @@ from pgfmd.units import format_quantity
 from .draft import MISSING, Draft, Unread, example
 from .fields import expectation
 from .model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from .path_checks import paths_can_be_used
+from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
 ROUNDING = 1.0 + 1e-9
 LONGEST_TIME = 1e15
@@ -176,30 +177,21 @@ def geometric_times_are_finite(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def files_exist(draft: Draft) -> Iterator[Problem]:
-    for dotted in ("punch.file", "substrate.compliance_file"):
-        try:
-            path = draft.path(dotted)
-        except Unread:
-            continue
-        if path is not None and not os.path.isfile(path):
-            cure = f"there is none at {path}; paths start at the scene's folder"
-            yield draft.problem(dotted, "a file that exists", cure)
-
-
 def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
     if draft["solver.scheme"] != "gfmd":
         return
     keys = ("omega", "dt")
     given = [draft.given(f"solver.gfmd.{name}") for name in keys]
-    elastic = draft["rheology.model"] == "elastic"
+    model = draft["rheology.model"]
+    elastic = model == "elastic" or (model == "prony" and not any(draft["rheology.kappa"] or (1.0,)))
     for name, here in zip(keys, given, strict=True):
         if not here and (any(given) or elastic):
             why = "an elastic substrate, which has no relaxation time" if elastic else "the other one given alone"
             cure = 'add both, such as omega = "15700 rad/s" and dt = "20 us", to [solver.gfmd]'
             yield draft.problem(f"solver.gfmd.{name}", f"both omega and dt, because of {why}", cure)
-    for name in ("omega_tau", "steps_per_tau", "fast_pull"):
-        if all(given) and draft.given(f"solver.gfmd.{name}"):
+    for name in INSTEAD_OF_OMEGA_AND_DT:
+        # Resolved scenes of old runs have their defaults there.
+        if all(given) and draft[f"solver.gfmd.{name}"] != GfmdKeys.model_fields[name].default:
             yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
     if draft["substrate.boundary"] == "free":
         cure = 'set substrate.boundary = "periodic", or solver.scheme = "inertialess"'
@@ -275,14 +267,13 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     quasistatic_alone_has_a_machine,
     single_precision_is_enough,
     springs_are_not_single,
-    files_exist,
 )
 
 
-def check(draft: Draft) -> list[Problem]:
-    """All problems that the rules find in what could be read of a scene."""
+def check(draft: Draft, require_files: bool = True) -> list[Problem]:
+    """All problems that the rules find in what could be read of a scene; those about its files only if asked for."""
     problems: list[Problem] = []
-    for rule in RULES:
+    for rule in (*RULES, paths_can_be_used) if require_files else RULES:
         try:
             problems.extend(rule(draft))
         except Unread:

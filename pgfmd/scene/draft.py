@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -59,7 +60,16 @@ class Draft:
     def path(self, dotted: str) -> Path | None:
         """The absolute path that a key means, relative to the scene's folder."""
         text = self[dotted]
-        return None if text is None else (self.folder / Path(text).expanduser()).absolute()
+        return None if text is None else (self.folder / os.path.expanduser(text)).absolute()
+
+
+def is_unicode(text: str) -> bool:
+    """Whether a text can be written in UTF-8; a command line's, or a folder's name, may hold other bytes."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def example(section: str, name: str) -> str:

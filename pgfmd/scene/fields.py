@@ -14,9 +14,12 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError, PydanticUndefined
 
-from pgfmd.units import DIMENSIONS, UnitError, format_quantity, parse_quantity
+from pgfmd.units import DIMENSIONS, UnitError, decimal_comma, format_quantity, parse_quantity
 
 REQUIRED = PydanticUndefined
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Magnitudes, in SI units, that any number of a scene may have besides 0. Nothing real lies beyond, and what follows
+from such numbers neither overflows nor vanishes."""
 
 
 def number(
@@ -92,7 +95,8 @@ def _read_one(value: object, extra: dict[str, Any]) -> float | str:
             raise refuse(value, _expected_entry(extra), error.cure) from None
     elif isinstance(value, bool) or not isinstance(value, (int, float)):
         bare = isinstance(value, str) and value.strip()
-        raise refuse(value, _expected_entry(extra), "write a bare number, without quotes or unit" if bare else "")
+        cure = decimal_comma(value) or "write a bare number, without quotes or unit" if bare else ""
+        raise refuse(value, _expected_entry(extra), cure)
     else:
         try:
             result = float(value)
@@ -100,13 +104,26 @@ def _read_one(value: object, extra: dict[str, Any]) -> float | str:
             result = math.inf
     if math.isinf(result) and result > 0 and extra["infinite"]:
         return result
-    above, least, most = extra["above"], extra["at_least"], extra["at_most"]
-    inside = (
-        (above is None or result > above) and (least is None or result >= least) and (most is None or result <= most)
-    )
-    if not (math.isfinite(result) and inside):
-        raise refuse(value, _expected_entry(extra), "" if math.isfinite(result) else "it must be a finite number")
+    if not within_limits(result, extra):
+        cure = "" if math.isfinite(result) else "it must be a finite number"
+        if math.isfinite(result) and result and not _least_magnitude(extra) <= abs(result) <= LARGEST:
+            unit = DIMENSIONS[extra["dimension"]].unit if extra["dimension"] in DIMENSIONS else ""
+            least = f"at least {SMALLEST:g} and " if _least_magnitude(extra) else ""
+            cure = f"the magnitude of a number must be {least}at most {LARGEST:g} {unit}".rstrip()
+        raise refuse(value, _expected_entry(extra), cure)
     return result
+
+
+def within_limits(value: float, extra: dict[str, Any]) -> bool:
+    """Whether a field allows an SI value: finite, within its range, and of a magnitude that can be computed with."""
+    above, least, most = extra["above"], extra["at_least"], extra["at_most"]
+    inside = (above is None or value > above) and (least is None or value >= least) and (most is None or value <= most)
+    return inside and (value == 0 or _least_magnitude(extra) <= abs(value) <= LARGEST)
+
+
+def _least_magnitude(extra: dict[str, Any]) -> float:
+    """The smallest magnitude besides 0 of a field; none where 0 is a number like any other."""
+    return SMALLEST if 0 in (extra["above"], extra["at_least"]) else 0.0
 
 
 def _read_number(value: object, extra: dict[str, Any]) -> object:

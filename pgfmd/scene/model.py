@@ -16,7 +16,7 @@ from pydantic_core import PydanticCustomError
 from pgfmd.units import UnitError, format_quantity
 
 from .fields import Section, key, number, quantity, refuse, snapshot_time, written
-from .solver_section import GfmdKeys, Solver
+from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys, Solver
 
 Keys = tuple[frozenset[str], frozenset[str]]
 
@@ -165,7 +165,11 @@ class Drive(Section):
         infinite=True,
     )  # fmt: skip
     turn_time: float | Literal["auto"] = quantity(
-        "time", "time in which the velocity turns; `auto` is 0.08 range/speed", "auto", words=("auto",)
+        "time",
+        "time in which the velocity turns; `auto` moves the punch by at most 0.02 ranges beyond the preload and by at most "
+        "0.02 back: 0.08 range/speed at equal speeds, 0.04 range over the faster one where they are very different",
+        "auto",
+        words=("auto",),
     )
     clearance: float | Literal["auto"] = quantity(
         "length",
@@ -220,7 +224,8 @@ class Output(Section):
 
 
 class Scene(Section):
-    """A whole scene, resolved: every number in SI, nothing left automatic."""
+    """A whole scene, resolved: every number in SI, nothing left automatic. Scenes are equal where they run alike: keys
+    without a use don't count."""
 
     title: str = key("a line that names the scene in plots and reports", "")
     punch: Punch
@@ -236,6 +241,12 @@ class Scene(Section):
     def section(self, name: str) -> Section:
         """The section that a scene calls by this name, such as "solver.gfmd"."""
         return getattr(self, name.replace(".", "_"))
+
+    def __eq__(self, other: object) -> bool:
+        return self.to_toml() == other.to_toml() if isinstance(other, Scene) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.to_toml())
 
     def to_toml(self) -> str:
         """The complete scene as TOML in SI units; loading it gives an equal scene. Keys without a use are left out."""
@@ -268,8 +279,11 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "rheology":
         required, optional = RHEOLOGIES[scene.rheology.model]
         return frozenset(Rheology.model_fields) - required - optional - {"model"}
-    if section == "solver.gfmd" and scene.solver.scheme != "gfmd":
-        return frozenset(GfmdKeys.model_fields)
+    if section == "solver.gfmd":
+        if scene.solver.scheme != "gfmd":
+            return frozenset(GfmdKeys.model_fields)
+        if scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
+            return frozenset(INSTEAD_OF_OMEGA_AND_DT)
     return frozenset()
 
 

@@ -12,7 +12,7 @@ import difflib
 import math
 import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -20,14 +20,18 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from pgfmd.errors import Problem, SceneError
-from pgfmd.physics.drive import OVERSHOOT
+from pgfmd.files.text import read_text
+from pgfmd.physics.drive import automatic_turn
 
 from .checks import check
-from .draft import MISSING, Draft, example
-from .fields import expectation
+from .draft import MISSING, Draft, example, is_unicode
+from .fields import expectation, within_limits, written
 from .model import PATTERNS, RHEOLOGIES, SECTIONS, Scene
 
 __all__ = ["Scene", "load_scene", "parse_scene", "scene_from_mapping", "shipped_scenes", "shipped_text"]
+
+AUTOMATIC = ("adhesion.q_ref", "adhesion.range", "drive.turn_time", "drive.clearance")
+"""Keys whose values may follow from others."""
 
 
 def shipped_scenes() -> list[str]:
@@ -44,38 +48,55 @@ def shipped_text(name: str) -> str:
     return (_shelf() / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def load_scene(source: str | Path, overrides: Sequence[str] = ()) -> Scene:
+def load_scene(source: str | Path, overrides: Sequence[str] = (), *, require_files: bool = True) -> Scene:
     """The checked and resolved scene of a TOML file or of a shipped name.
 
     source: a path, or a name from `shipped_scenes()`; a file of that name wins. overrides: texts such as
     "drive.speed=10 um/s". Paths in a file's scene start at its folder, those in a shipped scene at the working folder.
+    require_files: whether the files that it names must be there; those of a run of the past may have moved.
     Raises SceneError with every problem found.
     """
     path = Path(source)
     if isinstance(source, str) and not os.path.isfile(source) and source in shipped_scenes():
         return parse_scene(shipped_text(source), overrides, source=source)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except FileNotFoundError:
         cure = _did_you_mean(str(source), shipped_scenes()) or f"shipped scenes: {', '.join(shipped_scenes())}"
         raise SceneError(str(source), [Problem("scene", str(source), "a file or a shipped scene", cure)]) from None
     except (OSError, ValueError) as error:
-        raise SceneError(str(source), [Problem("scene", str(source), "a readable UTF-8 file", str(error))]) from None
-    return parse_scene(text, overrides, source=str(source), folder=path.parent)
+        why = getattr(error, "strerror", None) or str(error)
+        raise SceneError(str(source), [Problem("scene", str(source), "a readable text file", why)]) from None
+    return parse_scene(text, overrides, source=str(source), folder=path.parent, require_files=require_files)
 
 
-def parse_scene(text: str, overrides: Sequence[str] = (), *, source: str = "scene", folder: str | Path = ".") -> Scene:
-    """The checked and resolved scene of a TOML text; source names it in errors, relative paths start at folder."""
+def parse_scene(
+    text: str,
+    overrides: Sequence[str] = (),
+    *,
+    source: str = "scene",
+    folder: str | Path = ".",
+    require_files: bool = True,
+) -> Scene:
+    """The checked and resolved scene of a TOML text; source names it in errors, relative paths start at folder.
+
+    require_files: as for `load_scene`.
+    """
     try:
-        mapping = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        mapping = parse_toml(text)
+    except ValueError as error:
         cure = 'texts and quantities need quotes, such as speed = "1 um/s"'
         raise SceneError(source, [Problem("scene", source, f"valid TOML, but: {error}", cure)]) from None
-    return scene_from_mapping(mapping, overrides, source=source, folder=folder)
+    return scene_from_mapping(mapping, overrides, source=source, folder=folder, require_files=require_files)
 
 
 def scene_from_mapping(
-    mapping: Mapping[str, Any], overrides: Sequence[str] = (), *, source: str = "scene", folder: str | Path = "."
+    mapping: Mapping[str, Any],
+    overrides: Sequence[str] = (),
+    *,
+    source: str = "scene",
+    folder: str | Path = ".",
+    require_files: bool = True,
 ) -> Scene:
     """The checked and resolved scene of nested dicts as TOML would give them (quantities are texts with units)."""
     mapping = copy.deepcopy(dict(mapping))
@@ -83,13 +104,19 @@ def scene_from_mapping(
     problems = _apply(mapping, overrides)
     draft = Draft(Path(folder).absolute())
     problems += _read_sections(mapping, draft)
-    problems += check(draft)
+    problems += check(draft, require_files)
     title = mapping.get("title", "")
     if not isinstance(title, str):
         problems.append(Problem("title", title, "a text", "put it in quotes"))
+    elif not is_unicode(title):
+        problems.append(Problem("title", title, "a text in Unicode", "correct what was not UTF-8 in it"))
     if problems:
         raise SceneError(source, problems)
-    return _resolve(title, draft)
+    scene = _resolve(title, draft)
+    problems = list(_automatic_problems(scene))
+    if problems:
+        raise SceneError(source, problems)
+    return scene
 
 
 def _shelf() -> Any:
@@ -135,10 +162,18 @@ def _apply(mapping: dict[str, Any], overrides: Sequence[str]) -> list[Problem]:
     return problems
 
 
+def parse_toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text. Raises ValueError for whatever is wrong with it."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("brackets within brackets, too many to be read") from None
+
+
 def _override_value(text: str) -> Any:
     try:
-        parsed = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+        parsed = parse_toml(f"value = {text}")
+    except ValueError:
         return text
     return parsed["value"] if set(parsed) == {"value"} else text
 
@@ -183,6 +218,8 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
         words = " or ".join(f"'{choice}'" for choice in choices if isinstance(choice, str)) or "a whole number"
         expected = expectation(field.json_schema_extra) if field.json_schema_extra else words
         return [Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")]
+    if error["type"] == "string_unicode":
+        return [Problem(dotted, error["input"], "a text in UTF-8", "correct, or rename, what is not UTF-8 in it")]
     expected = error["msg"].removeprefix("Input should be ")
     if error["type"] == "literal_error":
         words = [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]
@@ -203,11 +240,14 @@ def _resolve(title: str, draft: Draft) -> Scene:
     if reach == "auto":
         modulus = substrate.contact_modulus
         reach = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, q_ref)
+    retract_speed = drive.retract_speed or drive.speed
     automatic: dict[str, dict[str, Any]] = {
         "adhesion": {"q_ref": q_ref, "range": reach},
         "drive": {
-            "retract_speed": drive.retract_speed or drive.speed,
-            "turn_time": 4.0 * OVERSHOOT * reach / drive.speed if drive.turn_time == "auto" else drive.turn_time,
+            "retract_speed": retract_speed,
+            "turn_time": (
+                automatic_turn(reach, drive.speed, retract_speed) if drive.turn_time == "auto" else drive.turn_time
+            ),
             "clearance": reach if drive.clearance == "auto" else drive.clearance,
         },
         "punch": {"file": _text(draft.path("punch.file"))},
@@ -220,6 +260,16 @@ def _resolve(title: str, draft: Draft) -> Scene:
         name.replace(".", "_"): part.model_copy(update=automatic.get(name, {})) for name, part in parts.items()
     }
     return Scene.model_construct(title=title, **resolved)
+
+
+def _automatic_problems(scene: Scene) -> Iterator[Problem]:
+    """Automatic values that a scene could not give by itself: then what they follow from makes no sense together."""
+    for dotted in AUTOMATIC:
+        section, _, name = dotted.rpartition(".")
+        value, field = getattr(scene.section(section), name), SECTIONS[section].model_fields[name]
+        if not within_limits(value, field.json_schema_extra):
+            expected = f"{expectation(field.json_schema_extra)}; it follows from other keys, which do not fit together"
+            yield Problem(dotted, written(value, field.json_schema_extra), expected, "look at their units")
 
 
 def _text(path: Path | None) -> str | None:

@@ -10,6 +10,8 @@ from pydantic import field_validator
 from .fields import Section, key, number, quantity, refuse
 
 PRECISIONS = ("double", "mixed", "single")
+INSTEAD_OF_OMEGA_AND_DT = ("omega_tau", "steps_per_tau", "fast_pull")
+"""The keys of [solver.gfmd] that omega and dt, given both, leave without a use."""
 
 class GfmdKeys(Section):
     """The inertia and the step of the scheme `gfmd`; no other scheme reads them."""

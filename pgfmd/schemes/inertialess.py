@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.physics.rheology import CreepSeries
 from pgfmd.solver import kernels
@@ -19,13 +20,13 @@ from pgfmd.solver.state import State
 from pgfmd.solver.trial import Trial
 
 from .energy_audit import EnergyAudit, tension_of, work_of
-from .path_following import PathFollowing
+from .path_following import EVENT_TOLERANCE, PathFollowing
 
 LOOSEST_TOLERANCE = 2e-2
 """Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
-EVENT_TOLERANCE, EVENT_SHARE = 2.5e-4, 0.25
-"""Largest tolerance of solves that look for an event, and largest share of the usual one: the force is then good to
-half of what the preload has to be met to."""
+EVENT_SHARE = 0.25
+"""Largest share of the usual tolerance in solves that look for an event: the force is then good to half of what the preload
+has to be met to."""
 JUMP_SHARPNESS = 1e-3
 """Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
 tiny, and a loose solve lingers on it."""
@@ -44,7 +45,7 @@ class Inertialess(PathFollowing):
     steps with retardation. All fields have the precision of the solver's convolution.
     """
 
-    cure = "Try a smaller solver.accuracy."
+    cure = "Try a smaller solver.accuracy, or a larger adhesion.range."
 
     def __init__(
         self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool, far_weights: np.ndarray,
@@ -78,15 +79,23 @@ class Inertialess(PathFollowing):
     def start(self, state: State) -> float:
         """Brings the surface into instantaneous balance with the punch at its first position; returns the force [N].
 
-        Nothing to do, and nothing done, for a punch out of reach.
+        Nothing to do, and nothing done, for a punch out of reach. RunError if there is no balance.
         """
         solver = self.solver
         history = self._history[0]
         history[:] = 0.0
-        outcome = solver.solve(
-            state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance
-        )
-        state.counters.take(outcome)
+        for jump in (False, True):
+            # Where the punch starts in contact, the way from the surface at rest may be long.
+            outcome = solver.solve(
+                state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance, jump,
+                largest_force=solver.force_scale,
+            )  # fmt: skip
+            state.counters.take(outcome)
+            if outcome.converged:
+                break
+        else:
+            first = Trial(0.0, state.position, None, converged=False, left_over=outcome.left_over)
+            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(state, first)}")
         state.traction[:] = solver.traction
         if self.audit:
             kernels.dot(state.traction, state.displacement, self.points.offset, self._rows)
@@ -112,16 +121,16 @@ class Inertialess(PathFollowing):
             self._predict(state, trial, i, node * step)
             outcome = self.solver.solve(
                 trial.position, history, weights.compliance[i], self._u[i], self._w[i],
-                self._tolerance(state, sharp, jump), jump,
+                self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
             )  # fmt: skip
-            self._drift = self._drift.disturbed(self._rough * outcome.moved)
+            self._after_solve(trial.position, outcome)
             trial.newton_iterations += outcome.newton_iterations
             trial.cg_iterations += outcome.cg_iterations
             trial.potential_drop += outcome.potential_drop
             trial.force = outcome.force
             trial.forces.append(outcome.force)
             if not outcome.converged:
-                trial.converged = False
+                trial.converged, trial.left_over = False, outcome.left_over
                 return trial
             # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes
             # the images G0 phi, and with them the stored energy, those of these tractions.

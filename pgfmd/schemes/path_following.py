@@ -8,13 +8,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from pgfmd.errors import RunError
 from pgfmd.solver import kernels
 from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.solver.extrapolation import lagrange_weights
-from pgfmd.solver.newton import NewtonSolver
+from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import Change, Trial
 
+EVENT_TOLERANCE = 2.5e-4
+"""Largest tolerance of solves that look for an event."""
+FORCE_ROUNDING = 10.0
+"""Rounding of the force, in units in the last place of the largest force so far: it is a sum of pulls and pushes."""
+LARGER_PRELOAD = 10.0
+"""Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just do:
+elsewhere on the path rounding may be worse."""
 DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
 
@@ -45,6 +53,34 @@ class PathFollowing:
     def place(self, state: State) -> float:
         """Position d of the punch [m]."""
         return state.position
+
+    def advice(self, state: State, trial: Trial) -> str:
+        """What to do about a step that no equilibrium is found for, by its last trial."""
+        scale, least = self.solver.force_scale, self._least_preload(state, trial)
+        if trial.left_over == 0.0 and least <= scale:
+            return self.cure
+        single = self.solver.dtype == np.float32
+        return (
+            f"In {'single' if single else 'double'} precision the forces on the surface can't be balanced as well as so small "
+            f"a preload, {scale:.3g} N, asks for. "
+            + ('Set solver.precision = "mixed".' if single else f'Raise drive.preload to "{least:.2g} N" or more.')
+        )
+
+    def require_preload(self, state: State, trial: Trial, slack: float) -> None:
+        """RunError where a trial that is to end the approach misses the preload by more than `slack` [N], and rounding allows
+        no better."""
+        scale = self.solver.force_scale
+        if abs(trial.force - scale) > slack and self._least_preload(state, trial) > scale:
+            raise RunError(
+                f"the preload is not found in step {state.counters.steps + 1} (t = {state.time:.6g} s, d = {state.position:.6g} m, "
+                f"force {trial.force:.3g} N). What has been written so far is valid. {self.advice(state, trial)}"
+            )
+
+    def _least_preload(self, state: State, trial: Trial) -> float:
+        """The preload [N] that rounding allows to find, with some room."""
+        rounded = float(np.finfo(self.solver.dtype).eps) * self._scale(state, trial)
+        smallest = FORCE_ROUNDING * rounded / (self.solver.force_share * EVENT_TOLERANCE)
+        return LARGER_PRELOAD * max(trial.left_over * self.solver.force_scale, smallest)
 
     @property
     def pairs(self) -> int:
@@ -83,11 +119,21 @@ class PathFollowing:
         c = lagrange_weights(times[: 1 if trial.is_jump else 3], ahead)
         kernels.combine(*_terms(c, u), self._u[stage])
         kernels.combine(*_terms(c, w), self._w[stage])
-        size = abs(trial.position) / self.solver.law.range
+        size = self._extent(trial.position)
         self._drift = self._drift.extrapolated(c, size)
         if self._drift.newest > DRIFT_SHARE * self.tolerance:
             self.solver.convolve(self._w[stage], self._u[stage])
             self._drift = self._drift.renewed(size)
+
+    def _extent(self, position: float) -> float:
+        """Size of u [ranges of adhesion], of which its rounding is a share, with the punch's end at a position [m]."""
+        return abs(position) / self.law.range
+
+    def _after_solve(self, position: float, outcome: Outcome) -> None:
+        """Keeps the drift up with a solve that ended at this position [m] of the punch's end."""
+        if outcome.renewed:
+            self._drift = self._drift.renewed(self._extent(position))
+        self._drift = self._drift.disturbed(self._rough * outcome.moved)
 
     def _change(self, state: State, trial: Trial, count: int = 3) -> Change:
         """How far the step has moved surface and force, and how far from where the last `count` ends of steps point."""
@@ -116,6 +162,7 @@ class PathFollowing:
             state.energies.released += trial.potential_drop
             state.counters.jumps += 1
             state.forget_history()
+        self._require_time(state, trial)
         self._remember(state, trial)
         state.traction[:] = self.solver.traction
         state.position, state.force = trial.position, trial.force
@@ -123,6 +170,21 @@ class PathFollowing:
         state.elapsed += trial.step
         state.last_step = trial.step
         state.counters.steps += 1
+
+    def _require_time(self, state: State, trial: Trial) -> None:
+        """RunError where in step after step neither time nor the surface moves on: such a run would never end.
+
+        One such step may meet an event, and those that grow come to an end.
+        """
+        longest = max(trial.step, state.last_step)
+        moves = state.elapsed + longest > state.elapsed or trial.change.largest >= self.tolerance
+        if moves or trial.step > state.last_step:
+            return
+        raise RunError(
+            f"time stands still in step {state.counters.steps + 1} ({trial.phase.name}, t = {state.time:.6g} s, "
+            f"d = {state.position:.6g} m): steps of {trial.step:.3g} s vanish in it. What has been written so far is valid. "
+            f"{self.advice(state, trial)}"
+        )
 
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""

@@ -20,6 +20,7 @@ import numpy as np
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.solver import kernels
+from pgfmd.solver.drift import Drift
 from pgfmd.solver.machine import SprungConvolution, total
 from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.soft_mode import SoftMode
@@ -27,13 +28,11 @@ from pgfmd.solver.state import State
 from pgfmd.solver.trial import Trial
 
 from .energy_audit import SINGLE_NOISE
-from .path_following import PathFollowing
+from .path_following import EVENT_TOLERANCE, PathFollowing
 from .spring_work import SpringWork
 
 SHARPNESS = 0.25
 """Share of the tolerance to which equilibria are solved: a step's only error is its solve's."""
-EVENT_TOLERANCE = 2.5e-4
-"""Largest tolerance of solves close to the preload."""
 PATIENCE = 2
 """Of CG (newton.py): for a relaxed surface it is slow, and one small move may be followed by larger ones."""
 MOST_SLIDES, QUIET_SLIDES = 20, 3
@@ -92,14 +91,14 @@ class Quasistatic(PathFollowing):
         """Brings the surface into balance with the punch at its first position, downhill from rest; returns the force
         [N]. RunError if there is no balance."""
         first, tolerance = Trial(0.0, state.position, None, converged=True), SHARPNESS * self.tolerance
-        u, w = state.displacement, state.load
-        outcome = self._solve(state.position, u, w, tolerance, jump=True)
+        u, w, largest = state.displacement, state.load, self.solver.force_scale
+        outcome = self._solve(state.position, u, w, tolerance, True, largest)
         self._take(first, outcome)
         if first.converged and self.soft_mode:
-            self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False)
+            self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False, largest)
         state.counters.take(first)
         if not first.converged:
-            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.cure}")
+            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(state, first)}")
         state.traction[:] = self.solver.traction
         force = self._force(state.load)
         state.energies.elastic = state.energies.elastic_start = self._elastic(state.displacement, state.load, force)
@@ -117,14 +116,15 @@ class Quasistatic(PathFollowing):
         self._predict(state, trial, 0, step)
         u, w = self._u[0], self._w[0]
         if self.machine_compliance and not state.past_u:
-            self._carry(trial.position - state.position, state, u, w)
+            self._carry(trial, state, u, w)
         tolerance = SHARPNESS * self.tolerance
         tolerance = min(EVENT_TOLERANCE, tolerance) if sharp else tolerance
-        outcome = self._solve(trial.position, u, w, tolerance, jump)
+        largest = 0.0 if sharp else PathFollowing._scale(self, state, trial)
+        outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
         self._take(trial, outcome)
         left = outcome.met_negative_curvature
         if trial.converged and self.soft_mode:
-            outcome, left = self._leave_saddles(state, trial, (u, w), outcome, tolerance, jump, left)
+            outcome, left = self._leave_saddles(state, trial, (u, w), outcome, tolerance, jump, left, largest)
         if not trial.converged:
             return trial
         trial.force = self._force(w)
@@ -160,9 +160,9 @@ class Quasistatic(PathFollowing):
         energies.elastic = self._stored
         self._move_on(state, trial)
 
-    def _carry(self, way: float, state: State, u: np.ndarray, w: np.ndarray) -> None:
+    def _carry(self, trial: Trial, state: State, u: np.ndarray, w: np.ndarray) -> None:
         """Carries the surface with the punch where nothing is known yet of how it moves: a soft spring's end may go a
-        long way [m] while punch and surface hardly move, and without this it went through the surface.
+        long way while punch and surface hardly move, and without this it went through the surface.
 
         The load that this takes is spread evenly over the points that interact: under tension few of them have a negative
         gap, or none.
@@ -172,23 +172,36 @@ class Quasistatic(PathFollowing):
             return
         stiffness = 1.0 / (self.machine_compliance + 1.0 / self.contact_stiffness)
         area = self.points.grid.cell_area * count
+        way = trial.position - state.position
         w[np.flatnonzero(state.traction)] += self.compliance * way * stiffness / area
         self.solver.convolve(w, u)
+        # The surfaces before have a drift that this one has no more: what is extrapolated from both must know.
+        self._drift = self._drift.renewed(self._extent(trial.position))
 
-    def _solve(self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool) -> Outcome:
-        outcome = self.solver.solve(position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump)
-        self._drift = self._drift.disturbed(self._rough * outcome.moved)
+    def _solve(
+        self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool, largest: float = 0.0
+    ) -> Outcome:
+        outcome = self.solver.solve(
+            position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest
+        )
+        self._after_solve(position, outcome)
         return outcome
+
+    def _extent(self, position: float) -> float:
+        """Size of u [ranges of adhesion] with the machine at a position [m]. What the loads of the points make of a soft
+        spring, one by one, is more than their sum: of that, about the preload is reckoned with."""
+        return super()._extent(position) + self.machine_compliance * self.solver.force_scale / self.law.range
 
     @staticmethod
     def _take(trial: Trial, outcome: Outcome) -> None:
         trial.newton_iterations += outcome.newton_iterations
         trial.cg_iterations += outcome.cg_iterations
-        trial.converged = outcome.converged
+        trial.converged, trial.left_over = outcome.converged, outcome.left_over
 
     def _leave_saddles(
-        self, state: State, trial: Trial, surface, outcome: Outcome, tolerance: float, jump: bool, left: bool
-    ) -> tuple[Outcome, bool]:
+        self, state: State, trial: Trial, surface, outcome: Outcome, tolerance: float, jump: bool, left: bool,
+        largest: float = 0.0,
+    ) -> tuple[Outcome, bool]:  # fmt: skip
         """Confirms that the equilibrium is a minimum; goes on downhill along the soft mode where it is not, if that is
         wanted. Returns the last outcome, and whether an instability was met."""
         u, w = surface
@@ -208,7 +221,7 @@ class Quasistatic(PathFollowing):
             if dropped == 0.0:
                 # Indifferent, to rounding: no lower place either way.
                 return outcome, left
-            outcome = self._solve(trial.position, u, w, tolerance, jump)
+            outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
             self._take(trial, outcome)
             # Where points leave the range of adhesion the curvature jumps, and a saddle may be one within a hair only.
             quiet = quiet + 1 if dropped < noise else 0
@@ -251,13 +264,16 @@ class Quasistatic(PathFollowing):
 
     def _noise(self, state: State, trial: Trial, tolerance: float) -> float:
         """How far a step's energies may be off for the errors of its two equilibria [J]: they are minima, so these enter
-        squared; and by rounding."""
+        squared; by rounding; and, where the end of a soft spring is far away, by how far that has driven u from G0 w."""
         law, area = self.law, self.points.grid.cell_area
         interacting = math.pi**2 * law.work_of_adhesion * tolerance**2 * area * max(self.interacting(state), 1)
         rounding = SINGLE_NOISE if self.solver.dtype == np.float32 else NOISE
         at_stake = self._stored + law.work_of_adhesion * self.points.total * area
         at_stake += 0.5 * self.machine_compliance * trial.force**2
-        return 1e-2 * interacting + rounding * at_stake
+        noise = 1e-2 * interacting + rounding * at_stake
+        if self.machine_compliance:
+            noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.range
+        return noise
 
 
 def sprung(convolve, spring: float, compliance: float):

@@ -83,7 +83,8 @@ class Controller:
         step, why = fit(min(wanted, limits.largest(phase)), end, until)
         search, refused, repeats = PreloadSearch(phase, state.force, self.preload, self.slack), [], 0
         for _ in range(self.largest_try_count):
-            last_resort = bool(refused) and search.bracket is None and step < limits.jump(phase)
+            short = step < limits.jump(phase) or state.elapsed + step == state.elapsed
+            last_resort = bool(refused) and search.bracket is None and short
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=last_resort)
             # Without attraction nothing jumps: what kept the step from being taken was a loose solve before it.
             trial.is_jump = last_resort and limits.attractive and trial.converged and _jumped(trial, refused)
@@ -106,9 +107,12 @@ class Controller:
                 state.counters.rejected_steps += 1
                 step, why = other, ""
                 continue
+            met = search.is_met(trial.force)
+            if met:
+                self.scheme.require_preload(state, trial, self.slack)
             self._accept(state, phase, trial, wanted if why else step)
-            return trial, "preload" if search.is_met(trial.force) else why
-        raise RunError(self._stuck(state, phase, step))
+            return trial, "preload" if met else why
+        raise RunError(self._stuck(state, phase, trial))
 
     def _accept(self, state: State, phase: Phase, trial, wanted: float) -> None:
         self.scheme.accept(state, trial)
@@ -135,12 +139,11 @@ class Controller:
         by_energy = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
         return min(by_error, max(by_energy, by_error / ENERGY_CUT[self.scheme.order]))
 
-    @staticmethod
-    def _stuck(state: State, phase: Phase, step: float) -> str:
+    def _stuck(self, state: State, phase: Phase, trial) -> str:
         return (
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, t = {state.time:.6g} s, "
-            f"d = {state.position:.6g} m, step {step:.3g} s). What has been written so far is valid. "
-            "Try a smaller solver.accuracy, or a larger adhesion.range."
+            f"d = {state.position:.6g} m, step {trial.step:.3g} s). What has been written so far is valid. "
+            f"{self.scheme.advice(state, trial)}"
         )
 
 

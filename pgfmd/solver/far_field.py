@@ -4,50 +4,43 @@
     edge
 
 is linear in w, so it is a sum over the punch, u_inf = <weights, w>, that needs no transform once the weights are known.
-Plain NumPy.
+They are what tractions at the two points would do to the points under the punch: half a pair of transforms.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-_ROWS_OF_MODES, _ROWS_OF_POINTS = 256, 32
+from .transform import Synthesis
 
 
 def far_weights(compliance, points) -> np.ndarray:
     """Weights [m/Pa] of the local points under the punch, (size,), such that u_inf [m] = sum of weights * w over all
-    ranks.
+    ranks. Collective.
 
-    compliance: the periodic G0(qx, qy). points: PunchPoints. The two points lie between grid points; the displacement
-    there is that of the trigonometric interpolation. At L = 4a, u_inf is about 11 % off the displacement at infinity of
-    a free surface.
+    compliance: the periodic G0(qx, qy). points: PunchPoints, rows shared out evenly. The two points lie between grid
+    points; the displacement there is that of the trigonometric interpolation. At L = 4a, u_inf is about 11 % off the
+    displacement at infinity of a free surface.
     """
-    grid = points.grid
+    grid, start = points.grid, points.block_start
     n, unit = grid.n, 2.0 * np.pi / grid.length
-    modes = np.arange(n // 2 + 1)
-    # Modes with k and -k are one term; the mode k = n/2 vanishes half-way between grid points.
-    fold = np.where(modes == 0, 1.0, 2.0)
-    fold[2 * modes == n] = 0.0
-    to_column = _cosines(modes, points.block_start + np.arange(points.nb), n) * fold[:, None]
-    corner_and_edge = 6.0 - 5.0 * (-1.0) ** modes
-    # Products of matrices of other shapes have other last bits: rows are grouped as in the block, not as on the rank.
-    start, end = points.row_start, points.row_start + points.rows
-    groups = range(start - start % _ROWS_OF_POINTS, end, _ROWS_OF_POINTS) if points.rows else ()
-    within = points.block_start + np.arange(_ROWS_OF_POINTS)
-    to_row = [_cosines(modes, group + within, n) * fold[:, None] for group in groups]
-    rows = np.zeros((len(groups), _ROWS_OF_POINTS, points.nb))
-    for first in range(0, modes.size, _ROWS_OF_MODES):
-        some = slice(first, first + _ROWS_OF_MODES)
-        spectrum = compliance(unit * modes[some, None], unit * modes[None, :]) * corner_and_edge
-        for group, waves in zip(rows, to_row, strict=True):
-            group += (spectrum @ waves).T @ to_column[some]
-    skipped = start % _ROWS_OF_POINTS
-    return rows.reshape(-1, points.nb)[skipped : skipped + points.rows][points.inside()] / n**2
+    ky = (np.arange(n) + n // 2) % n - n // 2
+    # 6 - 5 (-1)^ky: from the corner of the cell to the middle of its edge, every other wave along y changes its sign.
+    along_y = np.where(ky % 2, 11.0, 1.0) * _waves(ky, start, n) / n**2
+
+    def columns(kx: np.ndarray) -> np.ndarray:
+        half = compliance(unit * kx[:, None], unit * np.arange(n // 2 + 1)[None, :])
+        return half[:, np.abs(ky)] * (_waves(kx, start, n)[:, None] * along_y)
+
+    return Synthesis(points, n)(columns)
 
 
-def _cosines(modes: np.ndarray, indices: np.ndarray, n: int) -> np.ndarray:
-    """cos(2 pi k (i + 1/2) / n), (modes, indices): a wave's value at a point, counted from the corner of the cell."""
-    return np.cos(2.0 * np.pi / n * np.outer(modes, indices + 0.5))
+def _waves(k: np.ndarray, start: int, n: int) -> np.ndarray:
+    """exp(2 pi i k (start + 1/2) / n): waves at the first point of the block, counted from the corner of the cell. Those
+    with k = n/2 vanish half-way between grid points."""
+    # Many turns would cost digits.
+    turns = k * (2 * start + 1) % (2 * n) / (2 * n)
+    return np.where(2 * np.abs(k) == n, 0.0, np.exp(2j * np.pi * turns))
 
 
 class FarPoints:

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from .compiled import compiled
 from .kernels import _compile, _compile_maxima, _compile_sums, _cosine_of, _sine_of
 
 
@@ -96,7 +96,7 @@ def advance_modes(
                 _add_energies(compliance[k], u[i], v[i], branches, i, weights, rates, fold, work, loss, sums)
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def _advance_row(
     buffer, compliance, u, v, branches, i, weights, keep, kick, step, decay, old_gain, new_gain, stiffness, work
 ):

@@ -104,21 +104,19 @@ class PunchPoints:
         """A new point vector of zeros (size,)."""
         return np.zeros(self.size, dtype)
 
-    def coordinates(self) -> tuple[np.ndarray, np.ndarray]:
-        """x and y [m] of the local points, relative to the punch's axis, each (size,)."""
-        x, y = self.zeros(), self.zeros()
-        for row in range(self.rows):
-            here = slice(self.offset[row], self.offset[row + 1])
-            x[here] = self.grid.coordinate(self.block_start + np.arange(self.first[row], self.last[row]))
-            y[here] = self.grid.coordinate(self.block_start + self.row_start + row)
+    def coordinates(self, first: int = 0, last: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """x and y [m] of the local points, or of those from `first` to before `last`, relative to the punch's axis, each
+        (count,)."""
+        point = np.arange(first, self.size if last is None else min(last, self.size))
+        row = np.searchsorted(self.offset, point, side="right") - 1
+        column = self.first[row] + point - self.offset[row]
+        x, y = (self.grid.coordinate(self.block_start + index) for index in (column, self.row_start + row))
         return x, y
 
     def coordinate_of(self, point: int) -> tuple[float, float]:
         """x and y [m] of one local point, by its index in a point vector."""
-        row = int(np.searchsorted(self.offset, point, side="right")) - 1
-        column = self.first[row] + point - self.offset[row]
-        x, y = (self.grid.coordinate(self.block_start + index) for index in (column, self.row_start + row))
-        return float(x), float(y)
+        x, y = self.coordinates(point, point + 1)
+        return float(x[0]), float(y[0])
 
     def inside(self) -> np.ndarray:
         """Which of the local rows' points are under the punch, (rows, nb) bool."""

@@ -13,13 +13,15 @@ import math
 import numba
 import numpy as np
 
-_compile = numba.njit(cache=True, nogil=True)
+from .compiled import compiled
+
+_compile = compiled()
 # Sums over a row may be vectorised; the order within a row then depends on its length alone.
-_compile_sums = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+_compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
 
 # Maxima and minima vectorise only where NaN is ruled out: `observe`, which looks at every accepted step, is not among
 # these.
-_compile_maxima = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz", "nnan"})
+_compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
 
 
 # Cohesion and the incremental potential ------------------------------------------------------------------------------

@@ -58,7 +58,7 @@ class LoadSteps:
         end = phase.duration - state.elapsed
         wanted = state.step or self.tolerance * unit
         longest = math.inf
-        if self.attractive:
+        if self.attractive and not self._goes_free(state, phase):
             longest = LONGEST_PULLING * unit if state.force < 0.0 else unit
         step, why = fit(min(wanted, longest), end, until)
         search = PreloadSearch(phase, state.force, self.preload, self.slack)
@@ -84,15 +84,21 @@ class LoadSteps:
                 # Short of what could be allowed: where jumps hardly count, they need not be placed as well.
                 room = trial.uncertainty / self._allowed(trial, state.energies.released)
                 followed = LARGEST_GROWTH * followed if room < ROOM and step > 0.5 * followed else followed
-            state.followed = followed
+            state.followed, met = followed, search.is_met(trial.force)
+            if met:
+                self.scheme.require_preload(state, trial, self.slack)
             self.scheme.accept(state, trial)
             state.step = self._next(trial, wanted if why else step, followed)
-            return trial, "preload" if search.is_met(trial.force) else why
+            return trial, "preload" if met else why
         raise RunError(
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, "
             f"d = {self.scheme.place(state):.6g} m, "
-            f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. {self.scheme.cure}"
+            f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. {self.scheme.advice(state, trial)}"
         )
+
+    def _goes_free(self, state: State, phase: Phase) -> bool:
+        """Whether the punch is out of reach and on its way off: nothing is passed over, however long the step."""
+        return state.smallest_gap >= self.scheme.law.reach and phase.velocity(state.elapsed) >= 0.0
 
     def _unit(self, state: State, phase: Phase) -> float:
         """Time [s] in which the punch moves by one range of adhesion, about."""

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import kernels
+from .stagnation import MOST_IDLE, Progress
 
 SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32", "float32"): 1e-6}
 """How far Phi may rise by rounding, relative to itself: by the precision of u and w, and of the corrections."""
@@ -35,7 +36,9 @@ class Outcome:
     """How a solve ended: whether it converged, its iterations, the force on the punch [N], by how much Phi fell, and
     the adhesive energy [J].
 
-    moved: sum of the largest moves of the surface [ranges of adhesion] by all corrections.
+    moved: sum of the largest moves of the surface [ranges of adhesion] by all corrections. left_over: the force out of
+    balance, relative to what was allowed, where the solve ended because rounding allows no less; else 0. renewed: whether u
+    was evaluated anew from w on the way.
     """
 
     converged: bool
@@ -46,6 +49,8 @@ class Outcome:
     adhesive: float
     met_negative_curvature: bool
     moved: float = 0.0
+    left_over: float = 0.0
+    renewed: bool = False
 
 
 class NewtonSolver:
@@ -73,6 +78,8 @@ class NewtonSolver:
     """A timid solve gives up when the surface moves by more than this many ranges of adhesion."""
     force_share = 0.2
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
+    poll = staticmethod(lambda: None)
+    """Called once an iteration of CG, on every rank: may raise Interrupted (interruption.py)."""
 
     def __init__(self, points, convolve, height: np.ndarray, law, force_scale: float, rough=None):
         self.force_scale = force_scale
@@ -90,7 +97,7 @@ class NewtonSolver:
 
     def solve(
         self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False,
-        timid: bool = False,
+        timid: bool = False, largest_force: float = 0.0,
     ) -> Outcome:  # fmt: skip
         """Moves u [m] and w [Pa] (in place, consistent: u = G0 w) to a minimum of Phi downhill of where they are.
 
@@ -98,10 +105,11 @@ class NewtonSolver:
         tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the
         force that is out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0
         rho is no small stress.) jump: the way down may be long. timid: give up where the potential bends down along a
-        direction, or the surface has moved far: there is a better start, nearer by. Where it does not converge, u and w
-        stay at the lowest Phi found.
+        direction, or the surface has moved far: there is a better start, nearer by. largest_force [N] so far, if not 0:
+        where rounding allows no better balance, one that is good beside this force will do. Where it does not converge,
+        u and w stay at the lowest Phi found.
         """
-        trust, way, cg_count, negative, renewed = 1.0, 0.0, 0, False, False
+        trust, way, cg_count, negative, self._renewed = 1.0, 0.0, 0, False, False
         self._s[:] = 0.0
         self._t[:] = 0.0
         (pull, imbalance, potential, _), drop = self._evaluate(position, u, w, 0.0, 0.0, history, compliance), 0.0
@@ -109,24 +117,23 @@ class NewtonSolver:
             return self._outcome(False, 0, 0, pull, drop, potential, negative, way)
         last_pull = pull
         unbalanced = self.force_share * tolerance * self.force_scale / self.points.grid.cell_area
-        most = self.largest_jump_count if jump else self.largest_newton_count
-        for count in range(1, most + 1):
+        progress, noise = Progress(tolerance, unbalanced), 0.0
+        for count in range(1, 1 + (self.largest_jump_count if jump else self.largest_newton_count)):
             used, size, bent = self._correct(compliance, tolerance, unbalanced, trust, imbalance)
-            cg_count += used
-            negative |= bent
+            cg_count, negative = cg_count + used, negative or bent
             if timid and (bent or way + size > self.timid_way):
                 break
             longest = trust / size if size > trust or (bent and size > 0.0) else 1.0
-            shortest = 1e-3 * tolerance / max(size, 1.0)
+            shortest = self._shortest(tolerance, size, everywhere=self._renewed and not timid)
             scale, (pull, imbalance, trial, growth) = self._go_down(
                 position, u, w, history, compliance, potential, longest, shortest
             )
             if scale == 0.0:
                 # Not downhill along a direction that should be: u has drifted off G0 w, or rounding is reached.
-                if renewed:
+                if self._renewed:
                     break
                 self.convolve(w, u)
-                renewed = True
+                self._renewed = True
                 pull, imbalance, potential, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
                 continue
             kernels.move(u, w, self._s, self._t, scale, scale * compliance)
@@ -138,16 +145,49 @@ class NewtonSolver:
             small = size < tolerance or (self.forcing + size) * size < tolerance
             if scale == 1.0 and not bent and small and unsettled <= unbalanced:
                 return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size)
+            noise = self._noise(compliance, u, w) if count == MOST_IDLE else noise
+            if progress.stalls(drop, self._slack_of(potential) + noise, size, unsettled):
+                enough, left_over = self._settle_for(progress, bent, size, unsettled, pull, largest_force)
+                return self._outcome(enough, count, cg_count, pull, drop, potential, negative, way + size, left_over)
             moved = scale * size
             way += moved
             trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
         return self._outcome(False, count, cg_count, pull, drop, potential, negative, way)
 
+    def _settle_for(self, progress, bent, size, unsettled, pull, largest_force) -> tuple[bool, float]:
+        """Whether what a stalled solve has reached will do, and Outcome.left_over."""
+        if bent or size >= progress.tolerance:
+            return False, 0.0
+        largest = max(largest_force, abs(pull) * self.points.grid.cell_area) if largest_force else 0.0
+        enough = unsettled <= progress.unbalanced * max(1.0, largest / self.force_scale)
+        return enough, 0.0 if enough else progress.least_unsettled / progress.unbalanced
+
+    def _slack_of(self, potential: float) -> float:
+        """How far Phi may rise by rounding, per area of a point."""
+        return self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+
+    def _noise(self, compliance, u, w) -> float:
+        """What the rounding of u alone makes of Phi, per area of a point: the end of a soft spring is so far away that
+        corrections vanish in it. Collective."""
+        squares = []
+        for vector in (u, w):
+            kernels.dot(vector, vector, self.points.offset, self._rows)
+            squares.append(float(self.points.total_of(self._rows[:1])[0]))
+        return float(np.finfo(self.dtype).eps) * math.sqrt(squares[0] * squares[1]) / compliance
+
+    def _shortest(self, tolerance: float, size: float, everywhere: bool) -> float:
+        """Least part of a correction that is tried. everywhere: where nothing interacts, so that the correction knows of no
+        obstacle on its way, by how far it moves any point: it sets the surface free, and may press it far into the punch.
+        Collective."""
+        if everywhere and size == 0.0:
+            size = self.points.maximum_of(float(np.abs(self._s).max(initial=0.0))) / self.law.range
+        return 1e-3 * tolerance / max(size, 1.0)
+
     def _go_down(self, position, u, w, history, compliance, potential, longest, shortest):
         """Halves the step along s until Phi does not rise; (step, what `_evaluate` gives there), step 0 where it always
         rises."""
         scale = longest
-        slack = self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+        slack = self._slack_of(potential)
         while scale >= shortest:
             values = self._evaluate(position, u, w, scale, scale * compliance, history, compliance)
             if values[2] + values[3] <= potential + slack:
@@ -171,7 +211,7 @@ class NewtonSolver:
                 step = sign * first * whole
                 while abs(step) <= MOST_SLIDE * whole:
                     values = self._evaluate(position, u, w, step, step * compliance, history, compliance)
-                    if values[2] + values[3] - start >= best:
+                    if not values[2] + values[3] - start < best:
                         break
                     best, best_step = values[2] + values[3] - start, step
                     step *= 2.0
@@ -181,9 +221,13 @@ class NewtonSolver:
         self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
         return 0.0
 
-    def _outcome(self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved) -> Outcome:
+    def _outcome(
+        self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved, left_over=0.0
+    ) -> Outcome:  # fmt: skip
         area = self.points.grid.cell_area
-        return Outcome(converged, newton_count, cg_count, -pull * area, drop * area, adhesive * area, negative, moved)
+        energies = drop * area, adhesive * area
+        found = -pull * area, *energies, negative, moved, left_over, self._renewed
+        return Outcome(converged, newton_count, cg_count, *found)
 
     def _evaluate(self, position, u, w, step, weight, history, compliance):
         """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets
@@ -209,6 +253,7 @@ class NewtonSolver:
         per_range, size, previous, alpha, quiet, beta, pull = 1.0 / self.law.range, 0.0, 1.0, 1.0, 0, 0.0, 0.0
         imbalance, rows[4:6] = self._level(imbalance), 0.0
         for count in range(1, self.largest_cg_count + 1):
+            self.poll()
             self.rough(r, z, compliance)
             kernels.survey(z, r, k, offset, rows)
             numbers = points.all_rows(rows[:6])

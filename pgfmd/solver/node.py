@@ -124,6 +124,21 @@ class Node:
         weakref.finalize(owner, piece.release).atexit = False
         return piece.buffers
 
+    def trim(self) -> None:
+        """Gives memory back that no rank's owners need any more. Collective on the node."""
+        free = np.array([piece.free for piece in self._pieces], dtype=np.int8)
+        everywhere = np.empty_like(free)
+        self.local.Allreduce(free, everywhere, op=_mpi().MIN)
+        kept = []
+        for piece, unused in zip(self._pieces, everywhere, strict=True):
+            if unused:
+                piece.window.Unlock_all()
+                piece.buffers.clear()
+                piece.window.Free()
+            else:
+                kept.append(piece)
+        self._pieces = kept
+
     def _allocate(self, sizes: list[int]) -> _Piece | None:
         """New memory of these sizes [bytes], one a rank of the node; None, on all of them, where there is none."""
         MPI = _mpi()

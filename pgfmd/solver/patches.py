@@ -20,6 +20,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from pgfmd.errors import RunError
 from pgfmd.physics.contact_sites import KINDS, ContactSites
 
 from .grid import PunchPoints
@@ -29,6 +30,8 @@ Numbers = NDArray[np.int64]
 MERGED = "merged"
 """Kind of a patch that holds sites of several kinds."""
 
+MOST = 2**31 - 1
+"""What MPI counts to."""
 TIE = 1e-6
 """Shift towards the axis, in grid spacings, by which a place half-way between two points is decided."""
 ROUNDING = 1e-9
@@ -102,18 +105,36 @@ def label_contact(points: PunchPoints, contact: NDArray[np.bool_], periodic: boo
     local, count = ndimage.label(rows) if rows.size else (np.zeros(rows.shape, np.int32), 0)
     place = np.flatnonzero(rows)
     _, begins = np.unique(local.ravel()[place], return_index=True)
-    found = comm.allgather((points.rows, count, place[begins] + points.row_start * points.nb))
-    before = [0, *np.cumsum([count for _, count, _ in found])]
+    found = comm.allgather((points.rows, count))
+    before = [0, *np.cumsum([count for _, count in found])]
     whole = np.where(local > 0, local + before[comm.rank] - 1, -1)
-    pairs = [_across_ranks(comm, whole, [size for size, _, _ in found], periodic)]
+    pairs = [_across_ranks(comm, whole, [size for size, _ in found], periodic)]
     if periodic and rows.size:
         pairs.append(_meeting(whole[:, -1], whole[:, 0]))
-    firsts = np.concatenate([first for _, _, first in found]).astype(np.int64)
-    number_of, first = _joined(np.concatenate(comm.allgather(np.concatenate(pairs, axis=1)), axis=1), firsts)
+    (firsts,) = _of_all(points, (place[begins] + points.row_start * points.nb)[np.newaxis])
+    number_of, first = _joined(_of_all(points, np.concatenate(pairs, axis=1)), firsts)
     labels = whole[inside]
     held = labels >= 0
     labels[held] = number_of[labels[held]]
     return Labels(labels.astype(np.int64), np.array(np.divmod(first, points.nb)))
+
+
+def _of_all(points: PunchPoints, mine: Numbers) -> Numbers:
+    """Whole numbers (kinds, any) of all ranks side by side, in the order of the ranks. Collective. RunError on every rank
+    where they are more than MPI can count."""
+    comm = points.comm
+    if comm.size == 1:
+        return mine.astype(np.int64)
+    counts = comm.allgather(mine.shape[1])
+    if sum(counts) > MOST:
+        raise RunError(
+            f"the contact of {points.grid.n} x {points.grid.n} points has {sum(counts)} pieces on {comm.size} ranks, and MPI "
+            f"can't gather more than {MOST}: set output.patches = false, or use fewer ranks"
+        )
+    whole = np.empty((len(mine), sum(counts)), np.int64)
+    for values, every in zip(np.ascontiguousarray(mine, np.int64), whole):
+        comm.Allgatherv(values, [every, counts])
+    return whole
 
 
 def _across_ranks(comm, whole: Numbers, sizes: list[int], periodic: bool) -> Numbers:
@@ -234,13 +255,15 @@ def _tractions(points: PunchPoints, labels: Labels, traction: NDArray) -> NDArra
         labels.of_point[held] * points.nb + _rows_and_columns(points)[0][held], return_inverse=True
     )
     sums = np.bincount(of_key, weights=traction[held].astype(np.float64), minlength=keys.size)
-    comm, total = points.comm, None
-    gathered = comm.gather((keys, sums))
-    if comm.rank == 0:
-        keys, sums = (np.concatenate(parts) for parts in zip(*gathered))
-        order = np.argsort(keys, kind="stable")
-        total = np.bincount(keys[order] // points.nb, weights=sums[order], minlength=labels.count)
-    return comm.bcast(total)
+    # From rank to rank, each adding its rows: no rank needs those of all.
+    comm, total = points.comm, np.zeros(labels.count)
+    if comm.rank > 0:
+        comm.Recv(total, comm.rank - 1)
+    np.add.at(total, keys // points.nb, sums)
+    if comm.rank < comm.size - 1:
+        comm.Send(total, comm.rank + 1)
+    comm.Bcast(total, comm.size - 1)
+    return total
 
 
 def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
@@ -258,15 +281,15 @@ def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
         closer = away < best - ROUNDING * grid.spacing
         best[closer] = away[closer]
         index[closer] = (points.first_point + points.offset[row] + here - points.first[row])[closer]
-    if points.comm.size == 1 or not x.size:
-        return index
-    every = points.comm.allgather((best, index))
-    best, index = (np.array(part) for part in zip(*every))
-    return index[np.argmax(best <= best.min(axis=0) + ROUNDING * grid.spacing, axis=0), np.arange(x.size)]
+    # The ranks' points follow each other, so of those that are as near the first is that of the first rank.
+    least = _reduced(points.comm, best, "MIN") + ROUNDING * grid.spacing
+    none = np.iinfo(np.int64).max
+    index = _reduced(points.comm, np.where((best <= least) & (index >= 0), index, none), "MIN")
+    return np.where(index == none, -1, index)
 
 
-def _reduced(comm, values: Numbers, operation: str) -> Numbers:
-    """Whole numbers reduced over all ranks, by "SUM", "MIN" or "MAX"."""
+def _reduced(comm, values: NDArray, operation: str) -> NDArray:
+    """Numbers reduced over all ranks, by "SUM", "MIN" or "MAX"."""
     if comm.size == 1 or not values.size:
         return values
     from mpi4py import MPI

@@ -43,6 +43,15 @@ class PreloadSearch:
         return self.is_on and force >= self.preload - self.slack
 
 
+NARROW = 1e-6
+"""Width of a bracket, as a share of the first step that was too long, within which a force that jumps is told from one
+that is only steep."""
+STEEP = 1e3
+"""A force that changes within a narrow bracket by more than so many times what its width would say has a jump there."""
+NARROWEST = 1e-14
+"""Width of a bracket, as the same share, at which rounding ends the search."""
+
+
 class Bracket:
     """Regula falsi (Illinois) for the step at which the force meets the preload."""
 
@@ -50,12 +59,16 @@ class Bracket:
         self.low, self.low_value = low, low_value
         self.high = self.high_value = self.first = None
         self.last_side = 0
+        # The values at the ends as they are: the method halves those that it uses.
+        self._ends, self._first_span = [low_value, 0.0], 0.0
 
     def narrow(self, step: float, value: float) -> float | None:
         """Takes in the force excess [N] at a step [s]; returns the next step to try, None when there is nothing
         between."""
         side = 1 if value > 0.0 else -1
-        self.first = self.first or step
+        self._ends[side > 0] = value
+        if self.first is None:
+            self.first, self._first_span = step, value - self.low_value
         if side > 0:
             self.high, self.high_value = step, value
         else:
@@ -67,8 +80,11 @@ class Bracket:
                 self.high_value *= 0.5
         self.last_side = side
         width = self.high - self.low
-        if width <= 1e-6 * self.first:
-            return None
+        if width <= NARROW * self.first:
+            # A preload may be tiny beside what one step adds to the force: that is no reason to miss it.
+            jumps = (self._ends[1] - self._ends[0]) * self.first > STEEP * width * self._first_span
+            if jumps or width <= NARROWEST * self.first:
+                return None
         inside = self.low - self.low_value * width / (self.high_value - self.low_value)
         return min(max(inside, self.low + 1e-3 * width), self.high - 1e-3 * width)
 

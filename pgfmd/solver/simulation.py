@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
-from pgfmd.physics.drive import DETACHED, Drive
+from pgfmd.physics.drive import Drive
 
 from .finite import not_finite_on
+from .interruption import Interrupted, Question
+from .preload_search import PRELOAD_TOLERANCE
 from .state import State
 
 FINISHED = "detached"
@@ -47,15 +50,25 @@ class Simulation:
         return self.phases[self.state.phase]
 
     @property
+    def retracting(self) -> bool:
+        """Whether the drive moves out at the end of the last step: in the retraction, or past the turn's deepest point."""
+        return self.phase.recedes(self.state.elapsed)
+
+    @property
     def punch_position(self) -> float:
         """Position d of the punch [m]: the machine's, or that at the end of its spring."""
         return self.scheme.place(self.state)
 
-    def run(self, only_to_preload: bool = False, attend: Callable[[Simulation], bool] | None = None) -> State:
+    def run(
+        self, only_to_preload: bool = False, attend: Callable[[Simulation], bool] | None = None,
+        interrupt: Callable[[], bool] | None = None,
+    ) -> State:  # fmt: skip
         """Runs the programme to its end, or to the preload; returns the state, whose `finished` says how it ended.
 
         Goes on from wherever the state is. attend: called at the start, after each step, and so also at the end before
-        the observers hear of it; the run stops, unfinished, where it returns True.
+        the observers hear of it; the run stops, unfinished, where it returns True. interrupt: asked now and then within
+        a step, on each rank for itself; where it returns True on one of them the step is given up, and `attend` is
+        called with the state of before. Raises Interrupted where that would be the start.
         """
         state = self.state
         earlier = state.counters.transform_pairs - self.scheme.pairs
@@ -64,16 +77,23 @@ class Simulation:
             state.counters.transform_pairs = earlier + self.scheme.pairs
             return attend is not None and attend(self)
 
-        stopped = False
+        stopped, question = False, Question(self.points.comm, interrupt) if interrupt else None
         if not state.started:
-            self._start()
+            with self._heeding(question):
+                self._start()
             stopped = is_to_stop()
         while not (stopped or state.finished or (only_to_preload and state.preload_time is not None)):
             phase = self.phase
             until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
             released = state.energies.released
             try:
-                taken, why = self.controller.advance(state, phase, until)
+                with self._heeding(question):
+                    taken, why = self.controller.advance(state, phase, until)
+            except Interrupted:
+                # What was done in vain must not count, for a run that goes on from here to be the same.
+                earlier = state.counters.transform_pairs - self.scheme.pairs
+                stopped = is_to_stop()
+                continue
             except RunError:
                 # Not for want of an equilibrium, if the numbers have gone.
                 self._require_finite()
@@ -89,13 +109,48 @@ class Simulation:
             state.counters.transform_pairs = earlier + self.scheme.pairs
         return state
 
+    @contextmanager
+    def _heeding(self, question: Question | None) -> Iterator[None]:
+        """Within this, solves ask whether they are to be given up; the state is then as it was."""
+        # Explicit steps solve nothing, and never take long.
+        solver = getattr(self.scheme, "solver", None)
+        if question is None or solver is None:
+            yield
+            return
+        state = self.state
+        # Besides these, trials leave the state alone.
+        counters = replace(state.counters)
+        modes = [] if state.soft_mode is None else [state.soft_mode.copy(), state.soft_load.copy()]
+        question.begin()
+        solver.poll = question
+        try:
+            yield
+        except Interrupted:
+            state.counters = counters
+            if modes:
+                state.soft_mode[:], state.soft_load[:] = modes
+            raise
+        finally:
+            del solver.poll
+
     def _start(self) -> None:
         self.state.started = True
         self.state.force = self.state.least_force = self.scheme.start(self.state)
+        self._require_room_to_approach()
         self._measure()
         self.state.energies.adhesive_start = self.state.energies.adhesive
         self.state.energies.largest_residual = 0.0
         self._note(Event("start"))
+
+    def _require_room_to_approach(self) -> None:
+        """RunError where the first position already asks for more than the preload, which could then not be met."""
+        force, preload, clearance = self.state.force, self.drive.preload, self.drive.clearance
+        if force > preload * (1.0 + PRELOAD_TOLERANCE):
+            raise RunError(
+                f"at the start, with the punch at drive.clearance = {clearance:.6g} m, the force is {force:.6g} N at once: "
+                f"more than drive.preload = {preload:.6g} N, at which the approach is to end. "
+                "Raise drive.preload, or start higher: a larger drive.clearance, or none, to start just out of reach."
+            )
 
     def _turn_page(self, phase, why: str) -> None:
         """Ends phases and the run."""
@@ -107,7 +162,9 @@ class Simulation:
             state.phase += 1
             state.elapsed, state.phase_start, state.step = 0.0, state.position, 0.0
             state.forget_history()
-        elif phase.ends_with == DETACHED and state.smallest_gap >= self.scheme.law.reach:
+        elif self.retracting and state.smallest_gap >= self.scheme.law.reach:
+            # From its deepest point on the punch only gets faster, and a surface that is left to itself slower, so that
+            # the two don't meet again.
             state.finished = FINISHED
         elif phase.name == "approach" and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
@@ -125,11 +182,13 @@ class Simulation:
             energies.largest_residual = max(energies.largest_residual, abs(energies.residual))
         if state.contact_points and state.first_contact_time is None:
             state.first_contact_time = state.time
-        name = self.phase.name
-        if name == "approach":
+        state.largest_force = max(state.largest_force, state.force)
+        if self.phase.name == "approach":
             state.snap_in_force = min(state.snap_in_force, state.least_force)
-        elif name != "dwell":
+            state.snap_in_at_ends = min(state.snap_in_at_ends, state.force)
+        elif self.retracting:
             state.pull_off_force = min(state.pull_off_force, state.least_force)
+            state.pull_off_at_ends = min(state.pull_off_at_ends, state.force)
 
     def _require_finite(self) -> None:
         """RunError, naming array and entry, if a field of the state is no longer finite. Collective."""

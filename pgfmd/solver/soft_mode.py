@@ -84,6 +84,7 @@ class SoftMode:
         kernels.dot(k * mode, mode, points.offset, self._rows)
         mu, error = self._total(1)[0], math.inf
         while count < most:
+            solver.poll()
             kernels_of_modes.pull_of(k, mode, dual, mu, amount, g)
             solver.rough(g, z, self.compliance)
             count += 1

@@ -3,11 +3,12 @@ partial sum a row."""
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
-_compile = numba.njit(cache=True, nogil=True)
-_compile_sums = numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+from .compiled import compiled
+
+_compile = compiled()
+_compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
 
 
 @_compile_sums

@@ -64,7 +64,9 @@ class State:
     them, with the forces [N] there; drift: factor of the covariance of
     u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try; followed [s]: how long
     steps may be that follow an instability (load_steps.py). least_force [N]: the lowest
-    force within the last step. started: whether the surface has met the punch at its first position.
+    force within the last step; pull_off_force, snap_in_force [N]: within all steps of the retraction, and of the
+    approach, zero or below; *_at_ends: at the ends of these steps; largest_force [N]: at the end of any, zero or
+    above. started: whether the surface has met the punch at its first position.
 
     The scheme quasistatic keeps the softest mode of the last equilibrium, soft_mode [m] and its dual soft_load [Pa].
     Its position is the machine's; the punch's is that and the length of the spring between them.
@@ -100,6 +102,9 @@ class State:
     preload: float = 0.0
     pull_off_force: float = 0.0
     snap_in_force: float = 0.0
+    largest_force: float = field(default=0.0, metadata={"unknown": np.nan})
+    pull_off_at_ends: float = field(default=0.0, metadata={"unknown": np.nan})
+    snap_in_at_ends: float = field(default=0.0, metadata={"unknown": np.nan})
     finished: str = ""
     started: bool = False
     past_u: list[np.ndarray] = field(default_factory=list, metadata={"like": "displacement"})

@@ -64,60 +64,32 @@ class Spectrum:
         self.kx = np.arange(self.first_column, self.first_column + self.column_count)
         self.ky = np.arange(self.width)
 
+    def columns_of(self, rows: np.ndarray) -> np.ndarray:
+        """The columns (width, columns) of a square array, real, whose rows are shared out evenly. Collective."""
+        if self.comm.size == 1:
+            return rows
+        pencil = Pencil(self.subcomm, (self.width, self.width), axis=1)
+        columns = np.empty((self.width, self.column_count))
+        transfer = pencil.transfer(pencil.pencil(0), columns.dtype)
+        transfer.forward(rows, columns)
+        transfer.destroy()
+        return columns
 
-def periodic_multiplier(compliance, length: float):
-    """Multiplier of a compliance G0(qx, qy) in a cell of this length [m], for the columns of a Spectrum."""
 
-    def columns(spectrum: Spectrum) -> np.ndarray:
-        unit = 2.0 * np.pi / length
-        return compliance(unit * spectrum.kx[:, None], unit * spectrum.ky[None, :])
+class _Pruned:
+    """What transforms between point vectors and the columns of a Spectrum need: buffers and plans.
 
-    return columns
-
-
-def free_multiplier(compliance, spacing: float):
-    """Multiplier of a free surface: the transform of its kernel on the doubled domain, for the columns of a Spectrum.
-
-    compliance: with `kernel(dx, dy, spacing)`, even in both offsets, so that one quadrant is enough.
+    points: PunchPoints; n: points a side of the transform; effort: of FFTW's planner; dtype: of real numbers.
     """
 
-    def columns(spectrum: Spectrum) -> np.ndarray:
-        n, mine = spectrum.n, slice(spectrum.first_column, spectrum.first_column + spectrum.column_count)
-        fold = np.minimum(np.arange(n), n - np.arange(n))
-        offsets = np.arange(spectrum.width) * spacing
-        along_x = np.empty((spectrum.column_count, spectrum.width))
-        for row, dy in enumerate(offsets):
-            values = compliance.kernel(offsets, np.full_like(offsets, dy), spacing)
-            along_x[:, row] = np.fft.rfft(values[fold]).real[mine]
-        result = np.empty_like(along_x)
-        for column in range(spectrum.column_count):
-            result[column] = np.fft.rfft(along_x[column][fold]).real
-        return result
-
-    return columns
-
-
-class Convolution:
-    """u = G * w between point vectors: one pair of transforms a call.
-
-    points: the PunchPoints that the traction lives on. n: points a side of the transform, at least what the kernel
-    needs not to wrap around. make_multiplier: gives G for a Spectrum's columns, (columns, n//2 + 1), as
-    `periodic_multiplier`. Counts its calls in `pairs` and their time in `seconds`.
-    """
-
-    def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
+    def __init__(self, points, n: int, effort: str, dtype):
         self.points, self.n, self.comm = points, n, points.comm
         self.dtype, self.complex = np.dtype(dtype), np.result_type(dtype, np.complex64)
-        self.pairs, self.seconds = 0, 0.0
         self.spectrum = Spectrum(n, points.nb, points.comm)
         if self.spectrum.rows.subshape[0] != points.rows or self.spectrum.rows.substart[0] != points.row_start:
             raise AssertionError("the pencils of mpi4py-fft share rows in another way than grid.share")
-        self.multiplier = np.ascontiguousarray(make_multiplier(self.spectrum) / n**2, dtype=self.dtype)
-        # G at q = 0, the same on every rank.
-        self.mean_compliance = self.comm.bcast(float(self.multiplier[0, 0])) * n**2
         rows = [share(points.nb, self.comm.size, rank) for rank in range(self.comm.size)]
-        columns = self.spectrum.shares
-        self._transposition = Transposition(self.comm, rows, columns, self.complex)
+        self._transposition = Transposition(self.comm, rows, self.spectrum.shares, self.complex)
         self._columns = self._transposition.columns
         self._plan((EFFORTS[effort],))
 
@@ -137,11 +109,19 @@ class Convolution:
         self._forward = fftw.fftn(self._column, axes=(1,), flags=flags, output_array=self._column)
         self._backward = fftw.ifftn(self._column, axes=(1,), flags=flags, output_array=self._column)
 
-    def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
-        """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
-        start = time.perf_counter()
-        self._rows_forward(traction, scale)
-        self._convolve_columns(self._columns, 0)
+    def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
+        """Point vector -> transformed along x, columns whole on each rank."""
+        points, lines = self.points, self._line.shape[0]
+        for row in range(0, points.rows, lines):
+            count = min(lines, points.rows - row)
+            kernels.scatter_rows(traction, points.offset, points.first, row, count, points.nb, scale, self._line)
+            self._r2c()
+            for first, last, block in self._transposition.blocks:
+                block[row : row + count] = self._line_hat[:count, first:last]
+        self._transposition.to_columns()
+
+    def _rows_backward(self, values: np.ndarray) -> None:
+        """Columns -> point vector, transformed along x."""
         self._transposition.to_rows()
         points, lines = self.points, self._line.shape[0]
         for row in range(0, points.rows, lines):
@@ -149,7 +129,31 @@ class Convolution:
             for first, last, block in self._transposition.blocks:
                 self._line_hat[:count, first:last] = block[row : row + count]
             self._c2r()
-            kernels.gather_rows(self._line, points.offset, points.first, row, count, displacement)
+            kernels.gather_rows(self._line, points.offset, points.first, row, count, values)
+
+
+class Convolution(_Pruned):
+    """u = G * w between point vectors: one pair of transforms a call.
+
+    points: the PunchPoints that the traction lives on. n: points a side of the transform, at least what the kernel
+    needs not to wrap around. make_multiplier: fills an array with G/n^2 for a Spectrum's columns, (columns, n//2 + 1),
+    as `periodic_multiplier`. Counts its calls in `pairs` and their time in `seconds`.
+    """
+
+    def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
+        super().__init__(points, n, effort, dtype)
+        self.pairs, self.seconds = 0, 0.0
+        self.multiplier = np.empty((self.spectrum.column_count, self.spectrum.width), self.dtype)
+        make_multiplier(self.spectrum, self.multiplier)
+        # G at q = 0, the same on every rank.
+        self.mean_compliance = self.comm.bcast(float(self.multiplier[0, 0])) * n**2
+
+    def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
+        """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
+        start = time.perf_counter()
+        self._rows_forward(traction, scale)
+        self._convolve_columns(self._columns, 0)
+        self._rows_backward(displacement)
         self.pairs += 1
         self.seconds += time.perf_counter() - start
         return displacement
@@ -182,17 +186,6 @@ class Convolution:
         self.pairs += 1
         return surface, rows.substart[0]
 
-    def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
-        """Point vector -> transformed along x, columns whole on each rank."""
-        points, lines = self.points, self._line.shape[0]
-        for row in range(0, points.rows, lines):
-            count = min(lines, points.rows - row)
-            kernels.scatter_rows(traction, points.offset, points.first, row, count, points.nb, scale, self._line)
-            self._r2c()
-            for first, last, block in self._transposition.blocks:
-                block[row : row + count] = self._line_hat[:count, first:last]
-        self._transposition.to_columns()
-
     def _convolve_columns(self, out: np.ndarray, first: int) -> None:
         """Column by column: transform along y, times G, back; rows first, first + 1, ... of the result go to `out`."""
         batch = self._column.shape[0]
@@ -203,6 +196,30 @@ class Convolution:
             kernels.multiply_columns(self._column, self.multiplier, column, count)
             self._backward()
             kernels.store_columns(self._column, column, count, first, out)
+
+
+class Synthesis(_Pruned):
+    """Sums of waves at the points under the punch, real, in double precision: half a pair of transforms a call."""
+
+    def __init__(self, points, n: int):
+        super().__init__(points, n, "estimate", np.float64)
+
+    def __call__(self, columns) -> np.ndarray:
+        """Sum over kx and ky of a(kx, ky) exp(2 pi i (kx x + ky y)/n) at the local points (size,), x and y counted from
+        the block's first row and column; collective.
+
+        columns: a for some kx (any,) as (any, n), ky in the order of numpy.fft; kx runs over 0 ... n//2, as
+        a(-kx, -ky) is the conjugate of a(kx, ky).
+        """
+        kx, batch = self.spectrum.kx, self._column.shape[0]
+        for column in range(0, kx.size, batch):
+            count = min(batch, kx.size - column)
+            self._column[:count] = columns(kx[column : column + count])
+            self._backward()
+            kernels.store_columns(self._column, column, count, 0, self._columns)
+        values = self.points.zeros()
+        self._rows_backward(values)
+        return values
 
 
 class Plane:
@@ -243,7 +260,6 @@ class Plane:
         self._plan.backward(normalize=False)
         self.pairs += 1
         self.seconds += time.perf_counter() - start
-
 
     def sum_over_ranks(self, values: np.ndarray) -> np.ndarray:
         """Sums of a few numbers over the ranks; of the same bits for any number of them if all but one are zero.

@@ -6,9 +6,9 @@ A point vector's row `i` runs from `offset[i]` to `offset[i + 1]` and begins at 
 
 from __future__ import annotations
 
-import numba
+from .compiled import compiled
 
-_compile = numba.njit(cache=True, nogil=True)
+_compile = compiled()
 
 
 @_compile

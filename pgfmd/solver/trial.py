@@ -71,7 +71,7 @@ class Trial:
     much the stages' potentials fell from their starting points. forces [N]: on the punch, at the stages. The
     fields belong to the scheme and live until the next trial. uncertainty [J]: how far, for not knowing where within
     the step the surface jumped, the energy that a quasi-static jump releases may be off. flung: whether a dead load has
-    pulled the punch off.
+    pulled the punch off. left_over: see newton.Outcome, of the last solve.
     """
 
     step: float
@@ -87,6 +87,7 @@ class Trial:
     is_jump: bool = False
     uncertainty: float = 0.0
     flung: bool = False
+    left_over: float = 0.0
     change: Change | None = None
     forces: list[float] = field(default_factory=list)
     weights: StepWeights | None = field(default=None, repr=False)

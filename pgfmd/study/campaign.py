@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import re
 import shlex
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -22,6 +23,8 @@ CURES = {
     CHANGED: "--fresh starts it anew and keeps the old results in previous-1",
     DAMAGED: "`pgfmd verify` tells more; --fresh starts it anew and keeps what is there in previous-1",
 }
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
 class Unfinished(PgfmdError):
@@ -51,6 +54,14 @@ class Campaign:
     out: Path
     wishes: Wishes = field(default_factory=Wishes)
     say: Callable[[str], None] = print
+
+    def __post_init__(self) -> None:
+        """Raises StudyError for what must not be in a line of a script, or in one that a user may copy."""
+        texts = [str(self.out), *(text for case in self.cases for text in (case.source, *case.overrides, case.name))]
+        found = dict.fromkeys(text for text in texts if _CONTROL.search(text))
+        if found:
+            expected = "no line feed nor any other control character; rename the file or folder"
+            raise StudyError("command line", [f"{text!r}: expected {expected}" for text in found])
 
     def folder(self, case: Case) -> Path:
         """Where a case's results go."""

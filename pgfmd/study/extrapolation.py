@@ -13,7 +13,9 @@ import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
-from pgfmd.plots.folder import GREY, RED, STYLE, TURQUOISE
+from pgfmd.files.regular_files import write_atomically, write_figure
+from pgfmd.plots.drawing import drawing, literal
+from pgfmd.plots.folder import GREY, RED, TURQUOISE
 from pgfmd.plots.maps import new_figure
 
 from .convergence import Fit, disagreement, doubts, finest_limit, fit_power_law, local_powers
@@ -158,15 +160,13 @@ def _spread(fit: Fit, factor: float) -> str:
 
 def write(out: Path, found: Extrapolation, title: str = "") -> list[Path]:
     """Write converge.json and converge.png; returns their paths. Raises ResultError if that can't be done."""
-    from matplotlib import rc_context
-
     record = asdict(found) | {"unit": MEASURES[found.quantity][1], "supported": not found.doubts}
     paths = [out / JSON_FILE, out / PICTURE]
     try:
         text = json.dumps(storage.plain(record), indent=2, ensure_ascii=False, allow_nan=False)
-        storage.write_atomically(paths[0], f"{text}\n".encode())
-        with rc_context(STYLE):
-            figure_of(found, title).savefig(paths[1])
+        write_atomically(paths[0], f"{text}\n".encode())
+        with drawing():
+            write_figure(paths[1], figure_of(found, title))
     except OSError as error:
         raise ResultError(f"{out}: {JSON_FILE} and {PICTURE} could not be written: {storage.reason(error)}") from error
     return paths
@@ -205,7 +205,7 @@ def figure_of(found: Extrapolation, title: str = "") -> Any:
     right.set_xlabel(f"{name} of the coarser level" + (f" ({size_unit})" if size_unit else ""))
     right.set_ylabel(f"difference to the next level ({unit})")
     verdict = "" if not found.doubts else "  (not supported: see converge.json)"
-    figure.suptitle(f"{title}{verdict}", fontsize=9.5)
+    figure.suptitle(f"{literal(title)}{verdict}", fontsize=9.5)
     return figure
 
 

@@ -13,9 +13,13 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.plots.folder import STYLE, branches, column
+from pgfmd.files.regular_files import write_figure
+from pgfmd.plots.drawing import drawing, literal
+from pgfmd.plots.folder import column
 from pgfmd.plots.maps import new_figure
+from pgfmd.plots.thinning import seen
 from pgfmd.results import load
+from pgfmd.results.loop import branches
 
 from .cases import short_names
 from .study_file import Axis
@@ -83,17 +87,15 @@ def colours(count: int) -> list[Any]:
 
 def draw_study(out: Path, rows: Sequence[Row], axes: Sequence[Axis], title: str = "") -> list[Path]:
     """Draw what there is so far; returns the files written. Raises ResultError if one can't be written."""
-    from matplotlib import rc_context
-
     written = []
-    with rc_context(STYLE):
+    with drawing():
         plan = Plan(rows, axes)
         figures = {CURVES: curves_figure(out, plan, title), MEASURES: measures_figure(plan, title)}
         for name, figure in figures.items():
             if figure is None:
                 continue
             try:
-                figure.savefig(out / name)
+                write_figure(out / name, figure)
             except OSError as error:
                 raise ResultError(f"{out / name}: could not be written: {error}") from error
             written.append(out / name)
@@ -139,16 +141,16 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
         axis.set_ylabel("force (mN)" if number % columns == 0 else "")
     _legend(figure, plan, shades, styles)
     if title:
-        figure.suptitle(title, fontsize=9.5)
+        figure.suptitle(literal(title), fontsize=9.5)
     return figure
 
 
 def _draw_curve(axis: Any, curve: Any, colour: Any, style: Any, label: str | None = None) -> None:
     indentation, force = 1e6 * column(curve, "indentation [m]"), 1e3 * column(curve, "force [N]")
-    parts = branches(column(curve, "phase"))
+    parts = branches(column(curve, "displacement [m]"), column(curve, "phase"))
     for name, rows in parts.items():
         look = {"linewidth": 1.3, "label": label} if name == "retraction" else {"linewidth": 0.6}
-        axis.plot(indentation[rows], force[rows], color=colour, linestyle=style, **look)
+        axis.plot(*seen(indentation[rows], force[rows]), color=colour, linestyle=style, **look)
 
 
 def _curve(folder: Path) -> Any | None:
@@ -201,7 +203,7 @@ def measures_figure(plan: Plan, title: str) -> Any | None:
     if any(names):
         figure.legend(handles, names, loc="outside right upper")
     if title:
-        figure.suptitle(title, fontsize=9.5)
+        figure.suptitle(literal(title), fontsize=9.5)
     return figure
 
 

@@ -21,12 +21,13 @@ from pathlib import Path
 from typing import Any
 
 from pgfmd.errors import PgfmdError, ResultError
+from pgfmd.files.regular_files import open_regular
 from pgfmd.files.storage import reason
 from pgfmd.host.processes import cores
 
 STOPPED = 75
 """Exit code of a run that stopped with a checkpoint."""
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGXCPU, signal.SIGUSR1)
 REMIND_AFTER = 3.0
 """Time [s] after which USR1 is sent again: mpirun passes on none that comes before its ranks have started."""
 KILL_AFTER = 15.0
@@ -112,7 +113,7 @@ class Pool:
         command = [*launcher(self.ranks), *program(), *task.arguments]
         try:
             task.log.parent.mkdir(parents=True, exist_ok=True)
-            with open(task.log, "ab") as log:
+            with os.fdopen(open_regular(task.log, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab") as log:
                 line = f"# {time.strftime('%Y-%m-%dT%H:%M:%S%z')}  {shlex.join(command)}\n"
                 log.write(line.encode())
                 log.flush()
@@ -141,7 +142,7 @@ class Pool:
         if self._signals and not self.stopped:
             number = self._signals.pop(0)
             self.stopped = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name.removeprefix("SIG")
-            self.say(f"{self.stopped}: stopping {_jobs(len(self._running))} with a checkpoint after the present step; "
+            self.say(f"{self.stopped}: stopping {_jobs(len(self._running))} with a checkpoint; "
                      "once more ends them at once")  # fmt: skip
             self._reminder = now
         elif self._signals and self._signals.pop(0) in (signal.SIGINT, signal.SIGTERM):

@@ -14,6 +14,7 @@ from pathlib import Path
 import pgfmd
 from pgfmd.errors import PgfmdError, ResultError
 from pgfmd.files import storage
+from pgfmd.files.regular_files import write_atomically
 from pgfmd.host.batch import asked
 
 from .campaign import Campaign, make_folder
@@ -104,7 +105,7 @@ def memory_per_rank(cases: Sequence[Case], ranks: int) -> int:
 def home_of_jobs() -> Path:
     """The folder with pgfmd's sources and its jobs/: $PGFMD_HOME, else where this module is. Raises SlurmError."""
     named = os.environ.get("PGFMD_HOME")
-    home = Path(named).expanduser().resolve() if named else Path(pgfmd.__file__).resolve().parents[1]
+    home = Path(os.path.expanduser(named)).resolve() if named else Path(pgfmd.__file__).resolve().parents[1]
     if not (home / TEMPLATE).is_file():
         raise SlurmError(f"{home / TEMPLATE} is not there: set PGFMD_HOME to the folder with pgfmd's sources")
     return home
@@ -132,7 +133,7 @@ def _split(options: str) -> list[str]:
 def _submitted(command: list[str]) -> str:
     """The number of the array's job."""
     try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", timeout=120)
     except (OSError, subprocess.SubprocessError) as error:
         raise SlurmError(f"sbatch: {error}") from None
     if done.returncode:
@@ -143,6 +144,6 @@ def _submitted(command: list[str]) -> str:
 
 def _write(path: Path, text: str) -> None:
     try:
-        storage.write_atomically(path, text.encode())
+        write_atomically(path, text.encode())
     except OSError as error:
         raise ResultError(f"{path}: could not be written: {storage.reason(error)}") from error

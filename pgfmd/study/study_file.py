@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import difflib
 import os
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pgfmd.errors import PgfmdError, Problem
+from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene.draft import MISSING
 from pgfmd.scene.model import SECTIONS
+from pgfmd.scene.reading import parse_toml
 
 from .values import label_of_value
 
@@ -90,14 +91,16 @@ def read_study(path: str | Path) -> Study:
     """The study in a file, with its problems. Raises StudyError if it can't be read at all."""
     path = Path(path)
     try:
-        mapping = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = read_text(path)
     except FileNotFoundError:
         raise StudyError(str(path), ["there is no such file; docs/studies.md shows how one looks"]) from None
-    except tomllib.TOMLDecodeError as error:
+    except (OSError, ValueError) as error:
+        raise StudyError(str(path), [f"could not be read: {getattr(error, 'strerror', None) or error}"]) from None
+    try:
+        mapping = parse_toml(text)
+    except ValueError as error:
         cure = 'texts, quantities and keys with dots need quotes, such as "drive.speed" = ["1 um/s"]'
         raise StudyError(str(path), [f"not valid TOML: {error}; {cure}"]) from None
-    except (OSError, ValueError) as error:
-        raise StudyError(str(path), [f"could not be read: {error}"]) from None
     return study_from_mapping(mapping, str(path), path.absolute().parent)
 
 
@@ -151,7 +154,7 @@ class _Reader:
         if not isinstance(value, str):
             self.wrong("scene", value, "a file, or the name of a shipped scene", 'for instance scene = "tri-tack"')
             return ""
-        path = self.folder / Path(value).expanduser()
+        path = self.folder / os.path.expanduser(value)
         if path.is_file():
             return str(path)
         if value not in shipped_scenes():
@@ -174,7 +177,7 @@ class _Reader:
     def _at_home(self, name: str, value: Any) -> Any:
         """A value; relative files start at the folder of the study."""
         named = name in FILES and isinstance(value, str)
-        return os.path.normpath(self.folder / Path(value).expanduser()) if named else value
+        return os.path.normpath(self.folder / os.path.expanduser(value)) if named else value
 
     def axes(self, table: Any, common: dict[str, Any]) -> tuple[Axis, ...]:
         axes = []

@@ -11,6 +11,7 @@ from typing import Any
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
+from pgfmd.files.regular_files import write_atomically
 
 from .cases import Case
 from .standing import Standing
@@ -34,9 +35,15 @@ MEASURED = {
     "ranks": "ranks",
     "wall [s]": "wall_s",
     "peak_rss [bytes]": "peak_rss_bytes",
+    "largest_force [N]": "largest_force_N",
+    "time_to_preload [s]": "time_to_preload_s",
+    "pull_off_force_uncertainty [N]": "pull_off_force_uncertainty_N",
+    "snap_in_force_uncertainty [N]": "snap_in_force_uncertainty_N",
+    "work_of_separation_uncertainty [J]": "work_of_separation_uncertainty_J",
+    "work_uncertainty [J]": "work_uncertainty_J",
 }
 """Columns after the axes, and the keys of `run.json` that they hold."""
-OF_LOOP = ("work [J]", "energy_residual [1]")
+OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
 """Columns that mean nothing where the loop is not closed."""
 WHOLE = "detached"
 """How a run finishes whose loop is closed."""
@@ -86,7 +93,7 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
         cells = [*row.places.values(), str(row.standing).splitlines()[0], *row.measured.values()]
         writer.writerow([row.case.name, *("" if cell is None else _plain(cell) for cell in cells)])
     try:
-        storage.write_atomically(path, text.getvalue().encode())
+        write_atomically(path, text.getvalue().encode())
     except OSError as error:
         raise ResultError(f"{path}: could not be written: {storage.reason(error)}") from error
 

@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 
 from paper import HERE
-from pgfmd.analysis.loop import Loop
+from pgfmd.results.loop import Loop
 from pgfmd.parts import confirm
 from pgfmd.results import Results, load
 from pgfmd.scene import load_scene

@@ -31,7 +31,7 @@ from pgfmd.commands.study import say  # noqa: E402
 from pgfmd.errors import PgfmdError, SceneError  # noqa: E402
 from pgfmd.files.storage import RUN_FILE, SCENE_FILE  # noqa: E402
 from pgfmd.forecast.estimate import effort_of  # noqa: E402
-from pgfmd.plots.folder import STYLE  # noqa: E402
+from pgfmd.plots.drawing import STYLE  # noqa: E402
 from pgfmd.scene import load_scene  # noqa: E402
 from pgfmd.study.campaign import Campaign, Unfinished, Wishes  # noqa: E402
 from pgfmd.study.standing import COMPLETE  # noqa: E402

@@ -206,7 +206,7 @@ main(sys.argv[2:])
 
 @pytest.mark.parametrize(
     ("size", "what", "ranks"),
-    [(30_000, "checkpoint.h5.tmp", 1), (80_000, "fields.h5", 1), (30_000, "checkpoint.h5.tmp", 2), (80_000, "fields.h5", 2)],
+    [(30_000, "checkpoint.h5", 1), (80_000, "fields.h5", 1), (30_000, "checkpoint.h5", 2), (80_000, "fields.h5", 2)],
 )
 def test_a_full_disk_ends_the_run_and_more_room_lets_it_go_on(size, what, ranks, tmp_path, undisturbed):
     whole = command(tmp_path, ranks)

@@ -11,7 +11,8 @@ from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 from pgfmd.solver.far_field import FarPoints, far_weights
 from pgfmd.solver.grid import Grid, PunchPoints
-from pgfmd.solver.transform import Convolution, Plane, periodic_multiplier
+from pgfmd.solver.multiplier import periodic_multiplier
+from pgfmd.solver.transform import Convolution, Plane
 
 pytestmark = pytest.mark.mpi
 

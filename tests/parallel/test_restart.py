@@ -239,7 +239,7 @@ def test_a_number_that_is_not_finite_is_named_and_never_becomes_the_newest(comm,
 def test_a_full_disk_leaves_the_checkpoint_of_before(comm, folder, limit):
     checkpoints = Checkpoints(folder, comm)
     checkpoints.save({"state": {"number": 1}}, {"a": np.zeros(9)})
-    with file_size_limit(limit), pytest.raises(ResultError, match="checkpoint.h5.tmp: could not be written"):
+    with file_size_limit(limit), pytest.raises(ResultError, match="checkpoint.h5: could not be written"):
         checkpoints.save({"state": {"number": 2}}, {"a": share_of(np.zeros(10_000), comm)})
     comm.Barrier()
     assert sorted(os.listdir(folder)) == ["checkpoint.h5"]

@@ -10,7 +10,8 @@ from pgfmd.physics.film import Film
 from pgfmd.physics.free_kernel import FreeHalfSpace
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.solver.grid import Grid, PunchPoints
-from pgfmd.solver.transform import Convolution, free_multiplier, periodic_multiplier, plain_pair
+from pgfmd.solver.multiplier import free_multiplier, periodic_multiplier
+from pgfmd.solver.transform import Convolution, plain_pair
 
 pytestmark = pytest.mark.mpi
 

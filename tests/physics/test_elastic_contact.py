@@ -15,7 +15,8 @@ from pgfmd.reference import hertz, jkr, maugis, power_law, tabor, wavy
 from pgfmd.scene import load_scene
 from pgfmd.solver.far_field import far_weights
 from pgfmd.solver.grid import Grid, PunchPoints
-from pgfmd.solver.transform import Convolution, free_multiplier, periodic_multiplier
+from pgfmd.solver.multiplier import free_multiplier, periodic_multiplier
+from pgfmd.solver.transform import Convolution
 
 SPHERE = 10e-3
 TENSION = np.pi * WORK_OF_ADHESION * SPHERE

@@ -96,14 +96,15 @@ def test_compare_lays_a_measurement_over_a_run(tmp_path):
     loop = flat_punch_loop()
     folder = write_folder(tmp_path / "run", loop, "")
     exp = measured(tmp_path / "exp.csv", loop, 38.1e3)
-    done = pgfmd("compare", folder, exp, "--out", tmp_path / "both.png")
+    done = pgfmd("compare", folder, exp, "--machine-stiffness", "38.1kN/m", "--out", tmp_path / "both.png")
     assert done.exit_code == 0, done.exception
     assert imread(tmp_path / "both.png").shape[1] > 500
-    assert value(done.stdout, "machine stiffness") == 38100
+    assert value(done.stdout, "machine stiffness, k_M") == 38100
+    assert re.search(r"^exp +− F/k_M \(38.1 kN/m\) *$", done.stdout, re.MULTILINE)
     assert value(done.stdout, "difference of forces") < 1e-9
-    off = pgfmd("compare", folder, exp, "--machine-stiffness", "inf", "--out", tmp_path / "both.png")
-    assert value(off.stdout, "machine stiffness") == float("inf")
-    assert value(off.stdout, "difference of forces") > 1e-4
+    off = pgfmd("compare", folder, exp, "--out", tmp_path / "both.png")
+    assert re.search(r"^run +as simulated *\nexp +as measured *$", off.stdout, re.MULTILINE)
+    assert "machine" not in off.stdout and value(off.stdout, "difference of forces") > 1e-4
 
 
 def test_compare_of_folders_alone_and_its_refusals(tmp_path):

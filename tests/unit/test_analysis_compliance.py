@@ -11,8 +11,8 @@ from mpi4py import MPI
 from pgfmd.analysis.comparison import fitted_offset, overlay, rms_difference
 from pgfmd.analysis.compliance import corrected_experiment, corrected_simulation, fit_cell_compliance
 from pgfmd.analysis.hysteresis import audit_of, twin_of
-from pgfmd.analysis.loop import Loop
-from pgfmd.analysis.measures import net_work
+from pgfmd.results.loop import Loop
+from pgfmd.results.measures import net_work
 from pgfmd.analysis.scene_differences import differences
 from pgfmd.analysis.tabor import effective_tabor
 from pgfmd.results import load
@@ -66,7 +66,7 @@ def test_the_machine_is_taken_off_and_both_ways_differ_alike():
     ideal = some_loop()
     machine, cell = 38.1e3, 3e3
     measured = ideal.pushed_in_by(ideal.force / machine)
-    np.testing.assert_allclose(corrected_experiment(measured).displacement, ideal.displacement, rtol=0, atol=1e-18)
+    np.testing.assert_allclose(corrected_experiment(measured, machine).displacement, ideal.displacement, rtol=0, atol=1e-18)
     # A run in the cell needs F/k_cc less indentation than the ideal one; either correction brings both together.
     run = ideal.pushed_in_by(-ideal.force / cell)
     for way in ("experiment", "simulation"):

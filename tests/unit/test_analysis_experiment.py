@@ -116,6 +116,6 @@ def test_files_that_are_no_tables(tmp_path):
     (tmp_path / "empty.csv").write_text("\n# nothing\n")
     with pytest.raises(MeasurementError, match="found an empty file"):
         read_experiment(tmp_path / "empty.csv")
-    (tmp_path / "raw.csv").write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(MeasurementError, match="not a text file in UTF-8"):
+    (tmp_path / "raw.csv").write_bytes(b"\x00\x81\xff\x00")
+    with pytest.raises(MeasurementError, match="raw.csv: could not be read: not a text file"):
         read_experiment(tmp_path / "raw.csv")

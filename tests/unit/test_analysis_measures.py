@@ -10,12 +10,12 @@ from small_runs import run
 
 from pgfmd.analysis.bulges import bulges
 from pgfmd.analysis.contact_stiffness import stiffness_at, stiffness_table, unloading_stiffness
-from pgfmd.analysis.loop import Loop
+from pgfmd.results.loop import Loop
 from pgfmd.analysis.low_pass import filtered
-from pgfmd.analysis.measures import dip, measure, net_work, work_of_separation
+from pgfmd.results.measures import dip, measure, net_work, work_of_separation
 from pgfmd.analysis.site_loads import site_loads
 from pgfmd.analysis.summary import analyse
-from pgfmd.analysis.works import net_work_of_rows, separation_of_rows
+from pgfmd.results.works import net_work_of_rows, separation_of_rows
 from pgfmd.reference import flat_punch, hertz
 from pgfmd.results import load
 
@@ -33,7 +33,7 @@ def test_kendalls_punch_has_its_pull_off_force_work_and_stiffness():
     assert found.work_of_separation == pytest.approx(flat_punch.work_of_separation(PUNCH, WORK), rel=1e-6)
     # In and out are the same line down to the pull-off: what is pulled is lost in the jump, w times twice the area.
     assert found.hysteresis == pytest.approx(2 * np.pi * PUNCH**2 * WORK, rel=1e-6)
-    assert found.snap_in is None
+    assert found.snap_in.tension == 0.0 and list(found.landmarks) == ["pull-off"]
     stiffness = 2 * PUNCH * MODULUS
     assert unloading_stiffness(loop).stiffness == pytest.approx(stiffness, rel=1e-9)
     assert [row.stiffness for row in stiffness_table(loop)] == pytest.approx([stiffness] * 7, rel=1e-9)
@@ -99,11 +99,19 @@ def test_bulges_are_found_where_they_were_put():
     # The slope of a Gaussian dip is largest one width behind its middle.
     assert shoulder.displacement == pytest.approx(-4.6e-6, abs=0.1e-6)
     assert [bulge.kind for bulge in bulges(with_dip(0.0))] == ["minimum"]
+    # Nanometres and metres, to which 0.1 um is the whole way, or finer than can be filtered.
+    for scale in (1e-3, 1e5):
+        loop = with_dip(2e-3)
+        minimum, pull_off = bulges(dataclasses.replace(loop, displacement=scale * loop.displacement))
+        assert minimum.displacement == pytest.approx(-5e-6 * scale, abs=0.3e-6 * scale)
+        # To the resolution, 1/50 of the way.
+        assert pull_off.displacement == pytest.approx(2e-6 * scale, abs=0.24e-6 * scale)
 
 
 def test_a_loop_without_tension_or_retraction_says_so():
     found = measure(loop_of([0, -1e-6, -2e-6], [0.0, 1e-3, 2e-3], 3))
-    assert found.pull_off is None and found.work_of_separation is None and found.snap_in is None
+    assert found.pull_off is None and found.work_of_separation is None and found.snap_in.tension == 0.0
+    assert found.preload is None and found.landmarks == {}
     assert found.hysteresis == pytest.approx(2e-9) and found.largest_force == 2e-3
     assert unloading_stiffness(loop_of([0, -1e-6], [0.0, 1e-3], 2)) is None
     assert bulges(loop_of([0, -1e-6, -2e-6], [0.0, 1e-3, 2e-3], 3)) == []
@@ -114,7 +122,12 @@ def test_a_real_run_is_measured_as_it_measured_itself(real):
     found = measure(loop)
     # The turn goes on a little, by a fixed share of the range, which is wide on this grid.
     assert record["preload_N"] <= found.largest_force < 1.05 * record["preload_N"]
-    assert found.pull_off.tension == pytest.approx(record["pull_off_force_N"], rel=0.02)
+    assert (found.pull_off.tension, found.snap_in.tension) == (record["pull_off_force_N"], record["snap_in_force_N"])
+    rows = measure(dataclasses.replace(loop, told={}))
+    assert rows.pull_off.tension == pytest.approx(record["pull_off_force_N"], abs=rows.pull_off.uncertainty)
+    assert rows.snap_in.tension == pytest.approx(record["snap_in_force_N"], abs=rows.snap_in.uncertainty)
+    assert (rows.preload, rows.largest_force) == (record["preload_N"], record["largest_force_N"])
+    assert rows.time_to_preload == pytest.approx(record["time_to_preload_s"], rel=1e-12)
     assert (found.work_of_separation, found.hysteresis) == (record["work_of_separation_J"], record["work_J"])
     assert separation_of_rows(loop) == pytest.approx(record["work_of_separation_J"], rel=0.02)
     at_most = np.max(np.abs(loop.force)) * np.ptp(loop.displacement)
@@ -127,7 +140,9 @@ def test_a_quasi_static_run_is_measured_as_it_measured_itself(changes, tmp_path)
     loop, record = Loop.of(results), results.run
     found = measure(loop)
     assert loop.jump.sum() > 10 and not loop.held
-    assert found.pull_off.tension == pytest.approx(record["pull_off_force_N"], rel=1e-3)
+    assert found.pull_off.tension == record["pull_off_force_N"]
+    rows = measure(dataclasses.replace(loop, told={}))
+    assert rows.pull_off.tension == pytest.approx(record["pull_off_force_N"], rel=1e-3)
     assert separation_of_rows(loop) == pytest.approx(record["work_of_separation_J"], rel=0.02)
     # Rows of smooth parts may be left out; those beside jumps are there.
     at_most = np.max(np.abs(loop.force)) * np.ptp(loop.displacement)

@@ -86,7 +86,7 @@ def test_check_prints_plain_text_into_a_pipe(tmp_path):
 def test_check_writes_warnings_on_one_line_each(tmp_path):
     done = pgfmd_command(["check", "tri-tack", "grid.n=64", "drive.preload=10 N"], tmp_path)
     warnings = [line for line in done.stdout.splitlines() if line.startswith("warning: ")]
-    assert len(warnings) == 2 and "n >= 80" in warnings[0] and warnings[1].endswith("reduce the preload")
+    assert len(warnings) == 4 and "n >= 80" in warnings[0] and warnings[-1].endswith("reduce the preload")
 
 
 def test_check_knows_the_planned_ranks(tmp_path):
@@ -215,12 +215,16 @@ def test_doctor_says_ok_and_fails_with_a_cure(tmp_path):
     assert done.returncode == (1 if "FAIL" in done.stdout else 0)
     lines = done.stdout.splitlines()
     assert any(line.startswith("OK   transform: on 2 ranks") for line in lines)
-    # without mpirun on the path
-    lost = pgfmd_command(["doctor"], tmp_path, PATH=str(tmp_path))
-    assert lost.returncode == 1
-    failures = [line for line in lost.stdout.splitlines() if line.startswith("FAIL")]
-    assert failures[0] == "FAIL mpirun: neither mpirun nor mpiexec is on PATH"
-    assert lost.stdout.count("     cure: ") == len(failures)
+    # Without mpirun on the path runs on one rank work. A file of this folder is not taken for a library.
+    (tmp_path / "numpy.py").write_text("raise SystemExit('mine')")
+    # Open MPI wants one even where it starts nothing.
+    (tmp_path / "ssh").write_text("#!/bin/sh\n")
+    (tmp_path / "ssh").chmod(0o755)
+    lost = pgfmd_command(["doctor"], tmp_path, PATH=str(tmp_path), PYTHONSAFEPATH="1")
+    assert lost.returncode == 0, lost.stdout
+    amiss = [line for line in lost.stdout.splitlines() if line.startswith("NOTE")]
+    assert "NOTE mpirun: neither mpirun nor mpiexec is on PATH: runs on one rank only" in amiss
+    assert "OK   transform: on 1 rank as NumPy's" in lost.stdout and lost.stdout.count("     cure: ") == len(amiss)
 
 
 def test_the_package_is_light_and_lazy(tmp_path):

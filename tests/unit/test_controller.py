@@ -9,7 +9,7 @@ from pgfmd.errors import RunError
 from pgfmd.physics.drive import PRELOAD, Phase
 from pgfmd.solver.controller import ENERGY_CUT, MOST_REPEATS, Controller, StepLimits
 from pgfmd.solver.extrapolation import integral
-from pgfmd.solver.preload_search import PRELOAD_TOLERANCE
+from pgfmd.solver.preload_search import PRELOAD_TOLERANCE, Bracket
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import Change, Trial
 
@@ -38,6 +38,12 @@ class Surface:
 
     def accept(self, state, trial):
         self.accepted.append(trial)
+
+    def require_preload(self, state, trial, slack):
+        assert abs(trial.force) < math.inf and slack > 0.0
+
+    def advice(self, state, trial):
+        return "Give it up."
 
 
 def controller(scheme, attractive=True, preload=1.0):
@@ -88,9 +94,17 @@ def test_without_attraction_nothing_jumps():
 
 def test_a_surface_without_equilibrium_is_an_error_and_not_a_hang():
     scheme = Surface(lambda step: math.inf)
-    with pytest.raises(RunError, match="no equilibrium"):
+    with pytest.raises(RunError, match="no equilibrium.*Give it up"):
         controller(scheme).advance(state(0.1), RETRACT)
     assert len(scheme.tried) <= Controller.largest_try_count
+
+
+def test_steps_are_not_cut_to_less_than_time_can_tell():
+    scheme, here, hold = Surface(lambda step: math.inf), state(0.1), Phase("dwell", 0.0, 0.0, 10.0)
+    here.elapsed = 1.0
+    with pytest.raises(RunError, match="no equilibrium"):
+        Controller(scheme, StepLimits(TOLERANCE, RANGE, math.inf, True), 1.0).advance(here, hold)
+    assert 1e-18 < min(scheme.tried) < 1e-16
 
 
 def test_a_step_whose_energies_do_not_balance_is_taken_again_and_shorter():
@@ -124,3 +138,22 @@ def test_the_integral_of_a_parabola_times_a_line_is_exact():
     product = np.polynomial.Polynomial([2.0, -3.0, 5.0]) * np.polynomial.Polynomial([0.3, -1.7])
     found = integral(times, [value(t) for t in times], factor, span)
     assert found == pytest.approx(product.integ()(span), rel=1e-14)
+
+
+@pytest.mark.parametrize("preload", [1e-3, 1e-9, 1e-14])
+def test_a_preload_that_is_tiny_beside_a_step_is_met(preload):
+    bracket, step = Bracket(0.0, -preload), 1.0
+    excess = step + 0.3 * step**2 - preload
+    for _ in range(60):
+        step = bracket.narrow(step, excess)
+        excess = step + 0.3 * step**2 - preload
+        if abs(excess) <= 1e-4 * preload:
+            break
+    assert abs(excess) <= 1e-4 * preload
+
+
+def test_a_force_that_jumps_over_the_preload_ends_the_search():
+    bracket, step, tries = Bracket(0.0, -1.0), 1.0, 0
+    while step is not None:
+        tries, step = tries + 1, bracket.narrow(step, step - 1.0 if step < 0.37 else 5.0 + step)
+    assert tries < 40 and bracket.low < 0.37 <= bracket.high and bracket.high - bracket.low < 1e-6

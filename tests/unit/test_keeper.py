@@ -15,7 +15,7 @@ STEP, SAVE = 0.5, 4.0
 
 
 class Signals:
-    stop, patience = 0, 6.0
+    stop, patience, asked = 0, 6.0, False
 
     def take_save(self):
         return False
@@ -127,3 +127,21 @@ def test_ranks_have_patience_for_long_steps(monkeypatch):
     run.now += 10.0
     run.step()
     assert run.signals.patience == pytest.approx(4.0 * 10.5)
+
+
+def test_a_step_is_waited_for_as_long_as_the_limit_allows(monkeypatch):
+    run = Run(monkeypatch, Timing(every=math.inf, limit=1200.0, whose="Slurm job 4711"))
+    run.keeper.attend(run.simulation)
+    run.step()
+    # Three checkpoints, and 3 % of the time that there was; but no three steps.
+    latest = 1200.0 - 6.0 - 3.0 * run.keeper._longest_save
+    run.now = latest - 0.01
+    assert not run.keeper.interrupts()
+    run.now = latest + 0.01
+    assert run.keeper.interrupts()
+    run.keeper.comm.rank = 1
+    assert not run.keeper.interrupts()
+    run.signals.asked = True
+    assert run.keeper.interrupts()
+    run.keeper.comm.rank, run.signals.asked = 0, False
+    assert run.step() and run.keeper.why == run.saves[-1][2] == "the limit of time (Slurm job 4711)"

@@ -281,7 +281,8 @@ def test_advance_branches_and_energy(points, elements, count, rng):
     kernels.advance_branches_and_energy(phi, psi, *weights, False, points.offset, foreseen)
     assert np.array_equal(phi, before[0]) and np.array_equal(psi, before[1])
     kernels.advance_branches_and_energy(phi, psi, *weights, True, points.offset, rows)
-    np.testing.assert_array_equal(foreseen, rows)
+    # To rounding: without writing, a processor may sum more numbers of a row at a time.
+    close(foreseen, rows, 1e3)
     close(phi, new_phi, 10.0)
     close(psi, new_psi, 10.0)
     close(rows[0], row_sums(stored, points), 1e3)

@@ -10,8 +10,9 @@ from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.physics.free_kernel import FreeHalfSpace
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.solver.multiplier import free_multiplier, periodic_multiplier
 from pgfmd.solver.newton import NewtonSolver
-from pgfmd.solver.transform import Convolution, free_multiplier, periodic_multiplier
+from pgfmd.solver.transform import Convolution
 
 MODULUS, GAMMA, LENGTH = 2.65e6, 0.05, 100e-6
 RANGE = 0.5e-6

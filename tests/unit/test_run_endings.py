@@ -7,10 +7,12 @@ import pytest
 from mpi4py import MPI
 from small_runs import SCENE, run
 
-from pgfmd.commands.run import _summary
+from pgfmd.commands.run import _missed_preload, _summary
 from pgfmd.errors import ResultError
 from pgfmd.files.curve_file import CURVE_COLUMNS
 from pgfmd.results import load
+from pgfmd.results.loop import Loop
+from pgfmd.results.measures import measure
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
@@ -48,12 +50,16 @@ def test_before_the_preload_nothing_has_been_pulled(tmp_path):
 def test_the_preload_counts_once_it_is_met_and_the_pull_off_once_the_punch_goes_up(tmp_path):
     curve = load(run(tmp_path / "whole")).curve
     turn, retract = (int((curve["phase"] == phase).argmax()) for phase in ("turn", "retract"))
-    for steps, known in ((turn - 1, (True, False)), (retract - 1, (True, False)), (retract, (True, True))):
+    # Past the middle of the turn it goes up already.
+    for steps, known in ((turn - 1, (True, False)), (retract - 1, (True, True)), (retract, (True, True))):
         record = record_of(run(tmp_path / f"run-{steps}", f"solver.max_steps={steps}"))
         assert record["steps"] == steps
         found = tuple(record[key] is not None for key in ("preload_N", "pull_off_force_N"))
         assert found == known, steps
         assert (record["work_of_separation_J"] is None) == (record["pull_off_force_N"] is None)
+        measures = measure(Loop.of(load(tmp_path / f"run-{steps}")))
+        assert (measures.preload, measures.pull_off is not None) == (record["preload_N"], known[1])
+        assert measures.work_of_separation == record["work_of_separation_J"]
 
 
 def test_the_table_of_a_study_has_empty_cells(tmp_path):
@@ -135,3 +141,9 @@ def test_a_foreign_record_is_refused(text, tmp_path):
     with pytest.raises(ResultError, match="run.json: damaged: it does not say how a run has finished"):
         started(tmp_path)
     assert (tmp_path / "run.json").read_text() == text
+
+
+def test_a_preload_that_was_not_met_is_told():
+    assert _missed_preload(RECORD | {"preload_N": 1.001e-3}, 1e-3) == [] == _missed_preload(RECORD | {"preload_N": None}, 1e-3)
+    (text,) = _missed_preload(RECORD | {"preload_N": 1.3e-3}, 1e-3)
+    assert "0.0013 N instead of 0.001 N" in text and "drive.preload" in text

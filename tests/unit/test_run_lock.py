@@ -314,7 +314,7 @@ def test_a_folder_that_cannot_be_written(tmp_path):
 
 
 def test_what_was_left_behind_is_removed(tmp_path):
-    old, new = tmp_path / f"{LOCK_FILE}.old.tmp", tmp_path / f"{LOCK_FILE}.new.tmp"
+    old, new = (tmp_path / f"{LOCK_FILE}.{digit * 32}.tmp" for digit in "0f")
     for file in (old, new):
         file.write_text("")
     os.utime(old, (0, 0))

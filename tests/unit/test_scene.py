@@ -284,7 +284,7 @@ def test_overrides_can_not_smuggle_in_other_keys():
     ("content", "words"),
     [
         (b"[grid]\nn = 3 um\n", "line 2"),
-        (b"\xff\xfe", "UTF-8"),
+        (b"\xff\x00\x81", "not a text file"),
         (b"[grid]\n[grid]\n", "valid TOML"),
         (None, "tri-tack"),
     ],

@@ -381,7 +381,7 @@ def test_no_forecast_where_nothing_can_be_said():
 def test_status_says_so_if_the_scene_cannot_be_read(stopped, monkeypatch):
     from pgfmd.results import status
 
-    def refuse(text):
+    def refuse(text, **options):
         raise SceneError("scene", [Problem("punch.file", "/gone.npy", "a file that exists")])
 
     monkeypatch.setattr(status, "parse_scene", refuse)

@@ -11,7 +11,7 @@ import pytest
 
 from pgfmd import cli
 from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
-from pgfmd.scene import load_scene
+from pgfmd.scene import load_scene, shipped_text
 from pgfmd.study.cases import cases_of
 from pgfmd.study.study_file import read_study
 
@@ -141,3 +141,28 @@ def test_no_sbatch_and_no_job_scripts(folder, capsys, monkeypatch):
     assert code == 5 and "set PGFMD_HOME" in complaints
     code, _, complaints = submitted(capsys, "--dry-run", "--sbatch-options", "'")
     assert code == 5
+
+
+def test_nothing_in_the_file_of_cases_is_carried_out(folder, capsys):
+    submitted(capsys, "--dry-run")
+    out = folder / "my work" / "out" / "speeds"
+    (out / "cases.txt").write_text(
+        "# cases\n\na x.toml \"drive.speed=1 um/s\" 'it'\"'\"'s' b\\ c $(touch PWNED) `touch PWNED` ; $HOME & *\n'open\n"
+    )
+    words = in_bash(out, 1)
+    assert words[:4] == ["x.toml", "drive.speed=1 um/s", "it's", "b c"]
+    assert words[4:] == ["$(touch", "PWNED)", "`touch", "PWNED`", ";", "$HOME", "&", "*", "--out", str(out / "a")]
+    assert not (folder / "my work" / "PWNED").exists()
+    with pytest.raises(AssertionError, match="case 2 can't be read"):
+        in_bash(out, 2)
+
+
+@pytest.mark.parametrize("sign", ["\n", "\t", "\x1b", "\x7f", "\x85"])
+def test_control_characters_reach_no_script(sign, folder, capsys):
+    scene = f"s{sign}x $(touch PWNED).toml"
+    (folder / "my work" / scene).write_text(shipped_text("tri-tack"))
+    quoted = scene.encode("unicode_escape").decode().replace("\\x", "\\u00")
+    (folder / "my work" / "speeds.toml").write_text(STUDY.replace('"tri-tack"', f'"{quoted}"'))
+    code, _, complaints = submitted(capsys, "--dry-run")
+    assert code == 2 and "no line feed nor any other control character" in complaints
+    assert not (folder / "my work" / "out").exists()

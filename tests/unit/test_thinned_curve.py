@@ -8,7 +8,7 @@ import pytest
 from mpi4py import MPI
 from small_runs import SCENE, run
 
-from pgfmd.analysis.loop import Loop
+from pgfmd.results.loop import Loop
 from pgfmd.analysis.summary import analyse
 from pgfmd.results import load
 from pgfmd.runner import Options, run_scene

@@ -1,6 +1,7 @@
 """Quantities with units: what is read, to the last bit, and what is refused with which words."""
 
 import math
+import re
 import subprocess
 import sys
 
@@ -8,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pgfmd.units import DIMENSIONS, UnitError, format_quantity, parse_quantity
+from pgfmd.units import DIMENSIONS, UnitError, format_quantity, handy_quantity, parse_quantity
 
 FIXED = settings(derandomize=True, database=None, deadline=None)
 LENGTHS = {"m": 0, "mm": -3, "um": -6, "µm": -6, "μm": -6, "nm": -9, "km": 3}
@@ -125,3 +126,77 @@ def test_any_text_is_either_read_or_refused_in_our_words(text):
 def test_pint_is_not_imported_before_a_quantity_is_read():
     code = "import sys, pgfmd.units; assert 'pint' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+# Hints ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "hint"),
+    [
+        ("375 Um", "length", 'did you mean "um"?'),
+        ("375 UM", "length", 'did you mean "um"?'),
+        ("40 Mn", "force", 'did you mean "mN" or "MN"?'),
+        ("2 mpa", "modulus", 'did you mean "MPa" or "mPa"?'),
+        ("1 µm/S", "speed", 'did you mean "um/s"?'),
+        ("1 M", "length", 'did you mean "m"?'),
+        ("5 1/MM", "wavenumber", 'did you mean "1/mm"?'),
+        ("2 Mega", "modulus", 'the unit "Mega" is not known'),
+        ("0,5 um/s", "speed", '"0.5 um/s"'),
+        ("1,5", "length", 'write a decimal point, "1.5"'),
+        ("50 mJ/m2", "energy per area", 'write powers with ^, as in "J/m^2"'),
+    ],
+)
+def test_a_hint_names_a_unit_of_the_dimension_that_is_wanted(text, dimension, hint):
+    with pytest.raises(UnitError) as error:
+        parse_quantity(text, dimension)
+    assert hint in error.value.cure
+    named = re.findall(r'"([^"]+)"', error.value.cure.partition("did you mean")[2])
+    assert all(unit in DIMENSIONS[dimension].usual for unit in named)
+
+
+@pytest.mark.parametrize("dimension", DIMENSIONS)
+def test_the_usual_units_are_of_their_dimension(dimension):
+    for unit in DIMENSIONS[dimension].usual:
+        assert parse_quantity(f"1 {unit}", dimension) > 0
+    assert DIMENSIONS[dimension].unit in DIMENSIONS[dimension].usual
+
+
+@pytest.mark.parametrize("text", ["1 dB", "3 dBm", "1 Np", "7 pH", "2 decade", "1 octave", "20 degC", "1 delta_degF"])
+@pytest.mark.parametrize("dimension", ["length", "force"])
+def test_units_of_logarithms_and_temperatures_are_refused(text, dimension):
+    with pytest.raises(UnitError):
+        parse_quantity(text, dimension)
+
+
+@pytest.mark.parametrize("text", ["1e400 m", "1e99999999999999999999 m", "-1e99999999999999999999 m"])
+def test_a_number_that_is_too_large_is_not_infinite(text):
+    with pytest.raises(UnitError, match="finite number"):
+        parse_quantity(text, "length")
+
+
+def test_a_number_that_is_too_small_is_zero():
+    assert parse_quantity("1e-99999999999999999999 m", "length") == parse_quantity("1e-400 m", "length") == 0.0
+
+
+@pytest.mark.parametrize(
+    ("value", "dimension", "text"),
+    [
+        (375e-6, "length", "375 um"),
+        (999.9996e-6, "length", "1 mm"),
+        (-3e-7, "length", "-300 nm"),
+        (4.0, "length", "4 m"),
+        (0.0, "length", "0 m"),
+        (1e-15, "length", "0.001 pm"),
+        (1e16, "modulus", "1e+04 TPa"),
+        (5e-2, "energy per area", "50 mJ/m^2"),
+        (15700.0, "angular frequency", "1.57e+04 rad/s"),
+        (2.5e-5, "speed", "25 um/s"),
+        (60.0, "time", "60 s"),
+        (7200.0, "time", "2 h"),
+        (4e6, "time", "46.3 days"),
+        (math.inf, "time", "inf s"),
+    ],
+)
+def test_messages_show_the_unit_that_a_person_would_use(value, dimension, text):
+    assert handy_quantity(value, dimension) == text

@@ -348,5 +348,5 @@ def test_the_command_ends_in_4_if_anything_is_wrong(stopped, finished, tmp_path,
 @pytest.mark.parametrize("name", ["time", "punch_position", "force", "label"])
 def test_a_changed_number_or_label_of_a_snapshot_is_found(name, finished):
     with open_serial(finished / "fields.h5", "r+") as file:
-        file[name][1] = b"elsewhere" if name == "label" else np.nextafter(file[name][1], 1.0)
+        file[name][1] = file[name][0] if name == "label" else np.nextafter(file[name][1], 1.0)
     assert "changed: numbers or label of snapshot 1;" in wrong(finished)["fields.h5"]

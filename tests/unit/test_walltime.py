@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from pgfmd.commands import run as run_command
 from pgfmd.host import batch
 from pgfmd.host.walltime import end_of_job, seconds_of
 from pgfmd.units import UnitError
@@ -97,6 +98,19 @@ def test_slurm_is_asked(answer, end, systems, monkeypatch):
     monkeypatch.setenv("SLURM_JOB_ID", "77")
     assert end_of_job() == end
     assert "--jobs=77" in asked.read_text()
+
+
+@pytest.mark.parametrize(("answer", "end"), [("2000000000", 2e9), ("NONE", 1.6e9)])
+def test_an_end_that_has_passed_is_asked_for_again(answer, end, systems, monkeypatch, capsys):
+    """A job may get more time while it runs; a shell may outlive its job, and keep what it was told."""
+    asked = systems("squeue", answer)
+    monkeypatch.setenv("SLURM_JOB_ID", "77")
+    monkeypatch.setenv("SLURM_JOB_END_TIME", "1600000000")
+    assert end_of_job() == end and asked.exists()
+    heeded = run_command._end_of_job()
+    assert heeded == (end if end > time.time() else None)
+    said = capsys.readouterr().out
+    assert ("warning: the time of Slurm job 77 was over 2020-09-1" in said) == (heeded is None)
 
 
 def test_a_task_of_an_array_asks_for_itself_alone(systems, monkeypatch):

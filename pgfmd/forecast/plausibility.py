@@ -1,0 +1,242 @@
+"""Numbers of a scene that make no sense together, as a wrong unit leaves them: 4 m for 4 um. No MPI.
+
+Such a scene can be computed, and its result looks like any other. So what is far beyond the assumptions of the model,
+linear elasticity with small slopes without inertia, is warned of, with the value in the unit that a person would use.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgfmd.parts import topography_of
+from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.physics.topography import height_map
+from pgfmd.scene.model import SECTIONS
+from pgfmd.units import handy_quantity as shown
+
+STEEPEST = 1.0
+"""Slope of a face, 45 degrees, beyond which nothing is left of small slopes."""
+LARGE_SHARE = 0.2
+"""Share of the punch's radius that lengths of the adhesion stay far below: the range, and gamma/E*."""
+DENSITY = 1e3
+"""Density [kg/m^3] of any elastomer, for its speed of sound."""
+ATOM = 1e-10
+"""Length [m] below which there is no continuum."""
+SAMPLES, DIFFERENCE = 2**14, 1e-3
+"""At how many points a pattern is looked at, and the step of the differences, in wavelengths or radii."""
+UNREAD = {
+    "gfmd": {"solver.accuracy": "its steps are those of [solver.gfmd]", "solver.order": "it is of order 2"},
+    "quasistatic": {"solver.order": "it follows equilibria", "drive.dwell": "time does not count"},
+}
+"""Keys without an effect by scheme, and why."""
+WHOLE = 1e-6
+"""Relative misfit of a map's size and the cell that rounding explains."""
+
+
+@dataclass(frozen=True)
+class Face:
+    """The punch's lower face: relief [m], from its highest to its lowest point, and the steepest slope."""
+
+    relief: float
+    slope: float
+
+
+def warnings(scene) -> Iterator[str]:
+    """What can't be meant in a scene whose files are there."""
+    for rule in (_face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing, _unread):
+        yield from rule(scene)
+
+
+def face_of(scene) -> Face:
+    """Relief and slope of the scene's punch. Raises ValueError, OSError for a map that can't be used."""
+    stamp = None
+    if scene.punch.file is not None:
+        found = os.stat(scene.punch.file)
+        stamp = found.st_mtime_ns, found.st_size
+    return _face_of(scene.punch, scene.grid, stamp)
+
+
+@functools.lru_cache(maxsize=1)
+def _face_of(punch, grid, stamp) -> Face:
+    """stamp: what tells that a map has been written anew."""
+    return _map_face(punch, grid) if punch.pattern == "file" else _pattern_face(punch, grid)
+
+
+def _map_face(punch, grid) -> Face:
+    """From all pixels under the punch. Where the grid is coarser than the map, it sees their steps spread out."""
+    topography = topography_of(punch)
+    found = height_map(topography)
+    spacing = grid.length / grid.n
+    (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
+    x = (np.arange(count_x) + 0.5) * (size_x / count_x) - 0.5 * size_x
+    y = (np.arange(count_y) + 0.5) * (size_y / count_y) - 0.5 * size_y
+    heights = found.heights
+    if math.isfinite(punch.curvature_radius):
+        heights = heights + (x**2 + y[:, None] ** 2) / (2.0 * punch.curvature_radius)
+    if punch.radius is not None:
+        # With the pixels around, between which the rim lies.
+        rim = punch.radius + math.hypot(*found.pixel)
+        heights = np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
+    elif found.periodic:
+        heights = np.pad(heights, ((0, 1), (0, 1)), mode="wrap")
+    pixel_x, pixel_y = found.pixel
+    along_x = np.abs(np.diff(heights, axis=1)) / max(pixel_x, spacing)
+    along_y = np.abs(np.diff(heights, axis=0)) / max(pixel_y, spacing)
+    slope = max(_largest(along_x), _largest(along_y), _largest(np.hypot(along_x[:-1], along_y[:, :-1])))
+    return Face(_largest(heights) + _largest(-heights), slope)
+
+
+def _largest(values) -> float:
+    """The largest number that is there; 0 where there is none."""
+    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
+
+
+def _pattern_face(punch, grid) -> Face:
+    """From points that are spread over the outline without a period of their own (Roberts' R2 sequence), its centre and
+    its rim."""
+    reach = punch.radius if punch.radius is not None else 0.5 * grid.length
+    share = np.array([[0.7548776662466927], [0.5698402909980532]]) * np.arange(1, SAMPLES + 1) % 1.0
+    x, y = reach * (2.0 * share - 1.0)
+    if punch.radius is not None:
+        inside = np.hypot(x, y) <= reach
+        x, y = x[inside], y[inside]
+    x, y = np.append(x, [0.0, reach, -reach, 0.0, 0.0]), np.append(y, [0.0, 0.0, 0.0, reach, -reach])
+    step = DIFFERENCE * min(reach, punch.wavelength or math.inf)
+    moved = np.stack([x, x + step, x - step, x, x]), np.stack([y, y, y, y + step, y - step])
+    here, right, left, above, below = topography_of(punch).heights(*moved)
+    slope = np.hypot(right - left, above - below).max() / (2.0 * step)
+    return Face(float(np.ptp(here)), float(slope))
+
+
+def _scale(scene) -> tuple[float, str]:
+    """The length [m] that others are compared with, and what it is."""
+    if scene.punch.radius is not None:
+        return scene.punch.radius, "the punch's radius"
+    return 0.5 * scene.grid.length, "half of the cell"
+
+
+def _face(scene) -> Iterator[str]:
+    punch, face, (scale, what) = scene.punch, face_of(scene), _scale(scene)
+    relief = shown(face.relief, "length")
+    keys = {"punch.file": punch.file, "punch.amplitude": punch.amplitude, "punch.layer_step": punch.layer_step}
+    where = next((key for key, value in keys.items() if value), "punch.curvature_radius")
+    if face.slope > STEEPEST or face.relief > scale:
+        unit = "a map's heights are read in metres" if punch.pattern == "file" else "look at the units of [punch]"
+        yield (
+            f"{where}: from its lowest to its highest point the face rises by {relief}, "
+            f"{face.relief / scale:.2g} times {what}, and its steepest slope is {face.slope:.2g} (1 is 45 degrees); "
+            f"linear elasticity of small slopes does not hold there: {unit}"
+        )
+    elif 0.0 < face.relief < ATOM:
+        yield f"{where}: from its lowest to its highest point the face rises by {relief}, less than an atom: it is flat"
+
+
+def _map_fits_the_cell(scene) -> Iterator[str]:
+    """A map that fills the cell is repeated over the plane, the cell as well."""
+    punch, length = scene.punch, scene.grid.length
+    if punch.pattern != "file" or punch.radius is not None:
+        return
+    size = height_map(topography_of(punch)).size
+    if any(abs(length / side - max(round(length / side), 1)) > WHOLE * length / side for side in size):
+        sides = " x ".join(shown(side, "length") for side in size)
+        yield (
+            f"punch.file: the map, {sides}, does not fit into the cell, {shown(length, 'length')}, a whole number "
+            "of times: the face has a step at the border of the cell; "
+            "set grid.length to the map's size, or give punch.radius"
+        )
+
+
+def _range(scene) -> Iterator[str]:
+    adhesion, (scale, what), thickness = scene.adhesion, _scale(scene), scene.substrate.thickness
+    if thickness < scale:
+        scale, what = thickness, "the film's thickness"
+    if adhesion.range <= LARGE_SHARE * scale:
+        return
+    modulus = scene.substrate.contact_modulus
+    own = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, adhesion.q_ref)
+    cure = "look at its unit"
+    if math.isclose(own, adhesion.range, rel_tol=1e-9):
+        cure = (
+            f"it follows from work_of_adhesion = {shown(adhesion.work_of_adhesion, 'energy per area')}, "
+            f"E* = {shown(modulus, 'modulus')} and the grid: look at their units"
+        )
+    yield (
+        f"adhesion.range is {shown(adhesion.range, 'length')}, {adhesion.range / scale:.2g} times {what}: the "
+        f"whole contact lies within it; {cure}"
+    )
+
+
+def _tightness(scene) -> Iterator[str]:
+    """gamma/E*, about how far adhesion pulls the surface out."""
+    adhesion, (scale, what) = scene.adhesion, _scale(scene)
+    modulus = scene.substrate.contact_modulus
+    length = adhesion.work_of_adhesion / modulus
+    if adhesion.law == "cosine" and length > LARGE_SHARE * scale:
+        yield (
+            f"adhesion.work_of_adhesion: gamma/E* = {shown(adhesion.work_of_adhesion, 'energy per area')} / "
+            f"{shown(modulus, 'modulus')} = {shown(length, 'length')} is {length / scale:.2g} times "
+            f"{what}: adhesion would draw the surface out as far; look at the units of both"
+        )
+
+
+def _speed(scene) -> Iterator[str]:
+    """Speeds beyond that of sound: inertia would count. Where time does not count, speeds do not."""
+    drive = scene.drive
+    sound = math.sqrt(scene.substrate.contact_modulus / DENSITY)
+    if scene.solver.scheme == "quasistatic":
+        return
+    for key, speed in (("drive.speed", drive.speed), ("drive.retract_speed", drive.retract_speed)):
+        if speed > sound and not (key == "drive.retract_speed" and speed == drive.speed):
+            yield (
+                f"{key} = {shown(speed, 'speed')} is beyond the speed of sound in the relaxed elastomer, about "
+                f"{shown(sound, 'speed', 2)}: inertia, which is left out, would count; look at its unit"
+            )
+
+
+def _pressure(scene) -> Iterator[str]:
+    """Preloads that press the elastomer together, wherever they are not warned of by their indentation."""
+    punch, substrate, modulus = scene.punch, scene.substrate, scene.substrate.contact_modulus
+    if punch.radius is not None and not math.isfinite(substrate.thickness) and not substrate.compliance_file:
+        return
+    area = math.pi * punch.radius**2 if punch.radius is not None else scene.grid.length**2
+    pressure = scene.drive.preload / area
+    if pressure > modulus:
+        yield (
+            f"drive.preload = {shown(scene.drive.preload, 'force')} is a mean pressure of "
+            f"{shown(pressure, 'modulus')} under the punch, above E* = {shown(modulus, 'modulus')}: "
+            "linear elasticity does not hold there; look at its unit"
+        )
+
+
+def _clearance(scene) -> Iterator[str]:
+    clearance, (scale, what) = scene.drive.clearance, _scale(scene)
+    if clearance > max(scale, scene.adhesion.range):
+        yield (
+            f"drive.clearance: the punch starts {shown(clearance, 'length')} above the surface, "
+            f"{clearance / scale:.2g} times {what}, and takes {shown(clearance / scene.drive.speed, 'time')} to come "
+            "down; look at its unit"
+        )
+
+
+def _spacing(scene) -> Iterator[str]:
+    spacing = scene.grid.length / scene.grid.n
+    if spacing < ATOM:
+        yield (
+            f"grid.length: points of the grid are {shown(spacing, 'length')} apart, less than an atom, where no "
+            "continuum is left; look at its unit"
+        )
+
+
+def _unread(scene) -> Iterator[str]:
+    """Keys that ask for what the scheme does not do."""
+    scheme = scene.solver.scheme
+    for dotted, why in UNREAD.get(scheme, {}).items():
+        section, _, name = dotted.rpartition(".")
+        if getattr(scene.section(section), name) != SECTIONS[section].model_fields[name].default:
+            yield f"{dotted} has no effect, as {why} with solver.scheme = \"{scheme}\": leave it out"

@@ -1,0 +1,128 @@
+"""Launchers and what ranks do under them, for the doctor: whose MPI an mpirun is, and Python on two ranks of it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+
+TIME_LIMIT = 60.0
+"""Time [s] that anything may take."""
+_LAUNCHER_PREFIXES = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "HYDRA_", "HYDI_")
+_MAKERS = {
+    "Open MPI": ("Open MPI", "OpenRTE", "PRRTE"), "Intel MPI": ("Intel",), "MVAPICH": ("MVAPICH",),
+    "MPICH": ("MPICH", "HYDRA"),
+}  # fmt: skip
+"""Makers of MPIs, and words by which their libraries and launchers give themselves away."""
+
+
+class Trouble(Exception):
+    """A check that failed: what is wrong, and a cure."""
+
+    stops = True
+
+    def __init__(self, what: str, cure: str):
+        super().__init__(what)
+        self.cure = cure
+
+
+class Lack(Trouble):
+    """Something without which runs work, if less well."""
+
+    stops = False
+
+
+def launcher() -> str | None:
+    """The path of mpirun, or of mpiexec; None where neither is there."""
+    return shutil.which("mpirun") or shutil.which("mpiexec")
+
+
+def library_of(mpi) -> str:
+    """Maker and version of an MPI library."""
+    return mpi.Get_library_version().splitlines()[0].split(",")[0].strip("\0 ")
+
+
+def mpi_of_mpi4py() -> str:
+    """Maker and version of the MPI that mpi4py uses."""
+    import mpi4py
+
+    mpi4py.rc.initialize = False
+    from mpi4py import MPI
+
+    return library_of(MPI)
+
+
+def mpi_of_launcher(path: str) -> str:
+    """Maker and version of an mpirun, as it says itself."""
+    try:
+        done = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=TIME_LIMIT, errors="replace")
+    except (OSError, subprocess.SubprocessError):
+        return "an unknown MPI"
+    maker = maker_of(done.stdout)
+    version = re.search(r"\d+(\.\d+)+", done.stdout)
+    return f"{maker} {version[0]}" if maker and version else maker or "an unknown MPI"
+
+
+def maker_of(text: str) -> str:
+    """Whose MPI a text is about; empty where that is not known."""
+    return next((maker for maker, words in _MAKERS.items() if any(word in text for word in words)), "")
+
+
+def on_ranks(path: str | None, arguments: list[str]) -> str:
+    """Standard output of Python on two ranks under this mpirun, on one without. Raises Trouble if that fails or takes
+    too long. Python does not look for modules in the current folder: a numpy.py there is no matter of ours."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(_LAUNCHER_PREFIXES)}
+    # A user's own settings of Open MPI count; what a surrounding mpirun left behind does not.
+    environment |= {name: value for name, value in os.environ.items() if name.startswith("OMPI_MCA_rmaps")}
+    environment |= {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "OMP_NUM_THREADS": "1",
+    }
+    start = [path, "-n", "2"] if path else []
+    ranks = f"{path}: two ranks" if path else "one rank"
+    command = [*start, sys.executable, "-P", *arguments]
+    with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as complaints:
+        process = subprocess.Popen(
+            command, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=complaints, start_new_session=True
+        )
+        try:
+            code = process.wait(timeout=TIME_LIMIT)
+        except subprocess.TimeoutExpired:
+            _end(process)
+            raise Trouble(
+                f"{ranks} did not finish within {TIME_LIMIT:.0f} s",
+                "check mpirun's network settings and host names",
+            ) from None
+        output.seek(0)
+        complaints.seek(0)
+        if code:
+            by_hand = shlex.join([*start, sys.executable, "-P", "-m", "mpi4py.bench", "helloworld"])
+            complaint = _gist(complaints.read())
+            raise Trouble(f"{ranks} ended with code {code}: {complaint}", f"try it by hand: {by_hand}")
+        return output.read()
+
+
+def _gist(complaint: str) -> str:
+    """The line that says most: what a traceback ends in, else the first one."""
+    lines = [line.strip() for line in complaint.splitlines() if line.strip(" -")]
+    if any(line.startswith("Traceback") for line in lines):
+        start = next(k for k, line in enumerate(lines) if line.startswith("Traceback"))
+        raised = [line for line in lines[start:] if re.match(r"[\w.]+(Error|Exception|Exit|Interrupt)\b", line)]
+        lines = raised[:1] or lines
+    return lines[0] if lines else "no message"
+
+
+def _end(process: subprocess.Popen) -> None:
+    """Ends mpirun, which then ends its ranks; the hard way if it does not."""
+    process.terminate()
+    try:
+        process.wait(timeout=5.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

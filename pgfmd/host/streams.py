@@ -1,0 +1,116 @@
+"""Standard streams that are closed, full, without a reader, or know fewer letters than what is said: what they can't take
+must not end a command. No MPI."""
+
+from __future__ import annotations
+
+import codecs
+import contextlib
+import os
+import sys
+
+from pgfmd.errors import ResultError
+from pgfmd.files.storage import reason
+
+_NAMES = ("stdin", "stdout", "stderr")
+FORGIVING = "pgfmd.forgiving"
+"""Handler of letters that an encoding lacks: a byte of a file's name that is no text goes out as it is, others as
+`?`."""
+
+
+def open_closed() -> None:
+    """Has those standard streams that the caller has closed (`>&-`) lead nowhere.
+
+    Else the next file that is opened would get the number of one, and what a library prints would end up in results.
+    """
+    for number, name in enumerate(_NAMES):
+        try:
+            os.fstat(number)
+        except OSError:
+            _lead_nowhere(number)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w" if number else "r"))
+
+
+def forgive(*streams: object) -> None:
+    """From here on these streams, or else standard output and standard error, take every text."""
+    codecs.register_error(FORGIVING, _replaced)
+    for stream in streams or (sys.stdout, sys.stderr):
+        # None without a terminal; something else where a test or a notebook listens.
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors=FORGIVING)
+
+
+def knows_every_letter() -> bool:
+    """Whether standard output takes every text as it is."""
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    try:
+        return codecs.lookup(encoding).name.startswith("utf-")
+    except LookupError:
+        return False
+
+
+def say(line: str) -> None:
+    """Prints a line of progress. From when on stdout can't take it any more, which stderr is told, nothing is printed."""
+    try:
+        print(line, flush=True)
+    except UnicodeEncodeError:
+        say(ascii(line)[1:-1])
+    except (OSError, ValueError) as problem:
+        _give_up("stdout")
+        complain(f"warning: standard output can't be written ({reason(problem)}): this goes on without further words there")
+
+
+def complain(message: object) -> None:
+    """A message for the user, on stderr. Never raises."""
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
+    try:
+        sys.stderr.write(f"pgfmd: {message}\n")
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        _give_up("stderr")
+
+
+def finish(code: int) -> int:
+    """Brings to its reader what was printed; returns the exit code that a command is to end with, which is that of an
+    error where this can't be done."""
+    try:
+        sys.stdout.flush()
+    except (OSError, ValueError) as problem:
+        return refuse(problem, code)
+    return code
+
+
+def refuse(problem: Exception, code: int = 0) -> int:
+    """What a command ends with whose output could not be printed: without a word where nobody reads it any more."""
+    _give_up("stdout")
+    if not isinstance(problem, BrokenPipeError):
+        complain(f"standard output can't be written: {reason(problem)}")
+    return code or ResultError.exit_code
+
+
+def _give_up(name: str) -> None:
+    """Has a stream lead nowhere from now on, also for what it still holds."""
+    with contextlib.suppress(OSError, ValueError):
+        _lead_nowhere(getattr(sys, name).fileno())
+        return
+    setattr(sys, name, open(os.devnull, "w"))
+
+
+def _lead_nowhere(number: int) -> None:
+    nothing = os.open(os.devnull, os.O_RDWR)
+    if nothing == number:
+        os.set_inheritable(number, True)
+        return
+    os.dup2(nothing, number)
+    os.close(nothing)
+
+
+def _replaced(error: UnicodeError) -> tuple[str | bytes, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    letter = error.object[error.start]
+    if "\udc80" <= letter <= "\udcff":
+        return bytes([ord(letter) - 0xDC00]), error.start + 1
+    return "?", error.start + 1

@@ -1,0 +1,42 @@
+"""How far off the numbers of a run may be for its `solver.accuracy` (docs: reference, "Numbers"). Plain Python.
+
+A step may be off by `accuracy`, of forces as a share of the largest so far. Errors of steps add up: of second order
+hardly, of first order more, as all of them have one sign. What happened within a step is known by its dense output
+alone, and that is trusted no better than by what it adds to the step's ends. These are estimates, no bounds. The
+factors were found by runs at accuracies 10 to 100 times finer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+SECOND_ORDER = 2.0
+"""Errors of a run's forces and works over `accuracy`, for steps of second order, and for equilibria."""
+FIRST_ORDER = 4.0
+"""The same for steps of first order."""
+
+
+def share_of(solver: Mapping[str, Any]) -> float:
+    """By which share forces and works of a run may be off for the errors of its steps. NaN where nothing is known of
+    them: explicit steps (`gfmd`) have no accuracy.
+
+    solver: `scheme`, `accuracy` and `order`, of the section `solver` of a scene, or of `run.json`.
+    """
+    accuracy = solver.get("accuracy")
+    if solver.get("scheme") == "gfmd" or not isinstance(accuracy, (int, float)):
+        return math.nan
+    first = solver.get("scheme", "inertialess") == "inertialess" and solver.get("order", 2) == 1
+    return (FIRST_ORDER if first else SECOND_ORDER) * accuracy
+
+
+def of_force(force: float, at_ends: float, share: float) -> float:
+    """Uncertainty [N] of the lowest force within steps; at_ends [N]: the lowest one at their ends."""
+    return share * abs(force) + abs(force - at_ends)
+
+
+def of_work(work: float, separation: float, residual: float, share: float) -> float:
+    """Uncertainty [J] of a work; separation: the work of separation, the energy that comes and goes where the loop is
+    small beside it; residual: largest one of the energy audit, all [J]."""
+    return share * max(abs(work), abs(separation)) + abs(residual)

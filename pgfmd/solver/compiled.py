@@ -1,0 +1,185 @@
+"""Compiling kernels, and keeping them for the next start wherever that works: no cache may stop a run.
+
+numba keeps what it has compiled beside the sources, or in the user's cache folder; NUMBA_CACHE_DIR names another. None
+may be writable (an installation of an administrator's, a container, a compute node without homes), the disk may be
+full, and a crash may have left half a file. Kernels are then kept in a folder of the user's own in the temporary
+folder, or not at all and compiled at each start.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import caching
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
+from numba.core.dispatcher import Dispatcher
+
+CURE = "NUMBA_CACHE_DIR names a folder to keep them in"
+
+
+def compiled(**options: Any) -> Callable[[Callable], Any]:
+    """A decorator: `numba.njit` with these options and without Python's lock, and a cache that forgives everything."""
+
+    def decorate(function: Callable) -> Any:
+        kernel = numba.njit(nogil=True, **options)(function)
+        # A plain function where NUMBA_DISABLE_JIT is set.
+        if isinstance(kernel, Dispatcher):
+            # What `cache=True` sets, of another class.
+            kernel._cache = KernelCache(function)
+        return kernel
+
+    return decorate
+
+
+def hear(listener: Callable[[str], None] | None) -> None:
+    """From here on, what is to be said of the cache goes to `listener`, what has been noted so far included; each
+    matter is told once in a process. None: nothing is said."""
+    global _listener
+    _listener = listener or (lambda text: None)
+    for text in _notes.values():
+        _listener(text)
+
+
+def place() -> Path | None:
+    """The folder in which kernels of this module's folder are kept; None where there is none."""
+    cache = KernelCache(compiled)
+    for one in (cache.first, cache.second):
+        found = one()
+        if found is not None:
+            return Path(found.cache_path)
+    return None
+
+
+_notes: dict[str, str] = {}
+_listener: Callable[[str], None] | None = None
+
+
+def _note(matter: str, text: str) -> None:
+    if matter not in _notes:
+        _notes[matter] = text
+        if _listener is not None:
+            _listener(text)
+
+
+class KernelCache(NullCache):
+    """numba's own cache of a function, with a second one where that fails. Never raises."""
+
+    def __init__(self, function: Callable):
+        self._function = function
+        self._opened: dict[type, FunctionCache | None] = {}
+
+    @property
+    def cache_path(self) -> str | None:
+        """Where numba's own cache is."""
+        first = self.first()
+        return None if first is None else first.cache_path
+
+    def first(self) -> FunctionCache | None:
+        """numba's own cache; None if it has no place for one."""
+        return self._open(FunctionCache)
+
+    def second(self) -> FunctionCache | None:
+        """The cache in the temporary folder, made if it is not there; None if it can't be."""
+        return self._open(_TemporaryCache)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What is in either cache; None if it has to be compiled."""
+        found = self._load(self.first(), sig, target_context)
+        if found is None and temporary_folder() is not None and temporary_folder().is_dir():
+            found = self._load(self.second(), sig, target_context)
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keeps what was compiled in the first cache that takes it."""
+        first = self.first()
+        problem = self._save(first, sig, data)
+        if problem is None:
+            return
+        where = "numba's folders" if first is None else first.cache_path
+        if self._save(self.second(), sig, data) is None:
+            target = temporary_folder()
+            _note("place", f"note: {where} can't keep compiled kernels ({problem}): they go to {target}; {CURE}")
+        else:
+            why = f"{where}: {problem}"
+            _note("place", f"note: compiled kernels can't be kept ({why}): each start compiles anew; {CURE}")
+
+    def _open(self, kind: type) -> FunctionCache | None:
+        if kind not in self._opened:
+            try:
+                self._opened[kind] = kind(self._function)
+            except Exception:  # numba raises RuntimeError where it finds no place; the system whatever it likes
+                self._opened[kind] = None
+        return self._opened[kind]
+
+    def _load(self, cache: FunctionCache | None, sig: Any, target_context: Any) -> Any:
+        if cache is None:
+            return None
+        try:
+            return cache.load_overload(sig, target_context)
+        except Exception as problem:  # whatever unpickling makes of half a file
+            _note("damage", f"note: damaged kernels in {cache.cache_path} ({_reason(problem)}): compiled anew")
+            try:
+                cache.flush()
+            except Exception:  # the same file will fail again when it is to be written
+                pass
+            return None
+
+    def _save(self, cache: FunctionCache | None, sig: Any, data: Any) -> str | None:
+        """Why it was not saved; None if it was."""
+        if cache is None:
+            return "none can be written"
+        try:
+            cache.save_overload(sig, data)
+        except Exception as problem:  # keeping a kernel is never worth a run
+            return _reason(problem)
+        return None
+
+
+def _reason(problem: Exception) -> str:
+    return getattr(problem, "strerror", None) or str(problem) or type(problem).__name__
+
+
+def temporary_folder() -> Path | None:
+    """The folder in the temporary folder that kernels of this user go to; None if there is no temporary folder."""
+    try:
+        return Path(tempfile.gettempdir(), f"pgfmd-kernels-{os.getuid()}")
+    except OSError:
+        return None
+
+
+# Its name until numba 0.61.
+_UserWideLocator = getattr(caching, "UserWideCacheLocator", None) or caching._UserWideCacheLocator
+
+
+class _TemporaryLocator(_UserWideLocator):
+    """Below `temporary_folder`."""
+
+    def __init__(self, function: Callable, file: str):
+        super().__init__(function, file)
+        folder = temporary_folder()
+        if folder is None:
+            raise OSError("no temporary folder")
+        self._cache_path = str(folder / self.get_suitable_cache_subpath(file))
+
+    def ensure_cache_path(self) -> None:
+        """Makes the folder; OSError if it can't be, or is not this user's alone: code is loaded from it."""
+        folder = Path(self._cache_path).parent
+        folder.mkdir(mode=0o700, exist_ok=True)
+        about = folder.lstat()
+        if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.getuid() or about.st_mode & 0o022:
+            raise PermissionError(f"{folder} is not this user's alone")
+        super().ensure_cache_path()
+
+
+class _TemporaryImpl(CompileResultCacheImpl):
+    _locator_classes = [_TemporaryLocator]
+
+
+class _TemporaryCache(FunctionCache):
+    _impl_class = _TemporaryImpl

@@ -1,0 +1,47 @@
+"""Multipliers G(kx, ky) of a Convolution, each rank's columns made by itself, with few arrays beside them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .grid import share
+from .transform import Spectrum
+
+FEW = 1 << 16
+"""Numbers that are made at a time where the order does not matter."""
+
+
+def periodic_multiplier(compliance, length: float):
+    """Multiplier of a compliance G0(qx, qy) in a cell of this length [m]: fills the columns of a Spectrum."""
+
+    def fill(spectrum: Spectrum, multiplier: np.ndarray) -> None:
+        unit, some = 2.0 * np.pi / length, max(1, FEW // spectrum.width)
+        # A few columns at a time: some compliances need a dozen arrays.
+        for begin in range(0, spectrum.column_count, some):
+            kx = spectrum.kx[begin : begin + some, None]
+            multiplier[begin : begin + some] = compliance(unit * kx, unit * spectrum.ky[None, :]) / spectrum.n**2
+
+    return fill
+
+
+def free_multiplier(compliance, spacing: float):
+    """Multiplier of a free surface: the transform of its kernel on the doubled domain; fills the columns of a Spectrum.
+
+    compliance: with `kernel(dx, dy, spacing)`, even in both offsets, so that one quadrant is enough. Each rank transforms
+    its share of the kernel's rows, and then its columns. Collective.
+    """
+
+    def fill(spectrum: Spectrum, multiplier: np.ndarray) -> None:
+        n = spectrum.n
+        fold = np.minimum(np.arange(n), n - np.arange(n))
+        offsets = np.arange(spectrum.width) * spacing
+        first, count = share(spectrum.width, spectrum.comm.size, spectrum.comm.rank)
+        along_x = np.empty((count, spectrum.width))
+        for row, dy in enumerate(offsets[first : first + count]):
+            values = compliance.kernel(offsets, np.full_like(offsets, dy), spacing)
+            along_x[row] = np.fft.rfft(values[fold]).real
+        along_x = spectrum.columns_of(along_x)
+        for column in range(spectrum.column_count):
+            multiplier[column] = np.fft.rfft(along_x[fold, column]).real / n**2
+
+    return fill

@@ -1,0 +1,130 @@
+"""Whether the results of two runs agree: to the same bits, or to the same bits of numbers in other units."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pgfmd.results import load
+
+from .declarations import EXPONENTS
+from .faults import Fault
+
+TABLES = ("curve", "energy", "events", "patches", "sites")
+FIELDS = ("gap", "traction", "displacement", "surface_displacement", "time", "punch_position", "force", "label")
+ABOUT_THE_PROCESS = (
+    "ranks", "wall_s", "transform_s", "checkpoint_s", "peak_rss_bytes", "versions", "links", "outputs", "transform_pairs",
+)  # fmt: skip
+"""Entries of the record that tell of the processes that made a run, not of the run."""
+UNITS = {
+    "m": EXPONENTS["length"], "s": EXPONENTS["time"], "N": EXPONENTS["force"], "Pa": EXPONENTS["modulus"], "J": (3, 1, 0),
+    "m^2": (2, 0, 0), "rad": (0, 0, -1),
+}  # fmt: skip
+"""Powers of length, modulus and time of the units in headers, of arrays, and at the end of the record's names."""
+Factor = Callable[[str], float]
+
+
+def same(unit: str) -> float:
+    """No change of units."""
+    return 1.0
+
+
+def compared(one: Path, other: Path, *, factor: Factor = same, tables: tuple[str, ...] = TABLES, record: bool = True,
+             fields: bool = True, but: tuple[str, ...] = ()) -> list[Fault]:  # fmt: skip
+    """Differences of two folders, none where all bits agree.
+
+    factor: from a unit to what numbers of `one` in this unit are to be multiplied by. tables, record, fields: what is
+    looked at, as far as both folders have it. but: entries of the record that may differ.
+    """
+    with load(one) as first, load(other) as second:
+        faults = [fault for name in tables for fault in _table(name, first, second, factor)]
+        if record:
+            faults += _records(one, other, factor, ABOUT_THE_PROCESS + but)
+        if fields:
+            faults += _fields(first, second, factor)
+    return faults
+
+
+def _table(name: str, first: Any, second: Any, factor: Factor) -> Iterator[Fault]:
+    one, other = getattr(first, name), getattr(second, name)
+    if one is None or other is None:
+        return
+    if len(one) != len(other):
+        yield Fault(f"{name}.csv has more or fewer rows", f"{len(one)}, {len(other)}")
+        return
+    for column in one.columns if hasattr(one, "columns") else one.dtype.names:
+        unit = re.search(r"\[(.*)\]", column)
+        fault = _different(np.asarray(one[column]), np.asarray(other[column]), factor(unit[1]) if unit else 1.0)
+        if fault:
+            yield Fault(f"{name}.csv differs", f"{column}: {fault}")
+            return
+
+
+def _different(one: np.ndarray, other: np.ndarray, factor: float) -> str:
+    """Where two arrays of equal shape differ, and by how much; empty where they don't."""
+    if one.shape != other.shape:
+        return f"shapes {one.shape}, {other.shape}"
+    if one.dtype.kind not in "fiu":
+        unequal = np.asarray(one != other)
+        return f"entry {int(np.argmax(unequal))}" if unequal.any() else ""
+    expected = one * factor if one.dtype.kind == "f" else one
+    unequal = ~((expected == other) | (np.isnan(expected) & np.isnan(other)) if one.dtype.kind == "f" else expected == other)
+    if not unequal.any():
+        return ""
+    place = np.unravel_index(int(np.argmax(unequal)), one.shape)
+    scale = float(np.nanmax(np.abs(expected)))
+    worst = float(np.nanmax(np.abs(expected - other)))
+    return f"first at {tuple(map(int, place))}, {expected[place]!r} and {other[place]!r}; at most {worst / (scale or 1):.2g} of the largest"
+
+
+def _records(one: Path, other: Path, factor: Factor, but: tuple[str, ...]) -> Iterator[Fault]:
+    first, second = (json.loads((path / "run.json").read_text(encoding="utf-8")) for path in (one, other))
+    for name in first.keys() | second.keys():
+        if name in but:
+            continue
+        value, found = first.get(name), second.get(name)
+        if isinstance(value, float):
+            value *= factor(_unit_of(name))
+        if value != found:
+            yield Fault(f"record differs: {name}", f"{value!r}, {found!r}")
+
+
+def _unit_of(name: str) -> str:
+    """The unit that an entry of the record ends in, empty for none."""
+    end = "rad" if name.endswith("_rad_s") else name.rpartition("_")[2]
+    return end if end in UNITS else ""
+
+
+def _fields(first: Any, second: Any, factor: Factor) -> Iterator[Fault]:
+    if not (first.has_fields and second.has_fields):
+        if first.has_fields != second.has_fields:
+            yield Fault("one has snapshots, the other has none")
+        return
+    if len(first.labels) != len(second.labels):
+        yield Fault("fields.h5 has more or fewer snapshots", f"{first.labels}, {second.labels}")
+        return
+    for name in FIELDS:
+        if name not in first.fields or name not in second.fields or (name == "label" and factor is not same):
+            continue
+        unit = {"traction": "Pa", "force": "N", "time": "s", "label": ""}.get(name, "m")
+        fault = _different(np.asarray(first.fields[name][:]), np.asarray(second.fields[name][:]), factor(unit))
+        if fault:
+            yield Fault("fields.h5 differs", f"{name}: {fault}")
+            return
+
+
+def close(one: Path, other: Path, names: dict[str, float]) -> list[Fault]:
+    """Entries of the record that are further apart than a relative error; each is told with its own."""
+    first, second = (json.loads((path / "run.json").read_text(encoding="utf-8")) for path in (one, other))
+    faults = []
+    for name, error in names.items():
+        value, found = first[name], second[name]
+        if (value is None) != (found is None) or (value is not None and not math.isclose(value, found, rel_tol=error)):
+            faults.append(Fault(f"record differs: {name}", f"{value!r}, {found!r}"))
+    return faults
