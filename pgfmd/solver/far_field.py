@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .node import Node
 from .transform import Synthesis
 
 
@@ -32,7 +33,10 @@ def far_weights(compliance, points) -> np.ndarray:
         half = compliance(unit * kx[:, None], unit * np.arange(n // 2 + 1)[None, :])
         return half[:, np.abs(ky)] * (_waves(kx, start, n)[:, None] * along_y)
 
-    return Synthesis(points, n)(columns)
+    weights = Synthesis(points, n)(columns)
+    if points.comm.size > 1:
+        Node.of(points.comm).trim()
+    return weights
 
 
 def _waves(k: np.ndarray, start: int, n: int) -> np.ndarray:
