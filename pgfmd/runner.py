@@ -28,6 +28,7 @@ from .restart.keeper import Keeper, Stopped, Timing
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
 from .solver import compiled
+from .solver.node import Node
 from .solver.interruption import Interrupted
 from .solver.simulation import STOPPED_STEPS
 
@@ -244,16 +245,15 @@ def compile_kernels(comm, scene) -> None:
     """Has one rank a node compile the kernels that the scene needs, by tiny tack tests, while the others wait.
 
     All ranks would otherwise compile the same at once, and race for numba's cache, which may be on the node's own disk.
-    One rank compiles when it gets there.
+    One rank compiles when it gets there, and so do all where the cache has the kernels.
     """
-    if comm.size > 1:
-        from mpi4py import MPI
-
-        node = comm.Split_type(MPI.COMM_TYPE_SHARED)
-        if node.rank == 0:
-            warm_up(scene.solver.scheme, scene.solver.precision)
-        node.Free()
-        comm.Barrier()
+    if comm.size == 1:
+        return
+    scheme, precision = scene.solver.scheme, scene.solver.precision
+    node = Node.of(comm)
+    if node.local.rank == 0 and not compiled.is_kept(f"{scheme}-{precision}"):
+        warm_up(scheme, precision)
+    node.local.Barrier()
 
 
 def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
@@ -269,3 +269,4 @@ def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
         tests = ([] if precision == "single" else ["drive.machine_stiffness=1 kN/m"],)
     for changes in tests:
         assemble(load_scene("tri-tack", [*common, *changes]), MPI.COMM_SELF).run()
+    compiled.remember(f"{scheme}-{precision}")

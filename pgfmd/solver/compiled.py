@@ -8,6 +8,8 @@ folder, or not at all and compiled at each start.
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import os
 import stat
 import tempfile
@@ -15,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding
 import numba
 from numba.core import caching
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
@@ -54,6 +57,31 @@ def place() -> Path | None:
         if found is not None:
             return Path(found.cache_path)
     return None
+
+
+def is_kept(what: str) -> bool:
+    """Whether the kernels for `what` are in the cache, as far as `remember` has been told."""
+    mark = _mark_of(what)
+    return mark is not None and mark.exists()
+
+
+def remember(what: str) -> None:
+    """Notes that the kernels for `what` are in the cache now. Where that can't be noted, they will be looked for again."""
+    mark = _mark_of(what)
+    with contextlib.suppress(OSError):
+        if mark is not None and any(mark.parent.glob("*.nbi")):
+            mark.touch()
+
+
+def _mark_of(what: str) -> Path | None:
+    """A file beside the cache that goes with these sources, this numba and this processor; None without a cache."""
+    folder = place()
+    if folder is None:
+        return None
+    sources = sorted(Path(__file__).parent.glob("*kernels.py"))
+    parts = [numba.__version__, llvmlite.binding.get_host_cpu_name(), *(source.read_text("utf-8") for source in sources)]
+    digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
+    return folder / f"{what}-{digest}.kept"
 
 
 _notes: dict[str, str] = {}

@@ -53,8 +53,8 @@ class _Piece:
 class Node:
     """The ranks of a communicator that share memory with this one, and where they meet.
 
-    `ranks`: their ranks in the communicator, this one's among them. `waited` [s]: time spent in meetings. Made once for a
-    communicator, by `Node.of`.
+    `ranks`: their ranks in the communicator, this one's among them. `meetings`, `waited` [s]: how many there were, and the
+    time spent in them. Made once for a communicator, by `Node.of`.
     """
 
     _key: int | None = None
@@ -64,7 +64,7 @@ class Node:
         self.comm = comm
         shared = comm.Split_type(MPI.COMM_TYPE_SHARED)
         self.local = shared if colour is None else shared.Split(colour, comm.rank)
-        self.waited = 0.0
+        self.meetings, self.waited = 0, 0.0
         self._pieces: list[_Piece] = []
         if self.local.size > 1 and not self._share_flags():
             # No shared memory to be had, as in containers with a small /dev/shm: each rank is a node of its own.
@@ -97,7 +97,7 @@ class Node:
         flags = [memoryview(buffer).cast("q") for buffer in piece.buffers]
         self._mine = flags[self.local.rank]
         self._others = [flag for rank, flag in enumerate(flags) if rank != self.local.rank]
-        self._mine[0] = self._meetings = 0
+        self._mine[0] = self.meetings = 0
         self.local.Barrier()
         return True
 
@@ -164,26 +164,24 @@ class Node:
 
         A rank that finds the others late leaves its core to others, MPI's own barrier does not.
         """
-        others = self._others
+        began, others = time.perf_counter(), self._others
         self._flags.window.Sync()
-        self._meetings += 1
-        now = self._mine[0] = self._meetings
-        for _ in range(_POLLS):
-            if all(flag[0] >= now for flag in others):
-                break
-        else:
-            self._wait(now)
-        self._flags.window.Sync()
-
-    def _wait(self, now: int) -> None:
-        began = time.perf_counter()
-        others = self._others
+        self.meetings += 1
+        now = self._mine[0] = self.meetings
+        polls = 0
         while not all(flag[0] >= now for flag in others):
-            if time.perf_counter() - began < _PATIENCE:
-                os.sched_yield()
-            else:
-                time.sleep(_NAP)
+            polls += 1
+            if polls > _POLLS:
+                self._make_room(time.perf_counter() - began)
+        self._flags.window.Sync()
         self.waited += time.perf_counter() - began
+
+    @staticmethod
+    def _make_room(waited: float) -> None:
+        if waited < _PATIENCE:
+            os.sched_yield()
+        else:
+            time.sleep(_NAP)
 
 
 class RowExchange:
