@@ -66,6 +66,8 @@ class Analysis:
         text = json.dumps(self.record, indent=2, ensure_ascii=False, allow_nan=False)
         try:
             write_atomically(path, f"{text}\n".encode())
+        except ResultError as problem:
+            raise ResultError(f"{problem}{hint}") from problem
         except OSError as problem:
             raise ResultError(f"{path}: could not be written: {problem.strerror}{hint}") from problem
         return [path, *(pictures.save(draw(), folder / name, hint) for name, draw in self._drawings())]

@@ -29,11 +29,12 @@ STUDY = """scene = "tri-tack"
 grid.n = 24
 drive.preload = "1 mN"
 drive.retract_speed = "100 um/s"
+drive.turn_time = "195 ms"
 output.snapshots = []
 [axes]
 solver.accuracy = [0.01]
 """
-QUICK = ("tri-tack", "grid.n=24", "drive.preload=1 mN", "drive.retract_speed=100 um/s", "output.snapshots=[]")
+QUICK = ("tri-tack", "grid.n=24", "drive.preload=1 mN", "drive.retract_speed=100 um/s", "drive.turn_time=195 ms", "output.snapshots=[]")
 
 
 def pgfmd(*arguments):
