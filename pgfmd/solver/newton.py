@@ -251,33 +251,39 @@ class NewtonSolver:
         points, s, t, p, y, z, r = self.points, self._s, self._t, self._p, self._y, self._z, self._r
         k, offset, rows = self.curvature, points.offset, self._rows
         per_range, size, previous, alpha, quiet, beta, pull = 1.0 / self.law.range, 0.0, 1.0, 1.0, 0, 0.0, 0.0
-        imbalance, rows[4:6] = self._level(imbalance), 0.0
+        rows[4:6] = 0.0
+        if self.floating:
+            self._clear()
+        imbalance = self._level(imbalance)
         for count in range(1, self.largest_cg_count + 1):
             self.poll()
+            first = count == 1 and not self.floating
             self.rough(r, z, compliance)
             kernels.survey(z, r, k, offset, rows)
             numbers = points.all_rows(rows[:6])
             energy, stiff, bent = numbers[:3].sum(axis=1).tolist()
             largest, turn, size = (numbers[3:].max(axis=1) * per_range).tolist()
             if energy <= 0.0:
-                if count == 1:
-                    s[:], t[:] = 0.0, 0.0
+                if first:
+                    self._clear()
                 return count, size, False
             beta = 0.0 if count == 1 else energy / previous
             bend = energy + stiff - beta * energy / alpha
             sure = bend > UNSURE * (energy + abs(stiff))
             if not sure:
-                bend = self._bend(beta, count == 1)
+                bend = self._bend(beta, first)
                 if bend <= 0.0:
                     return count, self._to_edge(trust), True
             alpha, previous = energy / bend, energy
             if sure:
-                kernels.turn_and_advance(z, beta, alpha, k, p, y, s, t, r, count == 1, offset, rows[4:6])
+                kernels.turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, offset, rows[4:6])
             else:
                 kernels.advance(alpha, p, y, k, s, t, r, offset, rows)
                 rows[4], rows[5] = rows[0] / alpha, rows[1]
-            pull = imbalance + bent + beta * pull
-            imbalance = self._level(imbalance - alpha * pull)
+            # Sums of y + K p and of r; where the mean load takes up the mean of r, that is zero.
+            left = 0.0 if self.floating else imbalance
+            pull = left + bent + beta * pull
+            imbalance = self._level(left - alpha * pull)
             change = alpha * math.hypot(largest, beta * turn)
             so_far = size if count > 1 else change
             small = change < max(self.linear_share * tolerance, 0.5 * self.forcing * so_far)
@@ -286,12 +292,16 @@ class NewtonSolver:
                 break
         return count, float(points.all_rows(rows[5:6]).max()) * per_range, False
 
+    def _clear(self) -> None:
+        """A correction and a direction of nothing. Without a mean load, the first pass of CG writes over what was there."""
+        for vector in (self._s, self._t, self._p, self._y):
+            vector[:] = 0.0
+
     def _bend(self, beta: float, first: bool) -> float:
         """Turns p and y into the next direction and its dual; returns the curvature along it, p (A^-1 + K) p, per area of
         a point. Collective."""
         if first:
-            for vector in (self._s, self._t, self._p, self._y):
-                vector[:] = 0.0
+            self._clear()
         kernels.turn_direction(
             self._z, self._r, beta, self.curvature, self._p, self._y, self.points.offset, self._rows
         )  # fmt: skip

@@ -7,8 +7,9 @@ pytest.importorskip("mpi4py")
 from mpi4py import MPI
 
 from pgfmd.solver.grid import Grid, PunchPoints, share
+from pgfmd.solver.multiplier import periodic_multiplier
 from pgfmd.solver.node import Node, RowExchange, Transposition
-from pgfmd.solver.transform import Convolution, periodic_multiplier
+from pgfmd.solver.transform import Convolution
 
 pytestmark = pytest.mark.mpi
 world = MPI.COMM_WORLD
