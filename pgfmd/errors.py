@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass
 
 LONGEST_VALUE = 300
@@ -25,7 +26,12 @@ class Problem:
 
     def __str__(self) -> str:
         text = f"{self.key} = {_shown(self.value)}: expected {self.expected}"
-        return f"{text}; {self.cure}" if self.cure else text
+        return on_one_line(f"{text}; {self.cure}" if self.cure else text)
+
+
+def on_one_line(text: str) -> str:
+    """A text with its control characters, such as those in a file's name, written out as `\\n` and the like."""
+    return "".join(repr(letter)[1:-1] if unicodedata.category(letter) == "Cc" else letter for letter in text)
 
 
 def _shown(value: object) -> str:

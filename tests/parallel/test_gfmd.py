@@ -18,12 +18,12 @@ pytestmark = pytest.mark.mpi
 
 LENGTH, MODULUS = 1.5e-3, 2.65e6
 SCENES = {
-    "one element": ("tri-tack", ["grid.n=32", "drive.speed=200 um/s", "drive.preload=2 mN"]),
+    "one element": ("tri-tack", ["grid.n=32", "drive.speed=400 um/s", "drive.preload=1 mN"]),
     "five elements, odd grid, dwell": (
         "hex-tack",
         ["grid.n=27", "rheology.model=geometric", "rheology.relaxation_time=400 us", "rheology.elements=5",
-         "rheology.time_ratio=6", "rheology.exponent=0.8", "drive.speed=200 um/s", "drive.dwell=10 ms",
-         "drive.preload=2 mN"],
+         "rheology.time_ratio=6", "rheology.exponent=0.8", "drive.speed=400 um/s", "drive.dwell=5 ms",
+         "drive.preload=1 mN"],
     ),
 }  # fmt: skip
 

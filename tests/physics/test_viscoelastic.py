@@ -309,7 +309,7 @@ def test_tack_test_converges_with_the_accuracy(name):
     source, overrides = TACKS[name]
     results = {}
     for accuracy in (1e-1, 1e-2, 1e-3, 3e-5):
-        scene = load_scene(source, ["grid.n=128", f"solver.accuracy={accuracy}", *overrides])
+        scene = load_scene(source, ["grid.n=96", f"solver.accuracy={accuracy}", *overrides])
         _, state, rows, _ = run(scene)
         assert state.finished == "detached" and state.counters.jumps == 0
         results[accuracy] = state, rows

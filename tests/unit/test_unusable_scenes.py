@@ -205,3 +205,9 @@ def test_paths_that_cannot_be_are_refused(key, tmp_path):
 
 def test_a_title_that_is_no_unicode_is_refused():
     assert refusal("title=" + os.fsdecode(b"\xff")).key == "title"
+
+
+def test_a_problem_stays_on_one_line(tmp_path):
+    with pytest.raises(SceneError) as error:
+        load_scene("tri-tack", [f"punch.file={tmp_path}/a\nb.npy", "punch.pattern=file"])
+    assert all("a\\nb.npy" in str(problem) and "\n" not in str(problem) for problem in error.value.problems[:1])
