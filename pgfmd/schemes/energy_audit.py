@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from pgfmd.physics.rheology import CreepSeries
-from pgfmd.solver import kernels
+from pgfmd.solver import kernels, retardation_kernels
 from pgfmd.solver.extrapolation import integral
 from pgfmd.solver.retardation import StepWeights, Tableau
 from pgfmd.solver.state import Energies, State
@@ -86,7 +86,7 @@ class EnergyAudit:
         transform: G0 f = (u - G0 w_hist) / J. Collective.
         """
         stages, area, images = self.tableau.stages, self.points.grid.cell_area, self._images
-        kernels.weigh_branches(state.images, weights.branch_weight, images)
+        retardation_kernels.weigh_branches(state.images, weights.branch_weight, images)
         for i in range(stages):
             g = images[i]
             for j in range(i):
@@ -94,7 +94,7 @@ class EnergyAudit:
             np.subtract(u[i], g, out=g)
             g /= weights.compliance[i]
         offset = self.points.offset
-        kernels.advance_branches_and_energy(
+        retardation_kernels.advance_branches_and_energy(
             state.branches, state.images, weights.decay, f, images, weights.gain, weights.rate_decay,
             weights.rate_gain, weights.quadrature, self.creep.J, stages, keep, offset, self._rows,
         )  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.physics.rheology import CreepSeries
-from pgfmd.solver import kernels
+from pgfmd.solver import kernels, retardation_kernels
 from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.retardation import IMPLICIT_EULER, SDIRK2, step_weights
 from pgfmd.solver.state import State
@@ -55,7 +55,7 @@ class Inertialess(PathFollowing):
         self.tableau = SDIRK2 if creep.elements and order == 2 else IMPLICIT_EULER
         super().__init__(solver, tolerance, self.tableau.nodes, far_weights)
         self.creep, self.audit = creep, audit
-        solver.patience = ELASTIC_PATIENCE if creep.J_inf > NEARLY_ELASTIC else 1
+        solver.cg.patience = ELASTIC_PATIENCE if creep.J_inf > NEARLY_ELASTIC else 1
         points, stages = solver.points, self.tableau.stages
         self._f = np.zeros((stages, points.size), solver.dtype)
         self._history = np.zeros((stages, points.size), solver.dtype)
@@ -110,7 +110,7 @@ class Inertialess(PathFollowing):
         instead of extrapolating, so that the potential drop is that of the surface's jump.
         """
         weights = step_weights(self.creep, self.tableau, step)
-        kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
+        retardation_kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
         trial = Trial(step, state.position, phase, converged=True, is_jump=jump, weights=weights)
         for i, node in enumerate(self.tableau.nodes):
             history = self._history[i]
@@ -158,7 +158,7 @@ class Inertialess(PathFollowing):
             state.energies.elastic, viscous = self._audit.energies(state, weights, self._u, self._f, keep=True)
             state.energies.viscous += viscous
         else:
-            kernels.advance_branches(state.branches, weights.decay, self._f, weights.gain, self.tableau.stages)
+            retardation_kernels.advance_branches(state.branches, weights.decay, self._f, weights.gain, self.tableau.stages)
         self._move_on(state, trial)
 
     def _tolerance(self, state: State, sharp: bool, jump: bool) -> float:

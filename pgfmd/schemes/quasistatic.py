@@ -70,7 +70,7 @@ class Quasistatic(PathFollowing):
         super().__init__(solver, tolerance, (1.0,), far_weights)
         self.compliance, self.machine_compliance, self.contact_stiffness = compliance, spring, contact_stiffness
         self.spring = SpringWork(spring, dead_load, solver.law.reach)
-        solver.patience = PATIENCE
+        solver.cg.patience = PATIENCE
         # Without attraction the potential is convex: there is one equilibrium, and nothing to search.
         self.soft_mode = SoftMode(solver, compliance) if solver.law.attractive else None
         self._none = np.zeros(self.points.size, solver.dtype)

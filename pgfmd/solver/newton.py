@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import kernels
+from .conjugate_gradients import ConjugateGradients
 from .stagnation import MOST_IDLE, Progress
 
 SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32", "float32"): 1e-6}
@@ -27,8 +28,6 @@ SLIDES, MOST_SLIDE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), 4.0
 """A saddle is left by first this many ranges of adhesion, by less where that leads upward, and by twice as much again and
 again, up to the last number, as long as that leads down."""
 
-UNSURE = 1e-6
-"""A curvature along a direction below this share of its terms is not trusted to the difference of two numbers."""
 
 
 @dataclass(frozen=True)
@@ -66,20 +65,10 @@ class NewtonSolver:
     largest_jump_count = 20_000
     """Correction counts at which a solve gives up. In a jump a crack may run through the whole punch, a cell or so a
     correction."""
-    largest_cg_count = 400
-    forcing = 0.1
-    """CG ends when its last move is below half this fraction of the correction so far (inexact Newton)."""
-    linear_share = 1.0
-    """CG also ends when its last move is below this share of the tolerance."""
-    patience = 1
-    """So many moves of CG in a row have to be that small. One is enough where the compliance is that of a short time;
-    for a relaxed or elastic surface, CG is slower, and one small move may be followed by larger ones."""
     timid_way = 0.5
     """A timid solve gives up when the surface moves by more than this many ranges of adhesion."""
     force_share = 0.2
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
-    poll = staticmethod(lambda: None)
-    """Called once an iteration of CG, on every rank: may raise Interrupted (interruption.py)."""
 
     def __init__(self, points, convolve, height: np.ndarray, law, force_scale: float, rough=None):
         self.force_scale = force_scale
@@ -91,9 +80,9 @@ class NewtonSolver:
         self.operators = [convolve, rough] if rough else [convolve]
         self.dtype, self._slack = convolve.dtype, SLACK[convolve.dtype.name, self.rough.dtype.name]
         self.traction = points.zeros(self.dtype)
-        vectors = [points.zeros(self.rough.dtype) for _ in range(7)]
-        self.curvature, self._r, self._s, self._t, self._p, self._y, self._z = vectors
-        self._rows = np.zeros((6, points.rows))
+        self.cg = ConjugateGradients(points, self.rough, law, self.floating)
+        self.curvature = self.cg.curvature
+        self._rows = np.zeros((4, points.rows))
 
     def solve(
         self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False,
@@ -110,8 +99,8 @@ class NewtonSolver:
         u and w stay at the lowest Phi found.
         """
         trust, way, cg_count, negative, self._renewed = 1.0, 0.0, 0, False, False
-        self._s[:] = 0.0
-        self._t[:] = 0.0
+        self.cg.s[:] = 0.0
+        self.cg.t[:] = 0.0
         (pull, imbalance, potential, _), drop = self._evaluate(position, u, w, 0.0, 0.0, history, compliance), 0.0
         if not math.isfinite(potential):
             return self._outcome(False, 0, 0, pull, drop, potential, negative, way)
@@ -119,7 +108,7 @@ class NewtonSolver:
         unbalanced = self.force_share * tolerance * self.force_scale / self.points.grid.cell_area
         progress, noise = Progress(tolerance, unbalanced), 0.0
         for count in range(1, 1 + (self.largest_jump_count if jump else self.largest_newton_count)):
-            used, size, bent = self._correct(compliance, tolerance, unbalanced, trust, imbalance)
+            used, size, bent = self.cg.correct(compliance, tolerance, unbalanced, trust, imbalance)
             cg_count, negative = cg_count + used, negative or bent
             if timid and (bent or way + size > self.timid_way):
                 break
@@ -136,13 +125,13 @@ class NewtonSolver:
                 self._renewed = True
                 pull, imbalance, potential, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
                 continue
-            kernels.move(u, w, self._s, self._t, scale, scale * compliance)
+            kernels.move(u, w, self.cg.s, self.cg.t, scale, scale * compliance)
             # Where the mean load balances by itself, the force is known as well as the last correction has left it.
             unsettled = max(abs(imbalance), abs(pull - last_pull) if self.floating else 0.0)
             last_pull = pull
             gained, potential = potential - trial - growth, trial
             drop += gained
-            small = size < tolerance or (self.forcing + size) * size < tolerance
+            small = size < tolerance or (self.cg.forcing + size) * size < tolerance
             if scale == 1.0 and not bent and small and unsettled <= unbalanced:
                 return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size)
             noise = self._noise(compliance, u, w) if count == MOST_IDLE else noise
@@ -180,7 +169,7 @@ class NewtonSolver:
         obstacle on its way, by how far it moves any point: it sets the surface free, and may press it far into the punch.
         Collective."""
         if everywhere and size == 0.0:
-            size = self.points.maximum_of(float(np.abs(self._s).max(initial=0.0))) / self.law.range
+            size = self.points.maximum_of(float(np.abs(self.cg.s).max(initial=0.0))) / self.law.range
         return 1e-3 * tolerance / max(size, 1.0)
 
     def _go_down(self, position, u, w, history, compliance, potential, longest, shortest):
@@ -202,7 +191,7 @@ class NewtonSolver:
         mode [m] and its dual A^-1 mode [Pa]. A saddle is left that far that no descent leads back. Where there is no lower
         place either way, nothing moves, and traction and curvature are those of the surface as it is. Collective.
         """
-        self._s[:], self._t[:] = mode, dual
+        self.cg.s[:], self.cg.t[:] = mode, dual
         whole = self.law.range / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
         values = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
         start, best, best_step = values[2], -self._slack * abs(values[2]), 0.0
@@ -216,7 +205,7 @@ class NewtonSolver:
                     best, best_step = values[2] + values[3] - start, step
                     step *= 2.0
             if best_step:
-                kernels.move(u, w, self._s, self._t, best_step, best_step * compliance)
+                kernels.move(u, w, self.cg.s, self.cg.t, best_step, best_step * compliance)
                 return -best * self.points.grid.cell_area
         self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
         return 0.0
@@ -233,100 +222,7 @@ class NewtonSolver:
         """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets
         traction, curvature and residual at u + step s."""
         kernels.evaluate(
-            self.height, position, u, w, self._s, self._t, step, weight, history, compliance,
-            self.law_numbers, self.points.offset, self.traction, self.curvature, self._r, self._rows,
+            self.height, position, u, w, self.cg.s, self.cg.t, step, weight, history, compliance,
+            self.law_numbers, self.points.offset, self.traction, self.curvature, self.cg.r, self._rows,
         )  # fmt: skip
-        return self.points.total_of(self._rows[:4])
-
-    def _correct(
-        self, compliance: float, tolerance: float, unbalanced: float, trust: float, imbalance: float
-    ) -> tuple[int, float, bool]:
-        """Newton's correction s and its dual t by CG; (iterations, largest |s| in ranges, negative curvature met).
-
-        All that an iteration asks of other ranks travels together, as soon as z = A r is known (Chronopoulos and Gear,
-        J. Comput. Appl. Math. 25, 153 (1989)): the curvature along the next direction follows from that along the last.
-        Where it is too small for that, it is found from the direction itself. Whether the coming move is small is judged
-        by |z| and beta |last p|, taken to be at right angles: their sum, a bound, cost 4 to 7 % more iterations.
-        """
-        points, s, t, p, y, z, r = self.points, self._s, self._t, self._p, self._y, self._z, self._r
-        k, offset, rows = self.curvature, points.offset, self._rows
-        per_range, size, previous, alpha, quiet, beta, pull = 1.0 / self.law.range, 0.0, 1.0, 1.0, 0, 0.0, 0.0
-        rows[4:6] = 0.0
-        if self.floating:
-            self._clear()
-        imbalance = self._level(imbalance)
-        for count in range(1, self.largest_cg_count + 1):
-            self.poll()
-            first = count == 1 and not self.floating
-            self.rough(r, z, compliance)
-            kernels.survey(z, r, k, offset, rows)
-            numbers = points.all_rows(rows[:6])
-            energy, stiff, bent = numbers[:3].sum(axis=1).tolist()
-            largest, turn, size = (numbers[3:].max(axis=1) * per_range).tolist()
-            if energy <= 0.0:
-                if first:
-                    self._clear()
-                return count, size, False
-            beta = 0.0 if count == 1 else energy / previous
-            bend = energy + stiff - beta * energy / alpha
-            sure = bend > UNSURE * (energy + abs(stiff))
-            if not sure:
-                bend = self._bend(beta, first)
-                if bend <= 0.0:
-                    return count, self._to_edge(trust), True
-            alpha, previous = energy / bend, energy
-            if sure:
-                kernels.turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, offset, rows[4:6])
-            else:
-                kernels.advance(alpha, p, y, k, s, t, r, offset, rows)
-                rows[4], rows[5] = rows[0] / alpha, rows[1]
-            # Sums of y + K p and of r; where the mean load takes up the mean of r, that is zero.
-            left = 0.0 if self.floating else imbalance
-            pull = left + bent + beta * pull
-            imbalance = self._level(left - alpha * pull)
-            change = alpha * math.hypot(largest, beta * turn)
-            so_far = size if count > 1 else change
-            small = change < max(self.linear_share * tolerance, 0.5 * self.forcing * so_far)
-            quiet = quiet + 1 if small and abs(imbalance) <= 0.5 * unbalanced else 0
-            if size + change > 2.0 * trust or quiet >= self.patience:
-                break
-        return count, float(points.all_rows(rows[5:6]).max()) * per_range, False
-
-    def _clear(self) -> None:
-        """A correction and a direction of nothing. Without a mean load, the first pass of CG writes over what was there."""
-        for vector in (self._s, self._t, self._p, self._y):
-            vector[:] = 0.0
-
-    def _bend(self, beta: float, first: bool) -> float:
-        """Turns p and y into the next direction and its dual; returns the curvature along it, p (A^-1 + K) p, per area of
-        a point. Collective."""
-        if first:
-            self._clear()
-        kernels.turn_direction(
-            self._z, self._r, beta, self.curvature, self._p, self._y, self.points.offset, self._rows
-        )  # fmt: skip
-        return float(self.points.total_of(self._rows[:1])[0])
-
-    def _level(self, imbalance: float) -> float:
-        """Lets the mean load take up the mean residual where it moves nothing, A being singular there.
-
-        Returns what was out of balance: there, by how much the last direction has changed the force.
-        """
-        if self.floating:
-            mean = imbalance / self.points.total
-            self._r -= mean
-            self._t += mean
-        return imbalance
-
-    def _to_edge(self, trust: float) -> float:
-        """Follows the last direction, along which Phi bends down, to the edge of the region of trust; largest |s| in
-        ranges."""
-        points = self.points
-        kernels.largest_in_rows(self._p, self.curvature, points.offset, self._rows)
-        largest = points.all_rows(self._rows[:1]).max()
-        if largest == 0.0:
-            # No interacting point moves, so the curvature was positive but for rounding: the solve has ended.
-            return 0.0
-        alpha = trust * self.law.range / largest
-        kernels.advance(alpha, self._p, self._y, self.curvature, self._s, self._t, self._r, points.offset, self._rows)
-        return points.all_rows(self._rows[:2]).max(axis=1)[1] / self.law.range
+        return self.points.total_of(self._rows)

@@ -122,7 +122,7 @@ class Simulation:
         counters = replace(state.counters)
         modes = [] if state.soft_mode is None else [state.soft_mode.copy(), state.soft_load.copy()]
         question.begin()
-        solver.poll = question
+        solver.cg.poll = question
         try:
             yield
         except Interrupted:
@@ -131,7 +131,7 @@ class Simulation:
                 state.soft_mode[:], state.soft_load[:] = modes
             raise
         finally:
-            del solver.poll
+            del solver.cg.poll
 
     def _start(self) -> None:
         self.state.started = True

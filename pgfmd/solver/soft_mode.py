@@ -66,7 +66,7 @@ class SoftMode:
         Of work vectors it leaves nothing as it was but the solver's traction and curvature.
         """
         solver, points = self.solver, self.points
-        k, z, g, p, dp = solver.curvature, solver._z, solver._r, solver._p, solver._y
+        k, z, g, p, dp = solver.curvature, solver.cg.z, solver.cg.r, solver.cg.p, solver.cg.y
         p[:], dp[:] = 0.0, 0.0
         kernels_of_modes.noise(points.first_point, seed, k, g)
         strength = self._norm(g, g)
@@ -84,7 +84,7 @@ class SoftMode:
         kernels.dot(k * mode, mode, points.offset, self._rows)
         mu, error = self._total(1)[0], math.inf
         while count < most:
-            solver.poll()
+            solver.cg.poll()
             kernels_of_modes.pull_of(k, mode, dual, mu, amount, g)
             solver.rough(g, z, self.compliance)
             count += 1

@@ -59,8 +59,7 @@ class Spectrum:
         self.first_column = self.columns.substart[1]
         self.column_count = self.columns.subshape[1]
         self.shares = [share(self.width, comm.size, rank) for rank in range(comm.size)]
-        if self.shares[comm.rank] != (self.first_column, self.column_count):
-            raise AssertionError("the pencils of mpi4py-fft share columns in another way than grid.share")
+        assert self.shares[comm.rank] == (self.first_column, self.column_count), "mpi4py-fft shares columns otherwise"
         self.kx = np.arange(self.first_column, self.first_column + self.column_count)
         self.ky = np.arange(self.width)
 
@@ -86,8 +85,8 @@ class _Pruned:
         self.points, self.n, self.comm = points, n, points.comm
         self.dtype, self.complex = np.dtype(dtype), np.result_type(dtype, np.complex64)
         self.spectrum = Spectrum(n, points.nb, points.comm)
-        if self.spectrum.rows.subshape[0] != points.rows or self.spectrum.rows.substart[0] != points.row_start:
-            raise AssertionError("the pencils of mpi4py-fft share rows in another way than grid.share")
+        pencil = self.spectrum.rows
+        assert (pencil.substart[0], pencil.subshape[0]) == (points.row_start, points.rows), "mpi4py-fft shares rows otherwise"
         rows = [share(points.nb, self.comm.size, rank) for rank in range(self.comm.size)]
         self._transposition = Transposition(self.comm, rows, self.spectrum.shares, self.complex)
         self._columns = self._transposition.columns

@@ -77,7 +77,7 @@ def test_a_start_that_is_given_up_says_so(comm):
     simulation = assemble(load_scene("hertz", ["grid.n=16", "solver.scheme=quasistatic"]), comm)
     with pytest.raises(Interrupted):
         simulation.run(interrupt=lambda: True)
-    assert simulation.scheme.solver.poll() is None
+    assert simulation.scheme.solver.cg.poll() is None
 
 
 def test_questions_are_as_far_apart_as_the_clock_of_the_first_rank_says(comm, monkeypatch):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pgfmd.physics.cohesion import CohesiveLaw
-from pgfmd.solver import kernels, transform_kernels
+from pgfmd.solver import kernels, retardation_kernels, transform_kernels
 from pgfmd.solver.grid import Grid, PunchPoints
 
 GAMMA, RHO = 0.05, 0.75e-6
@@ -246,7 +246,7 @@ def test_largest_difference_near(points, rng):
 def test_weigh_branches(points, elements, rng):
     branches, weights = rng.standard_normal((elements, points.size)), rng.standard_normal((2, elements))
     out = np.full((2, points.size), np.nan)
-    kernels.weigh_branches(branches, weights, out)
+    retardation_kernels.weigh_branches(branches, weights, out)
     close(out, weights @ branches, 10.0)
 
 
@@ -256,7 +256,7 @@ def test_advance_branches(points, elements, count, rng):
     branches, stages = rng.standard_normal((elements, points.size)), rng.standard_normal((2, points.size))
     decay, gain = rng.standard_normal(elements), rng.standard_normal((elements, 2))
     expected = decay[:, None] * branches + gain[:, :count] @ stages[:count]
-    kernels.advance_branches(branches, decay, stages, gain, count)
+    retardation_kernels.advance_branches(branches, decay, stages, gain, count)
     close(branches, expected, 10.0)
 
 
@@ -278,9 +278,9 @@ def test_advance_branches_and_energy(points, elements, count, rng):
     weights = decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count
     before = phi.copy(), psi.copy()
     foreseen = np.zeros((2, points.rows))
-    kernels.advance_branches_and_energy(phi, psi, *weights, False, points.offset, foreseen)
+    retardation_kernels.advance_branches_and_energy(phi, psi, *weights, False, points.offset, foreseen)
     assert np.array_equal(phi, before[0]) and np.array_equal(psi, before[1])
-    kernels.advance_branches_and_energy(phi, psi, *weights, True, points.offset, rows)
+    retardation_kernels.advance_branches_and_energy(phi, psi, *weights, True, points.offset, rows)
     # To rounding: without writing, a processor may sum more numbers of a row at a time.
     close(foreseen, rows, 1e3)
     close(phi, new_phi, 10.0)

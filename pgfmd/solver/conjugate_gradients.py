@@ -1,0 +1,135 @@
+"""Newton's correction by conjugate gradients: (A^-1 + K) s = r, preconditioned by A = J G0 (newton.py).
+
+With every direction p its dual y = A^-1 p is carried along, so A^-1 is never applied, and one application of G0 an
+iteration is the only transform.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from . import kernels
+
+UNSURE = 1e-6
+"""A curvature along a direction below this share of its terms is not trusted to the difference of two numbers."""
+
+
+class ConjugateGradients:
+    """Finds corrections on point vectors, and holds the arrays for it.
+
+    points: PunchPoints. operator: the Convolution with G0. law: CohesiveLaw. floating: whether a mean load moves
+    nothing. Before `correct`, `r` is the residual [Pa] and `curvature` K; after it, `s` [m] is the correction, `t` [Pa] its
+    dual A^-1 s, and the others are work arrays.
+    """
+
+    largest_count = 400
+    forcing = 0.1
+    """CG ends when its last move is below half this fraction of the correction so far (inexact Newton)."""
+    linear_share = 1.0
+    """CG also ends when its last move is below this share of the tolerance."""
+    patience = 1
+    """So many moves of CG in a row have to be that small. One is enough where the compliance is that of a short time;
+    for a relaxed or elastic surface, CG is slower, and one small move may be followed by larger ones."""
+    poll = staticmethod(lambda: None)
+    """Called once an iteration of CG, on every rank: may raise Interrupted (interruption.py)."""
+
+    def __init__(self, points, operator, law, floating: bool):
+        self.points, self.operator, self.law, self.floating = points, operator, law, floating
+        vectors = [points.zeros(operator.dtype) for _ in "krstpyz"]
+        self.curvature, self.r, self.s, self.t, self.p, self.y, self.z = vectors
+        self._rows = np.zeros((6, points.rows))
+
+    def correct(
+        self, compliance: float, tolerance: float, unbalanced: float, trust: float, imbalance: float
+    ) -> tuple[int, float, bool]:
+        """Newton's correction s and its dual t by CG; (iterations, largest |s| in ranges, negative curvature met).
+
+        All that an iteration asks of other ranks travels together, as soon as z = A r is known (Chronopoulos and Gear,
+        J. Comput. Appl. Math. 25, 153 (1989)): the curvature along the next direction follows from that along the last.
+        Where it is too small for that, it is found from the direction itself. Whether the coming move is small is judged
+        by |z| and beta |last p|, taken to be at right angles: their sum, a bound, cost 4 to 7 % more iterations.
+        """
+        points, s, t, p, y, z, r = self.points, self.s, self.t, self.p, self.y, self.z, self.r
+        k, offset, rows = self.curvature, points.offset, self._rows
+        per_range, size, previous, alpha, quiet, beta, pull = 1.0 / self.law.range, 0.0, 1.0, 1.0, 0, 0.0, 0.0
+        rows[4:6] = 0.0
+        if self.floating:
+            self._clear()
+        imbalance = self._level(imbalance)
+        for count in range(1, self.largest_count + 1):
+            self.poll()
+            first = count == 1 and not self.floating
+            self.operator(r, z, compliance)
+            kernels.survey(z, r, k, offset, rows)
+            numbers = points.all_rows(rows[:6])
+            energy, stiff, bent = numbers[:3].sum(axis=1).tolist()
+            largest, turn, size = (numbers[3:].max(axis=1) * per_range).tolist()
+            if energy <= 0.0:
+                if first:
+                    self._clear()
+                return count, size, False
+            beta = 0.0 if count == 1 else energy / previous
+            bend = energy + stiff - beta * energy / alpha
+            sure = bend > UNSURE * (energy + abs(stiff))
+            if not sure:
+                bend = self._bend(beta, first)
+                if bend <= 0.0:
+                    return count, self._to_edge(trust), True
+            alpha, previous = energy / bend, energy
+            if sure:
+                kernels.turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, offset, rows[4:6])
+            else:
+                kernels.advance(alpha, p, y, k, s, t, r, offset, rows)
+                rows[4], rows[5] = rows[0] / alpha, rows[1]
+            # Sums of y + K p and of r; where the mean load takes up the mean of r, that is zero.
+            left = 0.0 if self.floating else imbalance
+            pull = left + bent + beta * pull
+            imbalance = self._level(left - alpha * pull)
+            change = alpha * math.hypot(largest, beta * turn)
+            so_far = size if count > 1 else change
+            small = change < max(self.linear_share * tolerance, 0.5 * self.forcing * so_far)
+            quiet = quiet + 1 if small and abs(imbalance) <= 0.5 * unbalanced else 0
+            if size + change > 2.0 * trust or quiet >= self.patience:
+                break
+        return count, float(points.all_rows(rows[5:6]).max()) * per_range, False
+
+    def _clear(self) -> None:
+        """A correction and a direction of nothing. Without a mean load, the first pass of CG writes over what was there."""
+        for vector in (self.s, self.t, self.p, self.y):
+            vector[:] = 0.0
+
+    def _bend(self, beta: float, first: bool) -> float:
+        """Turns p and y into the next direction and its dual; returns the curvature along it, p (A^-1 + K) p, per area of
+        a point. Collective."""
+        if first:
+            self._clear()
+        kernels.turn_direction(
+            self.z, self.r, beta, self.curvature, self.p, self.y, self.points.offset, self._rows
+        )  # fmt: skip
+        return float(self.points.total_of(self._rows[:1])[0])
+
+    def _level(self, imbalance: float) -> float:
+        """Lets the mean load take up the mean residual where it moves nothing, A being singular there.
+
+        Returns what was out of balance: there, by how much the last direction has changed the force.
+        """
+        if self.floating:
+            mean = imbalance / self.points.total
+            self.r -= mean
+            self.t += mean
+        return imbalance
+
+    def _to_edge(self, trust: float) -> float:
+        """Follows the last direction, along which Phi bends down, to the edge of the region of trust; largest |s| in
+        ranges."""
+        points = self.points
+        kernels.largest_in_rows(self.p, self.curvature, points.offset, self._rows)
+        largest = points.all_rows(self._rows[:1]).max()
+        if largest == 0.0:
+            # No interacting point moves, so the curvature was positive but for rounding: the solve has ended.
+            return 0.0
+        alpha = trust * self.law.range / largest
+        kernels.advance(alpha, self.p, self.y, self.curvature, self.s, self.t, self.r, points.offset, self._rows)
+        return points.all_rows(self._rows[:2]).max(axis=1)[1] / self.law.range

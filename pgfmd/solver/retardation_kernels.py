@@ -1,0 +1,99 @@
+"""Compiled kernels of the retardation: histories of the traction, one a branch, weighed and moved on (kernels.py).
+
+Each stands beside the line of mathematics it evaluates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .kernels import _compile, _compile_sums
+
+
+# Whole branches one after another, although stages and sums are read anew for each: going through all branches a
+# stretch at a time, to keep those in cache, took half as long again.
+@_compile
+def weigh_branches(branches, weights, out):
+    """out[i] = sum_m weights[i, m] branches[m], for 1 or 2 stages i in one pass over the branches, four at a time."""
+    elements, size = branches.shape
+    last = out.shape[0] - 1
+    first_sum, last_sum = out[0], out[last]
+    out[:] = 0.0
+    fours = elements - elements % 4
+    for m in range(0, fours, 4):
+        w, x, y, z = branches[m], branches[m + 1], branches[m + 2], branches[m + 3]
+        a0, a1, a2, a3 = weights[0, m], weights[0, m + 1], weights[0, m + 2], weights[0, m + 3]
+        b0, b1, b2, b3 = weights[last, m], weights[last, m + 1], weights[last, m + 2], weights[last, m + 3]
+        for p in range(size):
+            # Both before either is written: with one stage they are the same.
+            here_first = first_sum[p] + a0 * w[p] + a1 * x[p] + a2 * y[p] + a3 * z[p]
+            here_last = last_sum[p] + b0 * w[p] + b1 * x[p] + b2 * y[p] + b3 * z[p]
+            first_sum[p] = here_first
+            last_sum[p] = here_last
+    for m in range(fours, elements):
+        row = branches[m]
+        for i in range(out.shape[0]):
+            weight, total = weights[i, m], out[i]
+            for p in range(size):
+                total[p] += weight * row[p]
+
+
+@_compile
+def advance_branches(branches, decay, stages, gain, count):
+    """branches[m] = decay[m] branches[m] + sum_{j < count} gain[m, j] stages[j], with 1 or 2 stages.
+
+    Two branches at a time, so that stages are read half as often; with four, it took longer again.
+    """
+    elements, size = branches.shape
+    first, last, two = stages[0], stages[count - 1], count > 1
+    twos = elements - elements % 2
+    for m in range(0, twos, 2):
+        a, b = branches[m], branches[m + 1]
+        keep_a, first_a, last_a = decay[m], gain[m, 0], gain[m, 1] if two else 0.0
+        keep_b, first_b, last_b = decay[m + 1], gain[m + 1, 0], gain[m + 1, 1] if two else 0.0
+        for p in range(size):
+            x, y = first[p], last[p]
+            new_a = keep_a * a[p] + first_a * x + last_a * y
+            new_b = keep_b * b[p] + first_b * x + last_b * y
+            a[p] = new_a
+            b[p] = new_b
+    for m in range(twos, elements):
+        row, keep, gain_first, gain_last = branches[m], decay[m], gain[m, 0], gain[m, 1] if two else 0.0
+        for p in range(size):
+            row[p] = keep * row[p] + gain_first * first[p] + gain_last * last[p]
+
+
+@_compile_sums
+def advance_branches_and_energy(
+    phi, psi, decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count, keep, offset, rows
+):
+    """`advance_branches` for phi and for psi = G0 phi, with the energies that they store and dissipate.
+
+    The rates of stage i are k_i = f_i - phi_i = rate_decay[m, i] phi_n + sum_{j <= i} rate_gain[m, i, j] f_j, likewise
+    for psi. Written out for two stages, as loops over them would not vectorise; a single one has no second term.
+    Without `keep` phi and psi stay as they are.
+    rows[0] of sum_m J_m phi_m psi_m / 2;  rows[1] of sum_m sum_i quadrature[m, i] k_i G0 k_i,  [Pa m].
+    """
+    two, last = count > 1, count - 1
+    f0, f1, g0, g1 = f[0], f[last], g[0], g[last]
+    rows[0] = 0.0
+    rows[1] = 0.0
+    for m in range(phi.shape[0]):
+        a, b = phi[m], psi[m]
+        half, fading, gain0, gain1 = 0.5 * compliances[m], decay[m], gain[m, 0], gain[m, last] if two else 0.0
+        r0, r00, weight0 = rate_decay[m, 0], rate_gain[m, 0, 0], quadrature[m, 0]
+        r1, r11, weight1 = rate_decay[m, last], rate_gain[m, last, last], quadrature[m, last] if two else 0.0
+        r10 = rate_gain[m, last, 0] if two else 0.0
+        for row in range(offset.size - 1):
+            stored, lost = 0.0, 0.0
+            for p in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+                x, y = a[p], b[p]
+                new_x = fading * x + gain0 * f0[p] + gain1 * f1[p]
+                new_y = fading * y + gain0 * g0[p] + gain1 * g1[p]
+                lost += weight0 * (r0 * x + r00 * f0[p]) * (r0 * y + r00 * g0[p])
+                lost += weight1 * (r1 * x + r10 * f0[p] + r11 * f1[p]) * (r1 * y + r10 * g0[p] + r11 * g1[p])
+                stored += new_x * new_y
+                if keep:
+                    a[p], b[p] = new_x, new_y
+            rows[0, row] += half * stored
+            rows[1, row] += lost
