@@ -157,7 +157,8 @@ def _samples(face: Topography, side: float | None) -> tuple[Array, Array]:
         first, last = math.ceil(middle - reach), math.floor(middle + reach)
         if not heights.periodic:
             first, last = max(first, 0), min(last, count - 1)
-        step = math.ceil((last - first + 1) / MOST_SAMPLES)
+        # Not a pixel may be under a small punch.
+        step = max(1, math.ceil((last - first + 1) / MOST_SAMPLES))
         lines.append((np.arange(first, last + 1, step) - middle) * pixel)
     return tuple(lines)
 

@@ -363,3 +363,9 @@ def test_a_run_with_a_measured_punch_follows_its_sites(tmp_path):
         assert set(np.asarray(sites["of"])[np.asarray(sites["kind"]) == "summit"]) == {23}
         assert "summit" in set(patches["kind"]) and "" not in set(patches["nearest"])
         assert any("summit" in str(joined) for joined in events["joined"])
+
+
+def test_a_map_without_a_pixel_under_the_punch_has_no_sites(tmp_path):
+    np.save(tmp_path / "coarse.npy", np.array([[0.0, 1e-6], [2e-6, 3e-6]]))
+    face = Topography("file", radius=0.1e-3, file=tmp_path / "coarse.npy", file_size=(4e-3, 4e-3))
+    assert len(contact_sites(face, 4e-3).x) == 0
