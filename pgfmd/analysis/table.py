@@ -42,7 +42,8 @@ class Table:
         if value is None:
             uncertainty = None
         if uncertainty:
-            note = f"± {uncertainty:.2g}, {note}" if note else f"± {uncertainty:.2g}"
+            # Plain characters: a terminal may have no others.
+            note = f"+/- {uncertainty:.2g}, {note}" if note else f"+/- {uncertainty:.2g}"
         self.sections.setdefault(section, []).append(Row(key, name, value, unit, note, uncertainty))
 
     def __getitem__(self, key: str) -> Any:

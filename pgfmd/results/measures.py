@@ -98,6 +98,8 @@ def _tension(loop: Loop, row: int, key: str) -> Dip:
         spread = uncertainty.of_force(told, min(told, -float(loop.force[row])), loop.share)
         return replace(found, tension=told, uncertainty=loop.told.get(f"{key}_uncertainty_N", _known(spread)))
     spread = loop.share * abs(found.tension) + BETWEEN_ROWS * _rise_beside(loop, row)
+    # Of a compression only what goes below zero is a tension.
+    spread = max(0.0, spread + min(found.tension, 0.0)) if not math.isnan(spread) else spread
     return replace(found, tension=max(found.tension, 0.0) + 0.0, uncertainty=_known(spread))
 
 

@@ -59,7 +59,7 @@ def test_every_command_tells_the_same_numbers(quick, tmp_path):
     out, folder, record = quick
     pull_off, spread = record["pull_off_force_N"], record["pull_off_force_uncertainty_N"]
     assert 0.0 < spread < 0.2 * pull_off
-    told = f"pull-off force {1e3 * pull_off:.4g} ± {1e3 * spread:.2g} mN"
+    told = f"pull-off force {1e3 * pull_off:.4g} +/- {1e3 * spread:.2g} mN"
     assert told in "\n".join(_summary(record, folder))
     table = json.loads(pgfmd("analyse", folder, "--json"))
     forces, work = table["forces"], table["work"]
@@ -120,9 +120,9 @@ def test_its_surface_at_the_largest_tension_is_kept(tmp_path):
 
 def test_the_uncertainty_covers_what_a_finer_run_finds(tmp_path):
     keys = ("pull_off_force", "_N"), ("snap_in_force", "_N"), ("work_of_separation", "_J"), ("work", "_J")
-    for scheme in ("inertialess", "quasistatic"):
+    for scheme, accuracies in (("inertialess", (0.03, 0.003)), ("quasistatic", (0.03, 0.01))):
         found = []
-        for accuracy in (0.03, 0.003):
+        for accuracy in accuracies:
             changes = f"solver.scheme={scheme}", f"solver.accuracy={accuracy}", "output.patches=false"
             found.append(load(run(tmp_path / f"{scheme}-{accuracy}", *changes)).run)
         coarse, fine = found
@@ -188,7 +188,7 @@ def test_the_retraction_begins_where_the_punch_turns():
 
 def test_legends_say_what_was_done_to_curves():
     loop = loop_of([0, -4e-6, 0, 2e-6], [0, 3e-3, -1e-3, -1e-3], 2)
-    axis = styled(overlay_figure, [loop, loop], 1, ["as simulated", "− F/k_M (38.1 kN/m)"]).axes[0]
+    axis = styled(overlay_figure, [loop, loop], 1, ["as simulated", "- F/k_M (38.1 kN/m)"]).axes[0]
     assert [text.get_text() for text in axis.get_legend().get_texts()] == [
-        "made: as simulated", "made: − F/k_M (38.1 kN/m)",
+        "made: as simulated", "made: - F/k_M (38.1 kN/m)",
     ]  # fmt: skip
