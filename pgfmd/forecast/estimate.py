@@ -16,7 +16,7 @@ import scipy.fft
 from pgfmd.parts import inertia_of_scene, quasistatic_compliance, relaxation_of, series_of, transform_side
 from pgfmd.physics.heightfile import map_bytes
 from pgfmd.reference import flat_punch, hertz
-from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.solver.grid import Grid, PunchPoints, share
 
 PROGRAM_BYTES = 245e6
 """Python, compiled kernels and libraries on every rank: peak resident memory less the fields, with 1 and 2 ranks."""
@@ -64,6 +64,12 @@ def punch_points(scene) -> PunchPoints:
     return PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, SimpleNamespace(size=1, rank=0))
 
 
+def largest_share(points: PunchPoints, ranks: int) -> int:
+    """Points of the rank that has most of them: under a round punch, the rows in the middle are longer."""
+    ends = [sum(share(points.nb, ranks, rank)) for rank in range(ranks)]
+    return int(np.diff(points.offset[ends], prepend=0).max())
+
+
 def memory_of(scene, ranks: int = 1) -> Memory:
     """Memory of the rank with the largest share, out of `ranks`.
 
@@ -88,18 +94,19 @@ def memory_of(scene, ranks: int = 1) -> Memory:
         counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, rough)
     # With patches, the traction before each step: jumps are placed by it.
     counts = counts[0], counts[1] + scene.output.patches
-    state, rest = (size * points.total / ranks * count for count in counts)
+    most = largest_share(points, ranks)
+    state, rest = (size * most * count for count in counts)
     rows_and_columns = 2.0 * rows * width + (2.0 * nb * columns if ranks > 1 else 0.0)
     transform = (columns * width + rows_and_columns) * (size + (4.0 if precision == "mixed" else 0.0))
     heights = _map_bytes(scene.punch)
+    solver = size * (2.0 + 7.0 * rough) * most
     if periodic:
         # By now there are Newton's vectors; the weights are in double precision.
-        solver = size * (2.0 + 7.0 * rough) * points.total / ranks
-        start = transform + max(heights, solver + 8.0 * (rows_and_columns + points.total / ranks))
+        start = max(heights, solver + 8.0 * (rows_and_columns + most))
     else:
         kernel = 8.0 * width * (math.ceil(width / ranks) + (columns if ranks > 1 else 0))
-        start = transform + max(heights, kernel)
-    return Memory(state + rest, transform, state, start)
+        start = max(heights, solver, kernel)
+    return Memory(state + rest, transform, state, transform + start)
 
 
 def _map_bytes(punch) -> float:
@@ -115,7 +122,7 @@ def _gfmd_memory(scene, ranks: int) -> Memory:
     columns, rows = math.ceil((n // 2 + 1) / ranks), math.ceil(n / ranks)
     spectral = 16.0 * n * columns
     state = (2 + series_of(scene.rheology).elements) * spectral
-    mine = 8.0 * points.total * min(1.0, rows / points.nb)
+    mine = 8.0 * min(points.total, rows * points.nb)
     modes = state + 16.0 * (n // 2 + 1) * columns
     transform = 8.0 * rows * n + 16.0 * rows * (n // 2 + 1) + 2.0 * spectral
     return Memory(3.0 * mine + modes, transform, state, transform + _map_bytes(scene.punch))
