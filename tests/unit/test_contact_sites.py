@@ -363,3 +363,12 @@ def test_a_run_with_a_measured_punch_follows_its_sites(tmp_path):
         assert set(np.asarray(sites["of"])[np.asarray(sites["kind"]) == "summit"]) == {23}
         assert "summit" in set(patches["kind"]) and "" not in set(patches["nearest"])
         assert any("summit" in str(joined) for joined in events["joined"])
+
+
+def test_the_search_takes_a_few_rows_of_a_pattern_of_any_size(monkeypatch):
+    face = Topography("hexagonal", radius=200e-6, wavelength=80e-6, amplitude=4e-6, height_jitter=1e-7)
+    whole = contact_sites(face)
+    monkeypatch.setattr("pgfmd.physics.contact_sites.AT_A_TIME", 500)
+    assert len(whole) > 50
+    for name in ("x", "y", "z", "kind"):
+        np.testing.assert_array_equal(getattr(contact_sites(face), name), getattr(whole, name))
