@@ -42,12 +42,12 @@ SCENES = {
         "substrate.boundary=free",
     ],
     "quasi-static, sprung, mixed": [
-        "hex-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.01", "drive.preload=0.5 mN",
+        "hex-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.03", "drive.preload=0.5 mN",
         "drive.machine_stiffness=2 kN/m", "solver.precision=mixed",
     ],
     "gfmd": [
         "tri-tack", "grid.n=20", "drive.preload=0.5 mN", "solver.scheme=gfmd", "drive.speed=200 um/s",
-        "rheology.model=geometric", "rheology.relaxation_time=40 us", "rheology.elements=2", "rheology.time_ratio=6",
+        "rheology.model=geometric", "rheology.relaxation_time=200 us", "rheology.elements=2", "rheology.time_ratio=6",
         "rheology.exponent=0.8", "output.every=20", "output.surface=true", 'output.snapshots=["1.1 t_pl"]',
     ],
 }  # fmt: skip
@@ -253,8 +253,8 @@ def test_a_full_disk_leaves_the_checkpoint_of_before(comm, folder, limit):
 @pytest.mark.parametrize("name", SCENES)
 def test_a_chain_of_many_links_leaves_the_bits_of_one_run(name, comm, folder, stopping_after):
     record = run(name, comm, folder / "whole")
-    # Three ranks may have to share two cores, where starting a link takes long.
-    links = 21 if comm.size < 3 else 5
+    # Several ranks may have to share a core, where starting a link takes long.
+    links = 21 if comm.size == 1 else 5
     stopping_after(max(0, record["steps"] // links - 1))
     stops = run_in_links(name, comm, folder / "chain")
     assert stops >= links - 1
@@ -275,7 +275,7 @@ def test_going_on_at_every_step_leaves_the_bits_of_one_run(comm, folder, stoppin
     changes = ["grid.n=16", "drive.preload=0.3 mN", "rheology.model=elastic"]
     scene = load_scene("flat-punch", changes)
     record = run_scene(scene, comm, folder / "whole", silent)
-    each = 1 if comm.size < 3 else 5
+    each = 1 if comm.size == 1 else 5
     stopping_after(each - 1)
     stops = 0
     while True:
