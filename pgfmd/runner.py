@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -256,8 +257,9 @@ def compile_kernels(comm, scene) -> None:
         comm.Barrier()
 
 
+@functools.cache
 def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
-    """Runs tiny tack tests that use every kernel of a scheme, so that numba has them in its cache."""
+    """Runs tiny tack tests that use every kernel of a scheme, so that numba has them in its cache. Once a process."""
     from mpi4py import MPI
 
     common = [f"solver.scheme={scheme}", f"solver.precision={precision}", "grid.n=20", "drive.preload=1 mN"]

@@ -7,7 +7,7 @@ import numpy as np
 from .grid import share
 from .transform import Spectrum
 
-FEW = 1 << 16
+FEW = 1 << 13
 """Numbers that are made at a time where the order does not matter."""
 
 
