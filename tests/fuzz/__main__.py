@@ -18,9 +18,9 @@ RUN_LIMIT = 60.0
 """Time [s] that a run, or a pair of runs, may take unless said otherwise."""
 
 
-def main() -> int:
+def main(arguments: list[str] | None = None) -> int:
     """Exit code 1 if there was a fault."""
-    options = _parser().parse_args()
+    options = _parser().parse_args(arguments)
     if options.what == "show":
         print(make(options.seed, options.index, options.kind).text, end="")
         return 0

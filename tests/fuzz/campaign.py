@@ -19,7 +19,7 @@ from .faults import Fault
 from .files import write_files
 from .judging_checks import judge_check, judge_spelling
 from .judging_results import judge_folder
-from .relations import RELATIONS, Pair
+from .relations import AGREES, DIFFERS, RELATIONS, Pair
 from .running import OUT_OF_TIME, Ended, in_child, pgfmd, spare_memory, warm_up
 from .scenes import Made, make
 
@@ -31,12 +31,14 @@ EXAMPLES = 3
 
 @dataclass
 class Finding:
-    """What came of a scene: its number, the outcome in a word, its faults, and where its files are, if they are kept."""
+    """What came of a scene: its number, the outcome in a word, its faults, where its files are, if they are kept, and the
+    processor time [s] that it took in a process of its own."""
 
     index: int
     outcome: str
     faults: list[Fault] = field(default_factory=list)
     place: str = ""
+    cost: float = 0.0
 
 
 def check(made: Made, folder: Path, limit: float | None = CHECK_LIMIT) -> Finding:
@@ -81,8 +83,15 @@ def relate(made: Made, folder: Path, limit: float, only: str | None = None) -> F
         return Finding(made.index, f"{name}: does not apply")
 
     def action() -> tuple[str, list[Fault]]:
-        outcome, faults = RELATIONS[name].examine(Pair(made, folder))
-        return f"{name}: {outcome}", [Fault(f"{name}: {one.label}", one.text) for one in faults]
+        pair = Pair(made, folder)
+        outcome, found = RELATIONS[name].examine(pair)
+        faults = [Fault(f"{name}: {one.label}", one.text) for one in found]
+        if outcome in (AGREES, DIFFERS):
+            # Both may be wrong in the same way.
+            changes = ["output.every=1"] if name == "every" else []
+            scene = parse_scene(made.text, changes, folder=folder)
+            faults += judge_folder(folder / "base", scene, 0, pair.said)
+        return f"{name}: {outcome}", faults
 
     ended = in_child(action, folder, limit)
     return _finding(made, folder, replace(ended, outcome=ended.outcome if ":" in ended.outcome else f"{name}: {ended.outcome}"))
@@ -103,8 +112,8 @@ def _finding(made: Made, folder: Path, ended: Ended) -> Finding:
     """Keeps the folder only where there is a fault."""
     if not ended.faults:
         shutil.rmtree(folder, ignore_errors=True)
-        return Finding(made.index, ended.outcome)
-    return Finding(made.index, ended.outcome, ended.faults, str(folder / "scene.toml"))
+        return Finding(made.index, ended.outcome, cost=ended.cost)
+    return Finding(made.index, ended.outcome, ended.faults, str(folder / "scene.toml"), ended.cost)
 
 
 @dataclass(frozen=True)
@@ -157,8 +166,9 @@ def _ready() -> None:
 
 def tell(campaign: Campaign, found: Iterable[Finding], say: Callable[[str], None] = print) -> int:
     """Tells faults as they come and the sum at the end; returns the number of scenes with faults."""
-    outcomes, labels, wrong = Counter(), {}, 0
+    outcomes, labels, wrong, costs = Counter(), {}, 0, []
     for finding in found:
+        costs.append((finding.cost, finding.index))
         outcomes[finding.outcome] += 1
         wrong += bool(finding.faults)
         for fault in finding.faults:
@@ -168,6 +178,9 @@ def tell(campaign: Campaign, found: Iterable[Finding], say: Callable[[str], None
                 say(f"FAULT {fault}\n      scene {finding.place}\n      again {campaign.again(finding.index)}")
         sys.stdout.flush()
     say(f"\n{campaign.what}, seed {campaign.seed}: {sum(outcomes.values())} scenes, {wrong} with faults")
+    if campaign.what != "check" and costs:
+        total, (most, index) = sum(cost for cost, _ in costs), max(costs)
+        say(f"processor time {total:.0f} s, {most:.1f} s for scene {index}")
     for outcome, count in sorted(outcomes.items()):
         say(f"  {count:6d}  {outcome}")
     for label, indices in sorted(labels.items(), key=lambda item: -len(item[1])):

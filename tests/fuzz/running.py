@@ -26,10 +26,10 @@ OUT_OF_TIME = "out of time"
 
 @dataclass
 class Ended:
-    """How a process ended: outcome in a word, time [s], faults, and what it said."""
+    """How a process ended: outcome in a word, processor time [s], faults, and what it said."""
 
     outcome: str
-    seconds: float
+    cost: float
     faults: list[Fault] = field(default_factory=list)
     said: str = ""
 
@@ -53,36 +53,35 @@ def in_child(action: Callable[[], tuple[str, list[Fault]]], folder: Path, limit:
     child = os.fork()
     if child == 0:
         _be_child(action, folder)
-    killed, status = _wait(child, began, limit)
+    killed, status, cost = _wait(child, began, limit)
     said = (folder / "said").read_text(encoding="utf-8", errors="replace") if (folder / "said").exists() else ""
-    spent = time.monotonic() - began
     report = folder / "report.json"
     if killed:
-        return Ended("hung", spent, [Fault("hangs: TERM was not answered", said[-300:])], said)
+        return Ended("hung", cost, [Fault("hangs: TERM was not answered", said[-300:])], said)
     if not report.exists():
         code = os.waitstatus_to_exitcode(status)
-        if code == -signal.SIGTERM and spent >= limit:
+        if code == -signal.SIGTERM and time.monotonic() - began >= limit:
             # Between two commands, where nobody listens.
-            return Ended(OUT_OF_TIME, spent, [], said)
-        return Ended("died", spent, [Fault(f"the process died of {code}", said[-300:])], said)
+            return Ended(OUT_OF_TIME, cost, [], said)
+        return Ended("died", cost, [Fault(f"the process died of {code}", said[-300:])], said)
     outcome, faults = json.loads(report.read_text(encoding="utf-8"))
-    return Ended(outcome, spent, [Fault(**one) for one in faults], said)
+    return Ended(outcome, cost, [Fault(**one) for one in faults], said)
 
 
-def _wait(child: int, began: float, limit: float) -> tuple[bool, int]:
-    """(whether it had to be killed, status) of a child."""
-    asked = None
+def _wait(child: int, began: float, limit: float) -> tuple[bool, int, float]:
+    """(whether it had to be killed, status, processor time [s]) of a child."""
+    asked, killed = None, False
     while True:
-        found, status = os.waitpid(child, os.WNOHANG)
+        found, status, used = os.wait4(child, 0 if killed else os.WNOHANG)
         if found:
-            return False, status
+            return killed, status, used.ru_utime + used.ru_stime
         now = time.monotonic()
         if asked is None and now - began > limit:
             asked = now
             os.kill(child, signal.SIGTERM)
         if asked is not None and now - asked > GRACE:
+            killed = True
             os.kill(child, signal.SIGKILL)
-            return True, os.waitpid(child, 0)[1]
         time.sleep(0.01)
 
 
