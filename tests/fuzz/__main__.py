@@ -47,7 +47,9 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--first", type=int, default=0, help="number of the first one")
         command.add_argument("--index", type=int, nargs="*", help="these numbers instead")
         command.add_argument("--workers", type=int, default=1)
-        command.add_argument("--limit", type=float, help=f"time [s] for a scene (check {CHECK_LIMIT:g}, else {RUN_LIMIT:g})")
+        command.add_argument(
+            "--limit", type=float, help=f"time [s] for a scene (check {CHECK_LIMIT:g}, else {RUN_LIMIT:g})"
+        )
         command.add_argument("--out", type=Path, help="folder for scenes with faults and their results")
         if what == "relate":
             command.add_argument("--only", choices=RELATIONS, help="this relation alone")

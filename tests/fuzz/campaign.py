@@ -31,8 +31,8 @@ EXAMPLES = 3
 
 @dataclass
 class Finding:
-    """What came of a scene: its number, the outcome in a word, its faults, where its files are, if they are kept, and the
-    processor time [s] that it took in a process of its own."""
+    """What came of a scene: its number, the outcome in a word, its faults, where its files are, if they are kept, and
+    the processor time [s] that it took in a process of its own."""
 
     index: int
     outcome: str
@@ -61,7 +61,7 @@ def run(made: Made, folder: Path, limit: float) -> Finding:
             refused = False
         except SceneError:
             scene, refused = None, True
-        except Exception:
+        except Exception:  # noqa: BLE001
             # The run has died of the same, and has told it.
             scene, refused = None, code == SceneError.exit_code
         faults = judge_folder(Path("results"), scene, code, said)
@@ -94,7 +94,9 @@ def relate(made: Made, folder: Path, limit: float, only: str | None = None) -> F
         return f"{name}: {outcome}", faults
 
     ended = in_child(action, folder, limit)
-    return _finding(made, folder, replace(ended, outcome=ended.outcome if ":" in ended.outcome else f"{name}: {ended.outcome}"))
+    return _finding(
+        made, folder, replace(ended, outcome=ended.outcome if ":" in ended.outcome else f"{name}: {ended.outcome}")
+    )
 
 
 def prepare(made: Made, folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import resource
@@ -16,7 +17,7 @@ from typing import Any
 
 from .faults import Fault
 
-GRACE = 15.0
+GRACE = 60.0
 """Time [s] that a run which is asked to stop has for a checkpoint."""
 MEMORY = 6 * 2**30
 """Bytes of address space that a process may have: no scene here needs more, and the machine is spared."""
@@ -100,7 +101,7 @@ def _be_child(action: Callable[[], tuple[str, list[Fault]]], folder: Path) -> No
         temporary.write_text(json.dumps(report), encoding="utf-8")
         temporary.rename(folder / "report.json")
         code = 0
-    except BaseException:
+    except BaseException:  # noqa: BLE001
         traceback.print_exc()
     finally:
         sys.stdout.flush()
@@ -122,7 +123,7 @@ def pgfmd(*arguments: str) -> tuple[int, str]:
         main(list(arguments))
     except SystemExit as end:
         code = end.code
-    except BaseException:
+    except BaseException:  # noqa: BLE001
         traceback.print_exc()
     sys.stdout.flush()
     sys.stderr.flush()
@@ -132,22 +133,18 @@ def pgfmd(*arguments: str) -> tuple[int, str]:
     return (code if isinstance(code, int) else 0 if code is None else 1), said
 
 
-def warm_up() -> None:
-    """Loads what every run needs, so that no child has to; no MPI."""
-    import h5netcdf
-    import pandas
-    import scipy.fft
-    import scipy.interpolate
-    import scipy.ndimage
-    import scipy.optimize
-    import xarray
+NEEDED = (
+    "h5netcdf", "pandas", "scipy.fft", "scipy.interpolate", "scipy.ndimage", "scipy.optimize", "xarray",
+    "pgfmd.analysis.summary", "pgfmd.results.verify", "pgfmd.solver.gfmd_kernels", "pgfmd.solver.kernels",
+    "pgfmd.solver.stability_kernels", "pgfmd.solver.transform_kernels",
+)  # fmt: skip
+"""Modules that a run or its judges load, none of which loads MPI."""
 
-    import pgfmd.analysis.summary
-    import pgfmd.results.verify
-    import pgfmd.solver.gfmd_kernels
-    import pgfmd.solver.kernels
-    import pgfmd.solver.stability_kernels
-    import pgfmd.solver.transform_kernels  # noqa: F401
+
+def warm_up() -> None:
+    """Loads what every run needs, so that no child has to."""
+    for name in NEEDED:
+        importlib.import_module(name)
     from pgfmd.scene import load_scene
 
     load_scene("tri-tack")
