@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pgfmd.errors import SceneError
+from pgfmd.errors import RunError, SceneError
 from pgfmd.parts import confirm
+from pgfmd.scene.model import Scene
 from pgfmd.scene.reading import parse_scene
 
 from .draw import Draw
@@ -67,11 +68,25 @@ def run(made: Made, folder: Path, limit: float) -> Finding:
         faults = judge_folder(Path("results"), scene, code, said)
         if refused != (code == SceneError.exit_code):
             faults.append(Fault("check and run do not agree", f"exit code {code}: {said[-300:]}"))
+        if scene is not None and code == RunError.exit_code:
+            faults += cured(scene, said)
         if scene is None and Path("results").exists():
             faults.append(Fault("refused, but a folder was made", str(sorted(Path("results").iterdir()))[:200]))
         return _outcome(code), faults
 
     return _finding(made, folder, in_child(action, folder, limit))
+
+
+def cured(scene: Scene, said: str) -> list[Fault]:
+    """Follows the advice of a run that failed, in the folder of its scene: a smaller accuracy, where that is told."""
+    if "solver.accuracy" not in said:
+        return []
+    for share in (0.1, 0.01):
+        accuracy = max(1e-8, share * scene.solver.accuracy)
+        code, _ = pgfmd("run", "scene.toml", f"solver.accuracy={accuracy!r}", "--out", f"cured-{share}")
+        if code != RunError.exit_code:
+            return []
+    return [Fault("a failed run whose cure is none", f"solver.accuracy down to {accuracy:.3g}: {said.strip()[-300:]}")]
 
 
 def relate(made: Made, folder: Path, limit: float, only: str | None = None) -> Finding:

@@ -28,6 +28,8 @@ ROUNDING = 1e-9
 SINGLE = 1e-4
 PRELOAD_ERROR = 0.01
 """Relative error of the preload that the search for it may leave."""
+LEAST_SHARE = 1e-6
+"""Residual of the audit, as a share of the largest energy, that nobody needs to be told of."""
 STOPPED = 75
 """Exit code of a run that was stopped, and goes on with the same command."""
 LEFT_OVERS = (".tmp", ".undo", ".lock")
@@ -294,7 +296,7 @@ def energies(run: Folder) -> Iterator[Fault]:
     if not run.finished:
         return
     stake, worst = at_stake(run.results, run.record["work_J"]), float(np.abs(columns["residual"]).max(initial=0.0))
-    if worst > UNBALANCED * stake and worst > 1e-12 * scale and "audit" not in run.said:
+    if worst > UNBALANCED * stake and worst > LEAST_SHARE * scale and "audit" not in run.said:
         yield Fault("energy: an audit that does not close, untold", f"{worst:.3g} of {stake:.3g} J")
 
 

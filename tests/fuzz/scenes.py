@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pgfmd.scene.model import PATTERNS, RHEOLOGIES
 
 from .declarations import KEYS
-from .draw import Draw, Mapping, Natural, as_toml, legal
+from .draw import Draw, Mapping, Natural, as_toml, legal, written
 from .files import COMPLIANCE, MAPS
 from .mutations import mutate
 
@@ -48,6 +48,10 @@ def make(seed: int, index: int, kind: str) -> Made:
         mutate(draw, scene, natural, draw.choice([0, 1, 1, 1, 2, 3, 6]))
     elif kind == "run" and draw.chance(0.2):
         mutate(draw, scene, natural, 1)
+    elif kind == "run" and draw.chance(0.1):
+        # Far from what the range of adhesion asks for.
+        preload = float(scene["drive"]["preload"].split()[0])
+        scene["drive"]["preload"] = written(preload * draw.log(1e-6, 1e2), "force")
     if kind != "check":
         _keep_small(scene)
     return Made(seed, index, kind, scene, natural)
