@@ -3,8 +3,10 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 from pgfmd.scene.fields import quantity
 
-from . import campaign, scenes
+from . import campaign, running, scenes
 from .comparing import compared
 from .declarations import EXPONENTS, KEYS, _key
 from .faults import Fault
@@ -256,3 +258,38 @@ def test_a_sound_run_is_without_fault_and_agrees_with_itself(run_once):
 )  # fmt: skip
 def test_words_are_judged(tmp_path, said, code, label):
     assert any(fault.label.startswith(label) for fault in judge_folder(tmp_path, None, code, said))
+
+
+def deaf():
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    time.sleep(60)
+
+
+@pytest.mark.parametrize(
+    ("action", "outcome", "label"),
+    [
+        (deaf, "hung", "hangs: TERM was not answered"),
+        (lambda: time.sleep(60), "out of time", None),
+        (lambda: os.kill(os.getpid(), signal.SIGKILL), "died", f"the process died of {-signal.SIGKILL}"),
+        (lambda: 1 / 0, "died", "the process died of 1"),
+        (lambda: ("fine", [Fault("small")]), "fine", "small"),
+    ],
+)
+def test_processes_that_hang_or_die_are_told(tmp_path, monkeypatch, action, outcome, label):
+    # None of these uses MPI, which this process may have loaded.
+    monkeypatch.delitem(sys.modules, "mpi4py.MPI")
+    monkeypatch.setattr(running, "GRACE", 0.2)
+    ended = running.in_child(action, tmp_path / "child", limit=0.5)
+    assert (ended.outcome, [fault.label for fault in ended.faults]) == (outcome, [label] if label else [])
+
+
+def test_the_cure_of_a_failed_run_is_tried(tmp_path, monkeypatch):
+    scene, asked = load_scene("tri-tack", ["solver.accuracy=0.1"]), []
+    codes = iter([3, 0, 3, 3])
+    monkeypatch.setattr(campaign, "pgfmd", lambda *arguments: (asked.append(arguments[2]), (next(codes), ""))[1])
+    assert campaign.cured(scene, "raise drive.preload") == [] and not asked
+    assert campaign.cured(scene, "try a smaller solver.accuracy") == []
+    assert [fault.label for fault in campaign.cured(scene, "try a smaller solver.accuracy")] == [
+        "a failed run whose cure is none"
+    ]
+    assert asked == ["solver.accuracy=0.010000000000000002", "solver.accuracy=0.001"] * 2
