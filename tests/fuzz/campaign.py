@@ -182,23 +182,27 @@ def _ready() -> None:
 
 
 def tell(campaign: Campaign, found: Iterable[Finding], say: Callable[[str], None] = print) -> int:
-    """Tells faults as they come and the sum at the end; returns the number of scenes with faults."""
-    outcomes, labels, wrong, costs = Counter(), {}, 0, []
-    for finding in found:
-        costs.append((finding.cost, finding.index))
-        outcomes[finding.outcome] += 1
-        wrong += bool(finding.faults)
-        for fault in finding.faults:
-            seen = labels.setdefault(fault.label, [])
-            seen.append(finding.index)
-            if len(seen) <= EXAMPLES:
-                say(f"FAULT {fault}\n      scene {finding.place}\n      again {campaign.again(finding.index)}")
-        sys.stdout.flush()
-    say(f"\n{campaign.what}, seed {campaign.seed}: {sum(outcomes.values())} scenes, {wrong} with faults")
-    if campaign.what != "check" and costs:
-        total, (most, index) = sum(cost for cost, _ in costs), max(costs)
-        say(f"processor time {total:.0f} s, {most:.1f} s for scene {index}")
-    for outcome, count in sorted(outcomes.items()):
+    """Tells faults as they come and the sum at the end, or on Ctrl-C; returns the number of scenes with faults."""
+    told: list[Finding] = []
+    labels: dict[str, list[int]] = {}
+    try:
+        for finding in found:
+            told.append(finding)
+            for fault in finding.faults:
+                seen = labels.setdefault(fault.label, [])
+                seen.append(finding.index)
+                if len(seen) <= EXAMPLES:
+                    say(f"FAULT {fault}\n      scene {finding.place}\n      again {campaign.again(finding.index)}")
+            sys.stdout.flush()
+    except KeyboardInterrupt:
+        say(f"\ninterrupted after {len(told)} of {len(campaign.indices)} scenes")
+    wrong = sum(bool(finding.faults) for finding in told)
+    say(f"\n{campaign.what}, seed {campaign.seed}: {len(told)} scenes, {wrong} with faults")
+    if campaign.what != "check" and told:
+        most = max(told, key=lambda finding: finding.cost)
+        total = sum(finding.cost for finding in told)
+        say(f"processor time {total:.0f} s, {most.cost:.1f} s for scene {most.index}")
+    for outcome, count in sorted(Counter(finding.outcome for finding in told).items()):
         say(f"  {count:6d}  {outcome}")
     for label, indices in sorted(labels.items(), key=lambda item: -len(item[1])):
         say(f"  FAULT {len(indices):6d}  {label} (scenes {', '.join(map(str, sorted(indices)[:8]))})")
