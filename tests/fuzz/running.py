@@ -54,7 +54,13 @@ def in_child(action: Callable[[], tuple[str, list[Fault]]], folder: Path, limit:
     child = os.fork()
     if child == 0:
         _be_child(action, folder)
-    killed, status, cost = _wait(child, began, limit)
+    try:
+        killed, status, cost = _wait(child, began, limit)
+    except BaseException:
+        # Ctrl-C: no run outlives this process.
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        raise
     said = (folder / "said").read_text(encoding="utf-8", errors="replace") if (folder / "said").exists() else ""
     report = folder / "report.json"
     if killed:
