@@ -27,7 +27,9 @@ def main(arguments: list[str] | None = None) -> int:
     indices = tuple(options.index or range(options.first, options.first + options.count))
     folder = (options.out or Path(tempfile.mkdtemp(prefix="pgfmd-fuzz-"))).absolute()
     limit = options.limit or (CHECK_LIMIT if options.what == "check" else RUN_LIMIT)
-    campaign = Campaign(options.what, options.seed, indices, folder, limit, getattr(options, "only", None))
+    campaign = Campaign(
+        options.what, options.seed, indices, folder, limit, getattr(options, "only", None), options.each
+    )
     wrong = tell(campaign, findings(campaign, min(options.workers, len(indices))))
     return 1 if wrong else 0
 
@@ -51,6 +53,7 @@ def _parser() -> argparse.ArgumentParser:
             "--limit", type=float, help=f"time [s] for a scene (check {CHECK_LIMIT:g}, else {RUN_LIMIT:g})"
         )
         command.add_argument("--out", type=Path, help="folder for scenes with faults and their results")
+        command.add_argument("--each", action="store_true", help="tell of every scene what came of it, and its cost")
         if what == "relate":
             command.add_argument("--only", choices=RELATIONS, help="this relation alone")
     show = commands.add_parser("show", help="print a scene")

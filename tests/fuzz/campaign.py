@@ -136,7 +136,7 @@ def _finding(made: Made, folder: Path, ended: Ended) -> Finding:
 @dataclass(frozen=True)
 class Campaign:
     """Scenes `indices` of a seed. what: "check", "run" or "relate". folder: for what is kept. limit [s]: of a scene.
-    only: the one relation that is looked at, or None."""
+    only: the one relation that is looked at, or None. each: whether every scene is told, not only those with faults."""
 
     what: str
     seed: int
@@ -144,6 +144,7 @@ class Campaign:
     folder: Path
     limit: float
     only: str | None = None
+    each: bool = False
 
     def one(self, index: int) -> Finding:
         made = make(self.seed, index, self.what)
@@ -188,6 +189,8 @@ def tell(campaign: Campaign, found: Iterable[Finding], say: Callable[[str], None
     try:
         for finding in found:
             told.append(finding)
+            if campaign.each:
+                say(f"{finding.index}: {finding.outcome}, {finding.cost:.1f} s")
             for fault in finding.faults:
                 seen = labels.setdefault(fault.label, [])
                 seen.append(finding.index)
