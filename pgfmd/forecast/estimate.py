@@ -13,7 +13,9 @@ from types import SimpleNamespace
 import numpy as np
 import scipy.fft
 
-from pgfmd.parts import inertia_of_scene, quasistatic_compliance, relaxation_of, series_of, transform_side
+from pgfmd.parts import (
+    inertia_of_scene, quasistatic_compliance, relaxation_of, series_of, topography_of, transform_side,
+)  # fmt: skip
 from pgfmd.physics.heightfile import map_bytes
 from pgfmd.reference import flat_punch, hertz
 from pgfmd.solver.grid import Grid, PunchPoints, share
@@ -111,7 +113,7 @@ def memory_of(scene, ranks: int = 1) -> Memory:
 
 def _map_bytes(punch) -> float:
     """A height map while heights are taken from it."""
-    return map_bytes(punch.file, punch.file_order) if punch.pattern == "file" else 0.0
+    return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
 
 
 def _gfmd_memory(scene, ranks: int) -> Memory:
