@@ -96,7 +96,7 @@ class HeightMap:
     size: tuple[float, float]
     periodic: bool = False
     order: int = 1
-    _kept: dict = field(default_factory=dict, repr=False)
+    _kept: dict = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 2 or min(self.heights.shape) < 2:
