@@ -8,14 +8,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from .resolution import image_stiffness, overlap_share, summit_points
+from .resolution import image_stiffness, overlap_share, range_follows_the_grid, summit_points
 
-FEW_SUMMIT_POINTS, SOME_SUMMIT_POINTS = 12.0, 50.0
-"""Grid points of a summit within the range: below the first pull-off forces are wrong by more than a third, below the
-second by a tenth (docs: resolution)."""
-SOFT_OVERLAP, SOFT_WALL, SOFT_ADHESION = 0.05, 0.01, 0.2
-"""Overlap relative to the indentation that is remarked on, and that is warned of without and with attraction: a wall
-alone should be hard."""
+FEW_SUMMIT_POINTS = 12.0
+"""Grid points of a summit within the range below which pull-off forces are wrong by more than a third (docs:
+resolution)."""
+SOME_SUMMIT_POINTS = 50.0
+"""Grid points of a summit within the range below which pull-off forces are wrong by more than a tenth."""
+SOFT_OVERLAP = 0.05
+"""Overlap relative to the indentation that is remarked on where the law attracts."""
+SOFT_ADHESION = 0.2
+"""Overlap that is warned of where the law attracts."""
+SOFT_WALL = 0.01
+"""Overlap that is warned of where it does not: a wall alone should be hard."""
 IMAGES_OF_FILM = 0.05
 """Influence of a film's periodic images on the stiffness of a contact that is warned of."""
 
@@ -57,21 +62,24 @@ def overlap(scene) -> Iterator[str]:
     if share <= most:
         return
     text = (
-        f"adhesion: at the preload punch and elastomer will overlap by about {100 * share:.0f} % of the indentation, as "
+        f"adhesion: at the preload punch and elastomer will overlap by about {100 * share:.2g} % of the indentation, as "
         "the law's stiffness follows from the static modulus and the range; indentations are too large by up to as much. "
     )
-    reach = scene.adhesion.range * math.sqrt(most / share)
+    # A little less than would just do, as it is rounded.
+    shorter = f"{0.95 * scene.adhesion.range * math.sqrt(most / share) * 1e6:.2g} um or less"
     if repulsive:
-        yield text + f"Set adhesion.range to {reach * 1e6:.2g} um or less, or range_factor {share / most:.2g} times larger"
+        yield text + f"Set adhesion.range to {shorter}, or range_factor {1.05 * share / most:.2g} times larger"
+    elif range_follows_the_grid(scene):
+        yield text + f"Use grid.n >= {math.ceil(scene.grid.n * share / most)}"
     else:
-        yield text + f"Use grid.n >= {math.ceil(scene.grid.n * share / most)}, or a smaller preload"
+        yield text + f"Set adhesion.range to {shorter}, with the finer grid that this needs"
 
 
 def soft_overlap(scene) -> Iterator[str]:
     share = overlap_share(scene)
     if scene.adhesion.law == "cosine" and SOFT_OVERLAP < share <= SOFT_ADHESION:
         yield (
-            f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.0f} % of the indentation; a "
+            f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.2g} % of the indentation; a "
             "finer grid, with its shorter range, makes it less"
         )
 

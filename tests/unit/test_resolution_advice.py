@@ -1,12 +1,14 @@
 """What is warned of where the grid, the law, the cell or the turn cannot do justice to a contact, and how well it is known."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 from pgfmd.forecast import resolution
 from pgfmd.forecast.advice import remarks, warnings
+from pgfmd.forecast.contact_advice import overlap
 from pgfmd.forecast.resolution import image_stiffness, overlap_share, summit_points
 from pgfmd.scene import load_scene
 
@@ -87,7 +89,7 @@ def test_a_summit_that_the_grid_cannot_resolve_is_warned_of():
 
 def test_a_soft_overlap_is_warned_of_and_the_cure_works():
     assert "overlap" not in told(warnings, "hertz")
-    assert "range_factor 1.4 times larger" in told(warnings, "hertz", "grid.n=32")
+    assert "range_factor 1.5 times larger" in told(warnings, "hertz", "grid.n=32")
     assert "overlap" not in told(warnings, "hertz", "grid.n=32", "adhesion.range_factor=1.5")
     # At the speed of glass the contact is as much stiffer, and the wall is not.
     glass = ("hertz", "rheology.model=single", "rheology.modulus_ratio=100", "rheology.relaxation_time=1000 s")
@@ -97,6 +99,21 @@ def test_a_soft_overlap_is_warned_of_and_the_cure_works():
     # On a thin film a contact is stiffer still.
     thin = load_scene(FILM[0], [*FILM[1:], "substrate.thickness=20 um"])
     assert overlap_share(thin) > 5 * overlap_share(load_scene(FILM[0], FILM[1:]))
+
+
+def test_the_cure_of_an_overlap_with_attraction_is_a_shorter_range_or_the_grid_that_makes_it_shorter():
+    stiff = ("hertz", "adhesion.law=cosine", "grid.n=64", "rheology.model=single", "rheology.modulus_ratio=100",
+             "rheology.relaxation_time=1000 s")  # fmt: skip
+    text = told(overlap, *stiff)
+    cure = re.search(r"Use grid.n >= (\d+)$", text)[1]
+    assert told(overlap, *stiff, f"grid.n={cure}") == "" != told(overlap, *stiff, f"grid.n={int(cure) - 1}")
+    # The smaller the contact, the stiffer: a smaller preload makes it worse.
+    assert overlap_share(load_scene(stiff[0], [*stiff[1:], "drive.preload=1 mN"])) > overlap_share(load_scene(stiff[0], stiff[1:]))
+    given = (*stiff, f"adhesion.range={load_scene(stiff[0], stiff[1:]).adhesion.range * 1.01} m")
+    text = told(overlap, *given)
+    assert "grid.n" not in text and "overlap" in told(overlap, *given, "grid.n=512")
+    cure = re.search(r"Set adhesion.range to (\S+ um) or less", text)[1]
+    assert told(overlap, *given, f"adhesion.range={cure}") == ""
 
 
 @pytest.mark.parametrize(
