@@ -70,13 +70,17 @@ def run_scene(scene, comm, directory: str | Path, say=print, options: Options = 
             if comm.rank == 0:
                 say(f"{folder}: this run is finished ({plan.record['finished']}); --fresh starts it anew")
             return plan.record
-        if comm.rank == 0 and not plan.go_on:
-            for text in warnings(scene, comm.size):
-                say(f"warning: {text}")
+        if not plan.go_on:
+            storage.on_root(comm, "the scene", lambda: _warn(scene, comm.size, say))
         return _run(scene, comm, folder, say, options, plan.go_on, began, lock)
     finally:
         if lock:
             lock.release()
+
+
+def _warn(scene, ranks: int, say) -> None:
+    for text in warnings(scene, ranks):
+        say(f"warning: {text}")
 
 
 def _enter(folder: Path, ranks: int, say) -> RunLock:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 
-from pgfmd.parts import deepest_indentation, inertia_of_scene, relaxation_of, series_of
+from pgfmd.parts import deepest_indentation, drive_of, inertia_of_scene, relaxation_of, series_of
 from pgfmd.physics.cohesion import range_of_adhesion
-from pgfmd.physics.drive import OVERSHOOT, Drive
+from pgfmd.physics.drive import OVERSHOOT
 
 from . import plausibility
 from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
@@ -88,7 +89,7 @@ def _resolution(scene) -> Iterator[str]:
 def _start(scene) -> Iterator[str]:
     """Starts that are pressed in beyond the preload: at once, and so with the modulus of short times."""
     drive, punch = scene.drive, scene.punch
-    if drive.clearance >= 0.0 or punch.pattern == "file" or punch.radius is None:
+    if drive.clearance >= 0.0 or punch.pattern == "file" or punch.radius is None or scene.substrate.compliance_file:
         return
     depth = depth_of(scene, relaxation_of(scene).kappa_inf) + 2.0 * (punch.amplitude or 0.0)
     if -drive.clearance > PRESSED_IN * depth:
@@ -100,9 +101,8 @@ def _start(scene) -> Iterator[str]:
 
 def _turn(scene) -> Iterator[str]:
     """Turns given by the scene that are a motion of their own."""
-    keys = scene.drive
     # Of the punch, whatever the way of a machine with a spring.
-    drive = Drive(keys.speed, keys.preload, keys.retract_speed, keys.turn_time, keys.dwell, keys.clearance)
+    drive = replace(drive_of(scene), speed=scene.drive.speed, retract_speed=scene.drive.retract_speed)
     ways = {"goes on by": drive.overshoot}
     if scene.solver.scheme != "quasistatic":
         ways["comes back by"] = drive.rise

@@ -146,6 +146,9 @@ def test_a_turn_that_is_a_motion_of_its_own_is_warned_of():
     # Infinitely slow loading knows no speed, and a spring's way is not the punch's.
     slow = ("tri-tack", "solver.scheme=quasistatic", "drive.control=load", "output.snapshots=[]")
     assert "drive.turn_time" not in told(warnings, *slow)
+    # Nor a dwell, which would make of the turn one half at each speed.
+    slow = ("tri-tack", "solver.scheme=quasistatic", "drive.retract_speed=100 um/s", "drive.turn_time=1 s")
+    assert "drive.turn_time" not in told(warnings, *slow, "drive.dwell=1 s")
 
 
 def test_a_start_beyond_the_preload_is_foreseen():
@@ -153,3 +156,7 @@ def test_a_start_beyond_the_preload_is_foreseen():
     assert "will refuse it" in told(warnings, *start, "drive.preload=10 uN")
     assert "will refuse it" not in told(warnings, *start, "drive.preload=40 mN")
     assert "will refuse it" not in told(warnings, "hertz", "drive.clearance=-1 um")
+    # How deep the preload goes is not known where the compliance is a table.
+    scene = load_scene(start[0], [*start[1:], "drive.preload=10 uN"])
+    substrate = scene.substrate.model_copy(update={"compliance_file": "soft.txt"})
+    assert "will refuse it" not in "\n".join(warnings(scene.model_copy(update={"substrate": substrate})))
