@@ -27,8 +27,8 @@ SMOOTH = 0.1
 class Memory:
     """Bytes of one rank's arrays.
 
-    points: vectors over the punch, of which `state` belong to the State. transform: its arrays. start: cosines of the
-    far field, made before the State.
+    points: vectors over the punch, of which `state` belong to the State. transform: its arrays. start: the transform
+    that makes the weights of the far field, before there is a State.
     """
 
     points: float
@@ -67,30 +67,30 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     """Memory of the rank with the largest share, out of `ranks`.
 
     Transform: G0, (columns, n/2 + 1), and the half-transformed rows, complex, (rows, n/2 + 1); with more than one rank
-    also (nb, columns), complex. Cosines of the far field: (n/2 + 1, nb) for all of the block and a temporary, and the
-    rank's rows.
+    also (nb, columns), complex. That of the far field is the same without G0, in double precision.
     """
     if scene.solver.scheme == "gfmd":
         return _gfmd_memory(scene, ranks)
     points = punch_points(scene)
-    nb, modes = points.nb, scene.grid.n // 2 + 1
+    nb = points.nb
     width = transform_side(scene, nb) // 2 + 1
     rows, columns = math.ceil(nb / ranks), math.ceil(width / ranks)
     periodic = scene.substrate.boundary == "periodic"
     precision = scene.solver.precision
     size, rough = 4.0 if precision == "single" else 8.0, 0.5 if precision == "mixed" else 1.0
     if scene.solver.scheme == "quasistatic":
-        # The softest mode and its dual in the State; in the scheme u, w and zeros for the history.
-        counts = 7 + 2 * rough, 3 + 2 + 7 * rough + periodic
+        # The softest mode and its dual in the State, and as they were before the step; in the scheme u, w and zeros for
+        # the history.
+        counts = 7 + 2 * rough, 3 + 2 + 9 * rough + periodic
     else:
         elements = series_of(scene.rheology).elements
         counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, rough)
     # With patches, the traction before each step: jumps are placed by it.
     counts = counts[0], counts[1] + scene.output.patches
     state, rest = (size * points.total / ranks * count for count in counts)
-    transform = columns * width + 2.0 * rows * width + (2.0 * nb * columns if ranks > 1 else 0.0)
-    transform *= size + (4.0 if precision == "mixed" else 0.0)
-    return Memory(state + rest, transform, state, 8.0 * modes * (2 * nb + rows) if periodic else 0.0)
+    halves = 2.0 * rows * width + (2.0 * nb * columns if ranks > 1 else 0.0)
+    transform = (columns * width + halves) * (size + (4.0 if precision == "mixed" else 0.0))
+    return Memory(state + rest, transform, state, 8.0 * halves if periodic else 0.0)
 
 
 def _gfmd_memory(scene, ranks: int) -> Memory:
