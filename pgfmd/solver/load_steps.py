@@ -58,7 +58,7 @@ class LoadSteps:
         end = phase.duration - state.elapsed
         wanted = state.step or self.tolerance * unit
         longest = math.inf
-        if self.attractive and not self._goes_free(state, phase):
+        if self.attractive:
             longest = LONGEST_PULLING * unit if state.force < 0.0 else unit
         step, why = fit(min(wanted, longest), end, until)
         search = PreloadSearch(phase, state.force, self.preload, self.slack)
@@ -95,10 +95,6 @@ class LoadSteps:
             f"d = {self.scheme.place(state):.6g} m, "
             f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. {self.scheme.advice(state, trial)}"
         )
-
-    def _goes_free(self, state: State, phase: Phase) -> bool:
-        """Whether the punch is out of reach and on its way off: nothing is passed over, however long the step."""
-        return state.smallest_gap >= self.scheme.law.reach and phase.velocity(state.elapsed) >= 0.0
 
     def _unit(self, state: State, phase: Phase) -> float:
         """Time [s] in which the punch moves by one range of adhesion, about."""
