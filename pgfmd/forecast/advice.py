@@ -10,6 +10,7 @@ from dataclasses import replace
 from pgfmd.parts import deepest_indentation, drive_of, inertia_of_scene, relaxation_of, series_of
 from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.drive import OVERSHOOT
+from pgfmd.units import handy_quantity as shown
 
 from . import plausibility
 from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
@@ -48,7 +49,6 @@ def warnings(scene, ranks: int = 1) -> Iterator[str]:
     """What may spoil the result of a scene, or its run on `ranks` ranks."""
     for rule in (
         _range, _resolution, summits, overlap, _preload, _start, _turn, _speed, _images, films, _explicit_steps,
-        _unread_keys,
     ):  # fmt: skip
         yield from rule(scene)
     yield from _memory(scene, ranks)
@@ -65,7 +65,7 @@ def _range(scene) -> Iterator[str]:
     share, own = scene.adhesion.range / automatic_range(scene), automatic_range(scene)
     if scene.adhesion.law != "cosine" or share > 0.999:
         return
-    text = f"adhesion.range is {share:.2g} of the automatic range of this grid, {own * 1e6:.4g} um: "
+    text = f"adhesion.range is {share:.2g} of the automatic range of this grid, {shown(own, 'length', 4)}: "
     if share < PINNING_SHARE:
         text += "rho too small for the grid, below half of the automatic range lattice pinning spoils the result; "
     else:
@@ -94,8 +94,8 @@ def _start(scene) -> Iterator[str]:
     depth = depth_of(scene, relaxation_of(scene).kappa_inf) + 2.0 * (punch.amplitude or 0.0)
     if -drive.clearance > PRESSED_IN * depth:
         yield (
-            f"drive.clearance: the start, pressed in by {-drive.clearance * 1e6:.3g} um, is deeper than the preload asks "
-            f"for, about {depth * 1e6:.2g} um at once: the run will refuse it; raise drive.preload or start higher"
+            f"drive.clearance: the start, pressed in by {shown(-drive.clearance, 'length')}, is deeper than the preload asks "
+            f"for, about {shown(depth, 'length', 2)} at once: the run will refuse it; raise drive.preload or start higher"
         )
 
 
@@ -113,7 +113,7 @@ def _turn(scene) -> Iterator[str]:
         return
     longest = drive.turn_time * OVERSHOOT * scene.adhesion.range / way
     yield (
-        f"drive.turn_time: within the turn the punch {what} {way * 1e6:.3g} um, {way / scale:.2g} "
+        f"drive.turn_time: within the turn the punch {what} {shown(way, 'length')}, {way / scale:.2g} "
         f"{'indentations' if repulsive else 'ranges of adhesion'}: what happens there, perhaps the pull-off, does so below "
         f'the speed of the retraction; leave it out, or set at most "{longest:.2g} s"'
     )
@@ -128,11 +128,11 @@ def _preload(scene) -> Iterator[str]:
     if depth > deepest:
         yield (
             "drive.preload: even in full contact a static punch carries it only at an indentation of "
-            f"{depth * 1e6:.3g} um, but an approach is given up at {deepest * 1e6:.3g} um; reduce the preload"
+            f"{shown(depth, 'length')}, but an approach is given up at {shown(deepest, 'length')}; reduce the preload"
         )
     elif depth > 0.2 * punch.radius:
         yield (
-            f"drive.preload: the indentation will be about {depth * 1e6:.3g} um, {depth / punch.radius:.2g} of the "
+            f"drive.preload: the indentation will be about {shown(depth, 'length')}, {depth / punch.radius:.2g} of the "
             "punch's radius; linear elasticity of small slopes does not hold there"
         )
 
@@ -167,20 +167,6 @@ def _explicit_steps(scene) -> Iterator[str]:
     if steps / scene.output.every > MANY_ROWS:
         every = 10 ** math.ceil(math.log10(steps / MANY_ROWS))
         yield f"output.every: about {steps / scene.output.every:.2g} rows are to come in curve.csv; set it to {every}"
-
-
-def _unread_keys(scene) -> Iterator[str]:
-    """Keys of [solver.gfmd] that no other scheme reads."""
-    if scene.solver.scheme == "gfmd":
-        return
-    given, usual = scene.solver_gfmd, type(scene.solver_gfmd)()
-    changed = [name for name in type(usual).model_fields if getattr(given, name) != getattr(usual, name)]
-    if changed:
-        names = ", ".join(f"solver.gfmd.{name}" for name in changed)
-        yield (
-            f"{names}: not read, as the scheme is '{scene.solver.scheme}'; delete "
-            f"{'it' if len(changed) == 1 else 'them'}, or set solver.scheme = \"gfmd\""
-        )
 
 
 def _memory(scene, ranks: int) -> Iterator[str]:

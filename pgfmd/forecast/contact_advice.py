@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from pgfmd.units import handy_quantity as shown
+
 from .resolution import image_stiffness, overlap_share, range_follows_the_grid, summit_points
 
 FEW_SUMMIT_POINTS = 12.0
@@ -42,7 +44,7 @@ def summits(scene) -> Iterator[str]:
     wrong = f"up to {times:.2g} times too large" if times > 2.0 else "wrong by more than a third"
     yield (
         f"grid.n, adhesion.range: only {points:.2g} grid points lie within the range of adhesion, "
-        f"{scene.adhesion.range * 1e6:.3g} um, of the height of a summit: whole cells of the grid snap, and pull-off forces "
+        f"{shown(scene.adhesion.range, 'length')}, of the height of a summit: whole cells of the grid snap, and pull-off forces "
         f"are {wrong}; use n >= {needed}, or a larger range"
     )
 
@@ -62,11 +64,11 @@ def overlap(scene) -> Iterator[str]:
     if share <= most:
         return
     text = (
-        f"adhesion: at the preload punch and elastomer will overlap by about {100 * share:.2g} % of the indentation, as "
+        f"adhesion: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the indentation, as "
         "the law's stiffness follows from the static modulus and the range; indentations are too large by up to as much. "
     )
     # A little less than would just do, as it is rounded.
-    shorter = f"{0.95 * scene.adhesion.range * math.sqrt(most / share) * 1e6:.2g} um or less"
+    shorter = f"{shown(0.95 * scene.adhesion.range * math.sqrt(most / share), 'length', 2)} or less"
     if repulsive:
         yield text + f"Set adhesion.range to {shorter}, or range_factor {1.05 * share / most:.2g} times larger"
     elif range_follows_the_grid(scene):
@@ -79,7 +81,7 @@ def soft_overlap(scene) -> Iterator[str]:
     share = overlap_share(scene)
     if scene.adhesion.law == "cosine" and SOFT_OVERLAP < share <= SOFT_ADHESION:
         yield (
-            f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.2g} % of the indentation; a "
+            f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the indentation; a "
             "finer grid, with its shorter range, makes it less"
         )
 
@@ -91,7 +93,7 @@ def films(scene) -> Iterator[str]:
         return
     if substrate.thickness < spacing:
         yield (
-            f"substrate.thickness: the film is thinner than the grid's spacing, {spacing * 1e6:.3g} um, and stresses at the "
+            f"substrate.thickness: the film is thinner than the grid's spacing, {shown(spacing, 'length')}, and stresses at the "
             f"edge of a contact fall off within its thickness; use grid.n >= "
             f"{math.ceil(scene.grid.length / substrate.thickness)}"
         )

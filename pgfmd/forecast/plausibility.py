@@ -17,7 +17,7 @@ import numpy as np
 from pgfmd.parts import topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.heightfile import WHOLE as WHOLE_MAP
-from pgfmd.scene.model import SECTIONS
+from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.units import handy_quantity as shown
 
 STEEPEST = 1.0
@@ -242,7 +242,10 @@ def _spacing(scene) -> Iterator[str]:
 def _unread(scene) -> Iterator[str]:
     """Keys that ask for what the scheme does not do."""
     scheme = scene.solver.scheme
-    for dotted, why in UNREAD.get(scheme, {}).items():
+    reasons = dict(UNREAD.get(scheme, {}))
+    for name in unused_keys(scene, "solver.gfmd"):
+        reasons[f"solver.gfmd.{name}"] = 'only the scheme "gfmd" reads it'
+    for dotted, why in sorted(reasons.items()):
         section, _, name = dotted.rpartition(".")
         if getattr(scene.section(section), name) != SECTIONS[section].model_fields[name].default:
-            yield f"{dotted} has no effect, as {why} with solver.scheme = \"{scheme}\": leave it out"
+            yield f'{dotted} has no effect with solver.scheme = "{scheme}", as {why}: leave it out'

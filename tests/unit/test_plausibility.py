@@ -56,9 +56,9 @@ WRONG = {
     "drive.retract_speed = 1 km/s": ["drive.retract_speed=1 km/s"],
     "drive.preload = 40 kN is a mean pressure of 90.5 GPa": ["drive.preload=40 kN", "substrate.thickness=4 mm"],
     "drive.clearance: the punch starts 4 m above .* 1.1e.04 times .* 46.3 days": ["drive.clearance=4 m"],
-    "solver.accuracy has no effect, .* solver.scheme = .gfmd.": ["solver.scheme=gfmd", "solver.accuracy=1e-3"],
+    "solver.accuracy has no effect with solver.scheme = .gfmd., as its steps": ["solver.scheme=gfmd", "solver.accuracy=1e-3"],
     "solver.order has no effect": ["solver.scheme=quasistatic", "solver.order=1"],
-    "drive.dwell has no effect, as time": ["solver.scheme=quasistatic", "drive.dwell=1 s"],
+    "drive.dwell has no effect with .*, as time": ["solver.scheme=quasistatic", "drive.dwell=1 s"],
     "grid.length: points .* are 58.6 pm apart": [
         "punch.pattern=flat", "punch.radius=4 nm", "grid.length=15 nm", "grid.n=256"],
 }  # fmt: skip
