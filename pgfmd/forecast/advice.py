@@ -94,8 +94,9 @@ def _start(scene) -> Iterator[str]:
     depth = depth_of(scene, relaxation_of(scene).kappa_inf) + 2.0 * (punch.amplitude or 0.0)
     if -drive.clearance > PRESSED_IN * depth:
         yield (
-            f"drive.clearance: the start, pressed in by {shown(-drive.clearance, 'length')}, is deeper than the preload asks "
-            f"for, about {shown(depth, 'length', 2)} at once: the run will refuse it; raise drive.preload or start higher"
+            f"drive.clearance: the start, pressed in by {shown(-drive.clearance, 'length')}, is deeper than the "
+            f"preload asks for, about {shown(depth, 'length', 2)} at once: the run will refuse it; raise drive.preload "
+            "or start higher"
         )
 
 
@@ -114,7 +115,8 @@ def _turn(scene) -> Iterator[str]:
     longest = drive.turn_time * OVERSHOOT * scene.adhesion.range / way
     yield (
         f"drive.turn_time: within the turn the punch {what} {shown(way, 'length')}, {way / scale:.2g} "
-        f"{'indentations' if repulsive else 'ranges of adhesion'}: what happens there, perhaps the pull-off, does so below "
+        f"{'indentations' if repulsive else 'ranges of adhesion'}: what happens there, perhaps the pull-off, does so "
+        "below "
         f'the speed of the retraction; leave it out, or set at most "{longest:.2g} s"'
     )
 
@@ -163,7 +165,8 @@ def _explicit_steps(scene) -> Iterator[str]:
         return
     steps = effort_of(scene).steps
     if steps > 0.8 * scene.solver.max_steps:
-        yield f"solver.max_steps: about {steps:.2g} steps are to come, only {scene.solver.max_steps} are allowed; raise it"
+        allowed = scene.solver.max_steps
+        yield f"solver.max_steps: about {steps:.2g} steps are to come, only {allowed} are allowed; raise it"
     if steps / scene.output.every > MANY_ROWS:
         every = 10 ** math.ceil(math.log10(steps / MANY_ROWS))
         yield f"output.every: about {steps / scene.output.every:.2g} rows are to come in curve.csv; set it to {every}"
@@ -211,6 +214,6 @@ def _inertia(scene) -> Iterator[str]:
     share = inertia_of_scene(scene).added_viscosity(series)
     if share > 0.01:
         yield (
-            f"solver.gfmd: at low frequencies the inertia adds {100 * share:.2g} % to the viscosity of the material; the "
-            "error of the curve falls with 1/omega"
+            f"solver.gfmd: at low frequencies the inertia adds {100 * share:.2g} % to the viscosity of the material; "
+            "the error of the curve falls with 1/omega"
         )

@@ -36,16 +36,16 @@ def summits(scene) -> Iterator[str]:
     needed = math.ceil(scene.grid.n * (FEW_SUMMIT_POINTS / points) ** (2.0 / 3.0))
     if scene.adhesion.law != "cosine":
         yield (
-            f"grid.n: only {points:.2g} grid points of the punch reach below the surface at the preload, too few for its "
-            f"shape to count; use n >= {needed}, or a larger preload"
+            f"grid.n: only {points:.2g} grid points of the punch reach below the surface at the preload, too few for "
+            f"its shape to count; use n >= {needed}, or a larger preload"
         )
         return
     times = 2.0 * math.pi / points
     wrong = f"up to {times:.2g} times too large" if times > 2.0 else "wrong by more than a third"
     yield (
         f"grid.n, adhesion.range: only {points:.2g} grid points lie within the range of adhesion, "
-        f"{shown(scene.adhesion.range, 'length')}, of the height of a summit: whole cells of the grid snap, and pull-off forces "
-        f"are {wrong}; use n >= {needed}, or a larger range"
+        f"{shown(scene.adhesion.range, 'length')}, of the height of a summit: whole cells of the grid snap, and "
+        f"pull-off forces are {wrong}; use n >= {needed}, or a larger range"
     )
 
 
@@ -53,8 +53,8 @@ def few_points(scene) -> Iterator[str]:
     points = summit_points(scene)
     if scene.adhesion.law == "cosine" and FEW_SUMMIT_POINTS <= points < SOME_SUMMIT_POINTS:
         yield (
-            f"summits: {points:.2g} grid points lie within the range of adhesion of the height of a summit; with fewer than "
-            f"{SOME_SUMMIT_POINTS:.0f} the pull-off force of a single summit is wrong by 10 to 30 %"
+            f"summits: {points:.2g} grid points lie within the range of adhesion of the height of a summit; with fewer "
+            f"than {SOME_SUMMIT_POINTS:.0f} the pull-off force of a single summit is wrong by 10 to 30 %"
         )
 
 
@@ -64,8 +64,9 @@ def overlap(scene) -> Iterator[str]:
     if share <= most:
         return
     text = (
-        f"adhesion: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the indentation, as "
-        "the law's stiffness follows from the static modulus and the range; indentations are too large by up to as much. "
+        f"adhesion: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the indentation, "
+        "as the law's stiffness follows from the static modulus and the range; indentations are too large by up to as "
+        "much. "
     )
     # A little less than would just do, as it is rounded.
     shorter = f"{shown(0.95 * scene.adhesion.range * math.sqrt(most / share), 'length', 2)} or less"
@@ -81,8 +82,8 @@ def soft_overlap(scene) -> Iterator[str]:
     share = overlap_share(scene)
     if scene.adhesion.law == "cosine" and SOFT_OVERLAP < share <= SOFT_ADHESION:
         yield (
-            f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the indentation; a "
-            "finer grid, with its shorter range, makes it less"
+            f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the "
+            "indentation; a finer grid, with its shorter range, makes it less"
         )
 
 
@@ -93,8 +94,8 @@ def films(scene) -> Iterator[str]:
         return
     if substrate.thickness < spacing:
         yield (
-            f"substrate.thickness: the film is thinner than the grid's spacing, {shown(spacing, 'length')}, and stresses at the "
-            f"edge of a contact fall off within its thickness; use grid.n >= "
+            f"substrate.thickness: the film is thinner than the grid's spacing, {shown(spacing, 'length')}, and "
+            "stresses at the edge of a contact fall off within its thickness; use grid.n >= "
             f"{math.ceil(scene.grid.length / substrate.thickness)}"
         )
     if substrate.boundary != "periodic" or radius is None:
@@ -102,9 +103,10 @@ def films(scene) -> Iterator[str]:
     share = image_stiffness(scene)
     if abs(share - 1.0) > IMAGES_OF_FILM:
         yield (
-            f"substrate.thickness, grid.length: in a periodic cell the film is about {share:.2g} times as stiff under the "
-            "punch as one that goes on without other punches, as their images press it too and it cannot escape to the "
-            f"sides; compare thickness and cell, {substrate.thickness / scene.grid.length:.2g}.{free_boundary(scene)}"
+            f"substrate.thickness, grid.length: in a periodic cell the film is about {share:.2g} times as stiff under "
+            "the punch as one that goes on without other punches, as their images press it too and it cannot escape "
+            "to the sides; compare thickness and cell, "
+            f"{substrate.thickness / scene.grid.length:.2g}.{free_boundary(scene)}"
         )
 
 

@@ -43,8 +43,8 @@ WHOLE = 1e-6
 
 @dataclass(frozen=True)
 class Face:
-    """The punch's lower face: relief [m], from its highest to its lowest point, and the steepest slope. size [m]: (x, y)
-    of its map, if it has one."""
+    """The punch's lower face: relief [m], from its highest to its lowest point, and the steepest slope. size [m]: (x,
+    y) of its map, if it has one."""
 
     relief: float
     slope: float
