@@ -141,7 +141,7 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
     spacing = grid.spacing
     block_start, nb = grid.block(scene.punch.radius)
     # Near the axis, and at the rim, where profiles end and maps may.
-    axis, rim = 0.5 * spacing, grid.coordinate(block_start + nb - 1 - np.arange(min(2, nb)))
+    axis, rim = grid.coordinate(block_start + nb // 2), grid.coordinate(block_start + nb - 1 - np.arange(min(2, nb)))
     x, y = np.concatenate([[axis], rim, 0 * rim + axis]), np.concatenate([[axis], 0 * rim + axis, rim])
     try:
         with np.errstate(over="ignore", invalid="ignore"):
