@@ -26,7 +26,6 @@ LEAST_COMPLIANCE = 1e-60
 """Compliance [m/Pa] that is not too small to be computed with; its inverse is not too large."""
 SOFT_MACHINE = 1e-4
 """Load control: stiffness of the machine's spring, relative to that of the contact of the whole punch."""
-
 TIME_SHARE = 1e-3
 """Share of the range of adhesion, and of the time in which the punch moves by it, that positions and times have to
 tell."""
