@@ -18,8 +18,8 @@ from pgfmd.units import DIMENSIONS, UnitError, decimal_comma, format_quantity, p
 
 REQUIRED = PydanticUndefined
 LARGEST = 1e30
-"""Largest magnitude, in SI units, of any number of a scene. Nothing real lies beyond, and what follows from such numbers
-does not overflow."""
+"""Largest magnitude, in SI units, of any number of a scene. Nothing real lies beyond, and what follows from such
+numbers does not overflow."""
 SMALLEST = 1e-30
 """Smallest magnitude besides 0, likewise: what follows from it does not vanish."""
 
