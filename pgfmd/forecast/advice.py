@@ -10,11 +10,12 @@ from dataclasses import replace
 from pgfmd.parts import deepest_indentation, drive_of, inertia_of_scene, relaxation_of, series_of
 from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.drive import OVERSHOOT
+from pgfmd.reference import jkr
 from pgfmd.units import handy_quantity as shown
 
 from . import plausibility
 from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
-from .estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of
+from .estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of, modulus_of
 
 PAPER_FACTOR = 0.156
 """Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means here."""
@@ -91,13 +92,28 @@ def _start(scene) -> Iterator[str]:
     drive, punch = scene.drive, scene.punch
     if drive.clearance >= 0.0 or punch.pattern == "file" or punch.radius is None or scene.substrate.compliance_file:
         return
-    depth = depth_of(scene, relaxation_of(scene).kappa_inf) + 2.0 * (punch.amplitude or 0.0)
+    depth = _depth_at_once(scene)
     if -drive.clearance > PRESSED_IN * depth:
         yield (
             f"drive.clearance: the start, pressed in by {shown(-drive.clearance, 'length')}, is deeper than the "
             f"preload asks for, about {shown(depth, 'length', 2)} at once: the run will refuse it; raise drive.preload "
             "or start higher"
         )
+
+
+def _depth_at_once(scene) -> float:
+    """Indentation [m] at the preload with the modulus of short times, about; infinite where it is not known."""
+    punch, adhesion, stiffening = scene.punch, scene.adhesion, relaxation_of(scene).kappa_inf
+    attractive = adhesion.law == "cosine"
+    if punch.pattern == "sphere" and attractive:
+        # Adhesion alone draws a sphere in.
+        contact = punch.curvature_radius, stiffening * modulus_of(scene), adhesion.work_of_adhesion
+        radius = jkr.contact_radius_at_force(scene.drive.preload, *contact)
+        return float(jkr.indentation(radius, *contact))
+    if punch.pattern == "power":
+        return math.inf if attractive else depth_of(scene, stiffening)
+    bow = 0.0 if punch.pattern == "sphere" else punch.radius**2 / (2.0 * punch.curvature_radius)
+    return depth_of(scene, stiffening) + 2.0 * (punch.amplitude or 0.0) + bow
 
 
 def _turn(scene) -> Iterator[str]:

@@ -157,6 +157,10 @@ def test_a_start_beyond_the_preload_is_foreseen():
     assert "will refuse it" in told(warnings, *start, "drive.preload=10 uN")
     assert "will refuse it" not in told(warnings, *start, "drive.preload=40 mN")
     assert "will refuse it" not in told(warnings, "hertz", "drive.clearance=-1 um")
+    # Adhesion draws a sphere in by more than so small a preload presses it.
+    sticky = ("hertz", "grid.n=64", "adhesion.law=cosine", "adhesion.range_factor=0.156", "drive.preload=0.1 mN")
+    assert "will refuse it" not in told(warnings, *sticky, "drive.clearance=-1 um")
+    assert "will refuse it" in told(warnings, *sticky, "drive.clearance=-20 um")
     # How deep the preload goes is not known where the compliance is a table.
     scene = load_scene(start[0], [*start[1:], "drive.preload=10 uN"])
     substrate = scene.substrate.model_copy(update={"compliance_file": "soft.txt"})
