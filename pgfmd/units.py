@@ -108,7 +108,10 @@ def decimal_comma(text: str) -> str:
     match = _DECIMAL_COMMA.fullmatch(text)
     if match is None:
         return ""
-    return f'write a decimal point, "{match["before"].strip()}.{match["after"]}{match["rest"].rstrip()}", not a comma'
+    before, after, rest = match["before"].strip(), match["after"], match["rest"].rstrip()
+    if len(after) == 3 and after.isdigit() and before.lstrip("+-") != "0":
+        return f'write "{before}.{after}{rest}" or "{before}{after}{rest}", whichever is meant, without a comma'
+    return f'write a decimal point, "{before}.{after}{rest}", not a comma'
 
 
 def parse_quantity(text: object, dimension: str) -> float:

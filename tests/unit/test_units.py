@@ -143,6 +143,7 @@ def test_pint_is_not_imported_before_a_quantity_is_read():
         ("5 1/MM", "wavenumber", 'did you mean "1/mm"?'),
         ("2 Mega", "modulus", 'the unit "Mega" is not known'),
         ("0,5 um/s", "speed", '"0.5 um/s"'),
+        ("1,000 um", "length", '"1.000 um" or "1000 um"'),
         ("1,5", "length", 'write a decimal point, "1.5"'),
         ("50 mJ/m2", "energy per area", 'write powers with ^, as in "J/m^2"'),
     ],
