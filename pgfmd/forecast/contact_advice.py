@@ -81,9 +81,10 @@ def overlap(scene) -> Iterator[str]:
 def soft_overlap(scene) -> Iterator[str]:
     share = overlap_share(scene)
     if scene.adhesion.law == "cosine" and SOFT_OVERLAP < share <= SOFT_ADHESION:
+        cure = "a finer grid, with its shorter range," if range_follows_the_grid(scene) else "a shorter adhesion.range"
         yield (
             f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the "
-            "indentation; a finer grid, with its shorter range, makes it less"
+            f"indentation; {cure} makes it less"
         )
 
 

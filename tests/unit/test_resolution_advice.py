@@ -111,6 +111,7 @@ def test_the_cure_of_an_overlap_with_attraction_is_a_shorter_range():
     scene = load_scene(stiff[0], stiff[1:])
     assert overlap_share(load_scene(stiff[0], [*stiff[1:], "drive.preload=1 mN"])) > overlap_share(scene)
     given = (*stiff, f"adhesion.range={scene.adhesion.range * 1.01} m")
+    assert "a shorter adhesion.range makes it less" in told(remarks, "hex-tack", "adhesion.range=0.9 um")
     text = told(overlap, *given)
     assert "grid.n" not in text and "overlap" in told(overlap, *given, "grid.n=512")
     cure = re.search(r"Set adhesion.range to (\S+ .m) or less", text)[1]
