@@ -145,7 +145,7 @@ def tension_of(state: State, trial: Trial, tableau: Tableau, work: float) -> tup
     lowest = dip if dip < lowest - 1e-9 * (highest - lowest) else lowest
     if phase.velocity_end <= 0.0 or lowest >= 0.0:
         return lowest, 0.0
-    if curve.max() <= 0.0:
+    if curve.max() <= 0.0 and phase.velocity(start) >= 0.0:
         return lowest, work
     moved = np.diff([phase.displacement(start + place * trial.step) for place in places])
     pull = np.maximum(-curve, 0.0)
