@@ -204,4 +204,5 @@ def test_messages_show_the_unit_that_a_person_would_use(value, dimension, text):
 
 
 def test_fewer_digits_need_no_exponent():
-    assert [handy_quantity(value, "length", 2) for value in (289.6e-9, 2.896e-6, 0.9996e-6)] == ["290 nm", "2.9 um", "1 um"]
+    shown = [handy_quantity(value, "length", 2) for value in (289.6e-9, 2.896e-6, 0.9996e-6)]
+    assert shown == ["290 nm", "2.9 um", "1 um"]
