@@ -125,10 +125,14 @@ def _missed_preload(record: dict, asked: float) -> list[str]:
     met = record["preload_N"]
     if met is None or abs(met - asked) <= MISSED * asked:
         return []
-    return [
-        f"The preload is {met:.4g} N instead of {asked:.4g} N: the force jumps from below to that much. Choose a "
-        "drive.preload on either side of the jump, or a smaller solver.accuracy."
-    ]
+    if "accuracy" not in record:
+        cure = "the force rose by so much within one step. Take shorter steps ([solver.gfmd])."
+    else:
+        cure = (
+            "the force jumps from below to that much. Choose a drive.preload on either side of the jump, or a smaller "
+            "solver.accuracy."
+        )
+    return [f"The preload is {met:.4g} N instead of {asked:.4g} N: {cure}"]
 
 
 def _summary(record: dict, directory: Path) -> list[str]:

@@ -89,8 +89,9 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     precision = scene.solver.precision
     size, rough = 4.0 if precision == "single" else 8.0, 0.5 if precision == "mixed" else 1.0
     if scene.solver.scheme == "quasistatic":
-        # The softest mode and its dual in the State; in the scheme u, w and zeros for the history.
-        counts = 7 + 2 * rough, 3 + 2 + 7 * rough + periodic
+        # The softest mode and its dual in the State, and as they were before the step; in the scheme u, w and zeros for
+        # the history.
+        counts = 7 + 2 * rough, 3 + 2 + 9 * rough + periodic
     else:
         elements = series_of(scene.rheology).elements
         counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, rough)

@@ -111,7 +111,7 @@ class HeightMap:
     size: tuple[float, float]
     periodic: bool = False
     order: int = 1
-    _kept: dict = field(default_factory=dict, repr=False)
+    _kept: dict = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 2 or min(self.heights.shape) < 2:
@@ -151,7 +151,7 @@ class HeightMap:
         size_x, size_y = self.size
         if not self.periodic:
             outside = (np.abs(x) > size_x / 2 * (1 + RADIUS_SLACK)) | (np.abs(y) > size_y / 2 * (1 + RADIUS_SLACK))
-            if np.any(outside & (True if radius is None else np.hypot(x, y) <= radius)):
+            if np.any(outside & (True if radius is None else np.hypot(x, y) <= radius * (1 + RADIUS_SLACK))):
                 raise ValueError(f"height map: covers {size_x:.6g} m x {size_y:.6g} m, which is less than the punch")
         count_y, count_x = self.heights.shape
         rows, columns = (y / size_y + 0.5) * count_y - 0.5, (x / size_x + 0.5) * count_x - 0.5

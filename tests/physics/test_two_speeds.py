@@ -3,6 +3,7 @@ contact."""
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from pgfmd.physics.drive import OVERSHOOT, Drive, Phase, automatic_turn
 from pgfmd.restart.history import History
 from pgfmd.restart.scene_changes import review
 from pgfmd.scene import load_scene
+from pgfmd.schemes.energy_audit import tension_of
+from pgfmd.solver.retardation import IMPLICIT_EULER
 
 FEW = ("grid.n=32", "drive.speed=1 um/s", "solver.accuracy=0.003")
 TACK, PUNCH = ("tri-tack", *FEW, "drive.preload=1 mN"), ("flat-punch", *FEW, "drive.preload=5 mN")
@@ -49,6 +52,16 @@ def test_only_the_last_way_up_recedes():
     assert not turn.recedes(1.0) and turn.recedes(1.1) and turn.recedes(4.0)
     assert not Phase("turn", -1.0, 0.0, 1.0).recedes(1.0) and not Phase("dwell", 0.0, 0.0, 1.0).recedes(0.5)
     assert Phase("retract", 2.0, 2.0).recedes(0.1)
+
+
+def test_work_of_separation_is_that_of_the_way_up_alone():
+    turn = Phase("turn", -1.0, 1.0, 2.0)
+    state = SimpleNamespace(force=-3.0, elapsed=0.0)
+    for start, up in ((0.0, 0.5), (1.0, 0.5)):
+        state.elapsed, step = start, 2.0 - start
+        way = turn.displacement(2.0) - turn.displacement(start)
+        trial = SimpleNamespace(step=step, phase=turn, forces=[-3.0], force=-3.0, is_jump=False)
+        assert tension_of(state, trial, IMPLICIT_EULER, 3.0 * way) == pytest.approx((-3.0, 3.0 * up), rel=1e-3)
 
 
 @pytest.mark.parametrize(
