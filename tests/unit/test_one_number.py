@@ -1,4 +1,5 @@
-"""One definition of each number of a tack test: every command tells the same, with its uncertainty; old folders; turns."""
+"""One definition of each number of a tack test: every command tells the same, with its uncertainty; old folders;
+turns."""
 
 import dataclasses
 import json
@@ -29,11 +30,13 @@ STUDY = """scene = "tri-tack"
 grid.n = 24
 drive.preload = "1 mN"
 drive.retract_speed = "100 um/s"
+drive.turn_time = "0.2 s"
 output.snapshots = []
 [axes]
 solver.accuracy = [0.01]
 """
-QUICK = ("tri-tack", "grid.n=24", "drive.preload=1 mN", "drive.retract_speed=100 um/s", "output.snapshots=[]")
+QUICK = ("tri-tack", "grid.n=24", "drive.preload=1 mN", "drive.retract_speed=100 um/s", "drive.turn_time=0.2 s",
+         "output.snapshots=[]")  # fmt: skip
 
 
 def pgfmd(*arguments):
@@ -44,7 +47,8 @@ def pgfmd(*arguments):
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory):
-    """A study of one case that pulls off within its turn: the study's folder and file, the case's folder, the record."""
+    """A study of one case that pulls off within its turn: the study's folder and file, the case's folder, the
+    record."""
     out = tmp_path_factory.mktemp("study")
     (out / "plan.toml").write_text(STUDY)
     folder = out / "runs" / "accuracy-0.01"
@@ -136,6 +140,15 @@ def test_explicit_steps_have_no_accuracy_to_tell_an_uncertainty_from(tmp_path):
     folder = run(tmp_path / "run", "solver.scheme=gfmd", "drive.speed=2 mm/s", "solver.max_steps=20")
     record = load(folder).run
     assert record["snap_in_force_uncertainty_N"] is None and record["work_uncertainty_J"] is None
+
+
+def test_what_is_not_known_is_not_told_as_a_number(tmp_path):
+    changes = ["grid.n=20", "drive.preload=0.5 mN", "output.snapshots=[]", "output.energy=false"]
+    record = run_scene(load_scene("tri-tack", changes), MPI.COMM_SELF, tmp_path, lambda line: None)
+    assert record == json.loads((tmp_path / "run.json").read_text())
+    assert record["work_of_separation_uncertainty_J"] is None and record["pull_off_force_uncertainty_N"] > 0.0
+    (line,) = (line for line in _summary(record, tmp_path) if line.startswith("pull-off force"))
+    assert "nan" not in line and line.count("±") == 1
 
 
 def test_folders_of_before_are_read(quick, tmp_path):
