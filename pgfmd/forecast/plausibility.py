@@ -16,6 +16,7 @@ import numpy as np
 
 from pgfmd.parts import topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.physics.heightfile import WHOLE
 from pgfmd.physics.topography import height_map
 from pgfmd.scene.model import SECTIONS
 from pgfmd.units import handy_quantity as shown
@@ -28,8 +29,10 @@ DENSITY = 1e3
 """Density [kg/m^3] of any elastomer, for its speed of sound."""
 ATOM = 1e-10
 """Length [m] below which there is no continuum."""
-SAMPLES, DIFFERENCE = 2**14, 1e-3
-"""At how many points a pattern is looked at, and the step of the differences, in wavelengths or radii."""
+SAMPLES = 2**14
+"""At how many points a pattern is looked at."""
+DIFFERENCE = 1e-3
+"""Step of the differences that give a pattern's slope, in wavelengths or radii."""
 UNREAD = {
     "gfmd": {"solver.accuracy": "its steps are those of [solver.gfmd]", "solver.order": "it is of order 2"},
     "quasistatic": {"solver.order": "it follows equilibria", "drive.dwell": "time does not count"},
@@ -69,27 +72,44 @@ def _face_of(punch, grid, stamp) -> Face:
 
 
 def _map_face(punch, grid) -> Face:
-    """From all pixels under the punch. Where the grid is coarser than the map, it sees their steps spread out."""
-    topography = topography_of(punch)
-    found = height_map(topography)
-    spacing = grid.length / grid.n
+    """From all pixels under the punch, a stripe of rows after another, as a large map stays on the disk. Where the grid
+    is coarser than the map, it sees their steps spread out."""
+    found, spacing = height_map(topography_of(punch)), grid.length / grid.n
+    count_y, count_x = found.heights.shape
+    pixel_x, pixel_y = (max(pixel, spacing) for pixel in found.pixel)
+    # A map that is repeated goes on with its first row.
+    rows = np.arange(count_y + _is_repeated(punch, found)) % count_y
+    highest, lowest, slope = [], [], 0.0
+    some = max(1, WHOLE // count_x)
+    # Each stripe with the first row of the next.
+    for first in range(0, len(rows) - 1, some):
+        heights = _under_the_punch(punch, found, rows[first : first + some + 1])
+        along_x, along_y = np.abs(np.diff(heights, axis=1)) / pixel_x, np.abs(np.diff(heights, axis=0)) / pixel_y
+        slopes = along_x, along_y, np.hypot(along_x[:-1], along_y[:, :-1])
+        slope = max(slope, *map(_largest, slopes))
+        if np.isfinite(heights).any():
+            highest.append(float(np.nanmax(heights)))
+            lowest.append(float(np.nanmin(heights)))
+    return Face(max(highest, default=0.0) - min(lowest, default=0.0), slope)
+
+
+def _is_repeated(punch, found) -> bool:
+    return punch.radius is None and found.periodic
+
+
+def _under_the_punch(punch, found, rows) -> np.ndarray:
+    """Heights [m] of these rows of a map, with the curvature of the whole punch; NaN beside the punch."""
     (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
-    x = (np.arange(count_x) + 0.5) * (size_x / count_x) - 0.5 * size_x
-    y = (np.arange(count_y) + 0.5) * (size_y / count_y) - 0.5 * size_y
-    heights = found.heights
+    columns = np.arange(count_x + _is_repeated(punch, found)) % count_x
+    x, y = (columns + 0.5) * (size_x / count_x) - 0.5 * size_x, (rows + 0.5) * (size_y / count_y) - 0.5 * size_y
+    heights = found.heights[rows][:, columns].astype(float)
     if math.isfinite(punch.curvature_radius):
         heights = heights + (x**2 + y[:, None] ** 2) / (2.0 * punch.curvature_radius)
-    if punch.radius is not None:
-        # With the pixels around, between which the rim lies.
-        rim = punch.radius + math.hypot(*found.pixel)
-        heights = np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
-    elif found.periodic:
-        heights = np.pad(heights, ((0, 1), (0, 1)), mode="wrap")
-    pixel_x, pixel_y = found.pixel
-    along_x = np.abs(np.diff(heights, axis=1)) / max(pixel_x, spacing)
-    along_y = np.abs(np.diff(heights, axis=0)) / max(pixel_y, spacing)
-    slope = max(_largest(along_x), _largest(along_y), _largest(np.hypot(along_x[:-1], along_y[:, :-1])))
-    return Face(_largest(heights) + _largest(-heights), slope)
+    if punch.radius is None:
+        return heights
+    # With the pixels around, between which the rim lies.
+    rim = punch.radius + math.hypot(*found.pixel)
+    return np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
 
 
 def _largest(values) -> float:

@@ -8,6 +8,7 @@ import pytest
 from mpi4py import MPI
 
 from pgfmd.commands.check import report
+from pgfmd.forecast import plausibility
 from pgfmd.forecast.advice import warnings as all_warnings
 from pgfmd.forecast.plausibility import face_of, warnings
 from pgfmd.parts import topography_of
@@ -99,6 +100,19 @@ def test_a_map_has_the_slope_of_the_profile_that_it_samples(save):
     save(np.zeros((600, 600)))
     face = face_of(load_scene("tri-tack", [*changes, "punch.curvature_radius=10 mm"]))
     assert (face.slope, face.relief) == pytest.approx((375e-6 / 10e-3, 375e-6**2 / 20e-3), rel=0.02)
+
+
+@pytest.mark.parametrize("rim", ["375 um", None])
+def test_a_large_map_is_looked_at_in_stripes(rim, save, monkeypatch):
+    named = save(1e-6 * np.random.default_rng(1).normal(size=(23, 31)))
+    changes = ["punch.pattern=file", named, 'punch.file_size=["1.5 mm", "1.5 mm"]', "punch.curvature_radius=20 mm"]
+    scene = load_scene("tri-tack", changes)
+    scene = scene if rim else scene.model_copy(update={"punch": scene.punch.model_copy(update={"radius": None})})
+    whole = face_of(scene)
+    for some in (1, 31 * 5, 31 * 22, 31 * 23):
+        monkeypatch.setattr(plausibility, "WHOLE", some)
+        plausibility._face_of.cache_clear()
+        assert face_of(scene) == whole
 
 
 def test_heights_in_micrometres_are_told_in_metres(save):
