@@ -28,7 +28,8 @@ SOFT_MACHINE = 1e-4
 """Load control: stiffness of the machine's spring, relative to that of the contact of the whole punch."""
 
 TIME_SHARE = 1e-3
-"""Share of the range of adhesion, and of the time in which the punch moves by it, that positions and times have to tell."""
+"""Share of the range of adhesion, and of the time in which the punch moves by it, that positions and times have to
+tell."""
 
 
 def compliance_of(scene):
@@ -102,7 +103,8 @@ def quasistatic_compliance(scene) -> float:
 
 
 def punch_stiffness(scene) -> float:
-    """Static stiffness [N/m] of the contact of the whole punch, 2 a E*; half the cell for a where the punch fills it."""
+    """Static stiffness [N/m] of the contact of the whole punch, 2 a E*; half the cell for a where the punch fills
+    it."""
     return 2.0 * (scene.punch.radius or 0.5 * scene.grid.length) * scene.substrate.contact_modulus
 
 

@@ -41,8 +41,8 @@ LINES_OF_START = 2
 class Options:
     """How a run deals with what is in its folder, and with limits of time.
 
-    fresh: begin anew, and keep the old results aside. allow: keys of the scene, or sections, that may have changed since
-    the run began. timing: of checkpoints (keeper.Timing).
+    fresh: begin anew, and keep the old results aside. allow: keys of the scene, or sections, that may have changed
+    since the run began. timing: of checkpoints (keeper.Timing).
     """
 
     fresh: bool = False

@@ -1,8 +1,8 @@
 """Regular files alone: nothing is read or written through what only has the name of a file. No MPI.
 
-A folder may be one that others can write to. A link in place of a file would have any other file overwritten, and a FIFO
-lets whoever opens it wait without an end. So both are refused; and what is not finished yet has a name that nobody can
-guess, under which nothing may have been before.
+A folder may be one that others can write to. A link in place of a file would have any other file overwritten, and a
+FIFO lets whoever opens it wait without an end. So both are refused; and what is not finished yet has a name that nobody
+can guess, under which nothing may have been before.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ _NO_FSYNC = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.
 def require_regular(path: Path, links: bool = False) -> bool:
     """Whether there is a file of this name.
 
-    links: whether a link to a file will do, as it does for reading. ResultError if there is something else in its place;
-    OSError.
+    links: whether a link to a file will do, as it does for reading. ResultError if there is something else in its
+    place; OSError.
     """
     try:
         mode = os.lstat(path).st_mode
@@ -118,7 +118,8 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def write_new(path: Path, text: str, force: bool = False) -> None:
-    """Write a file that must not be there yet, unless `force` is set, in UTF-8. FileExistsError, OSError, ResultError."""
+    """Write a file that must not be there yet, unless `force` is set, in UTF-8. FileExistsError, OSError,
+    ResultError."""
     if force:
         write_atomically(path, text.encode())
         return

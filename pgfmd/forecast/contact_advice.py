@@ -10,12 +10,17 @@ from collections.abc import Iterator
 
 from .resolution import image_stiffness, overlap_share, summit_points
 
-FEW_SUMMIT_POINTS, SOME_SUMMIT_POINTS = 12.0, 50.0
-"""Grid points of a summit within the range: below the first pull-off forces are wrong by more than a third, below the
-second by a tenth (docs: resolution)."""
-SOFT_OVERLAP, SOFT_WALL, SOFT_ADHESION = 0.05, 0.01, 0.2
-"""Overlap relative to the indentation that is remarked on, and that is warned of without and with attraction: a wall
-alone should be hard."""
+FEW_SUMMIT_POINTS = 12.0
+"""Grid points of a summit within the range below which pull-off forces are wrong by more than a third (docs:
+resolution)."""
+SOME_SUMMIT_POINTS = 50.0
+"""Grid points of a summit within the range below which pull-off forces are wrong by more than a tenth."""
+SOFT_OVERLAP = 0.05
+"""Overlap, relative to the indentation, from which on it is remarked."""
+SOFT_WALL = 0.01
+"""Overlap, relative to the indentation, that is warned of without attraction: a wall should be hard."""
+SOFT_ADHESION = 0.2
+"""Overlap, relative to the indentation, that is warned of with attraction."""
 IMAGES_OF_FILM = 0.05
 """Influence of a film's periodic images on the stiffness of a contact that is warned of."""
 

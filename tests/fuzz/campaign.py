@@ -31,7 +31,8 @@ EXAMPLES = 3
 
 @dataclass
 class Finding:
-    """What came of a scene: its number, the outcome in a word, its faults, and where its files are, if they are kept."""
+    """What came of a scene: its number, the outcome in a word, its faults, and where its files are, if they are
+    kept."""
 
     index: int
     outcome: str

@@ -1,4 +1,5 @@
-"""What pgfmd declares of the keys of a scene: kind of value, dimension, limits. New keys are found here by themselves."""
+"""What pgfmd declares of the keys of a scene: kind of value, dimension, limits. New keys are found here by
+themselves."""
 
 from __future__ import annotations
 

@@ -72,7 +72,8 @@ class Folder:
 
     @property
     def unbalanced(self) -> float:
-        """What a solve may leave out of balance [N], between the traction of the law and that which bends the surface."""
+        """What a solve may leave out of balance [N], between the traction of the law and that which bends the
+        surface."""
         solver = self.scene.solver
         return 0.0 if solver.scheme == "gfmd" else NewtonSolver.force_share * solver.accuracy * self.scene.drive.preload
 

@@ -1,4 +1,5 @@
-"""What is warned of where the grid, the law, the cell or the turn cannot do justice to a contact, and how well it is known."""
+"""What is warned of where the grid, the law, the cell or the turn cannot do justice to a contact, and how well it is
+known."""
 
 import math
 
