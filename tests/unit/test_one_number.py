@@ -200,7 +200,11 @@ def test_the_retraction_begins_where_the_punch_turns():
 
 def test_legends_say_what_was_done_to_curves():
     loop = loop_of([0, -4e-6, 0, 2e-6], [0, 3e-3, -1e-3, -1e-3], 2)
-    axis = styled(overlay_figure, [loop, loop], 1, ["as simulated", "− F/k_M (38.1 kN/m)"]).axes[0]
-    assert [text.get_text() for text in axis.get_legend().get_texts()] == [
-        "made: as simulated", "made: − F/k_M (38.1 kN/m)",
-    ]  # fmt: skip
+    changes = ["as simulated", "− F/k_M (38.1 kN/m)", ", ".join(["pushed in by 0.5 um"] * 6)]
+    figure = styled(overlay_figure, [loop] * 3, 1, changes)
+    (legend,) = figure.legends
+    assert [text.get_text().replace("\n", " ") for text in legend.get_texts()] == [f"made: {text}" for text in changes]
+    # Within the picture, and above the curves.
+    figure.draw_without_rendering()
+    place, axis = legend.get_window_extent(), figure.axes[0].get_window_extent()
+    assert place.x1 < figure.bbox.x1 and place.y0 > axis.y1 and axis.width > 0.8 * figure.bbox.width
