@@ -61,7 +61,9 @@ def _behind(path: Path) -> int:
 
 
 def _refusal(path: Path, mode: int) -> ResultError:
-    kind = next((text for is_kind, text in _KINDS if is_kind(mode)), "a device")
+    kind = next((text for is_kind, text in _KINDS if is_kind(mode)), None)
+    if kind is None:
+        return ResultError(f"{path}: is a device, not a file; choose another name")
     return ResultError(f"{path}: is {kind}, not a file; move it away")
 
 
@@ -123,8 +125,14 @@ def write_new(path: Path, text: str, force: bool = False) -> None:
     if force:
         write_atomically(path, text.encode())
         return
-    with open(path, "x", encoding="utf-8") as file:
-        file.write(text)
+    file = open(path, "x", encoding="utf-8")
+    try:
+        with file:
+            file.write(text)
+    except BaseException:
+        # Half a file would stand in the way of the next attempt.
+        Path(path).unlink(missing_ok=True)
+        raise
 
 
 def write_figure(path: Path, figure: Any) -> None:

@@ -11,8 +11,9 @@ import traceback
 from pathlib import Path
 
 LIBRARIES = ("pgfmd", "numpy", "scipy", "numba", "mpi4py", "mpi4py-fft", "h5py", "matplotlib")
-FIRST_TURN = 1.0
-"""Time [s] that rank 1 waits before it tells of a fault; rank 0 does not wait."""
+FIRST_TURN = 2.0
+"""Time [s] that rank 1 waits before it tells of a fault; rank 0 does not wait. When a rank ends the job, Open MPI's
+mpirun sends TERM to the others a second later."""
 TURN = 0.2
 """Time [s] that each further rank waits longer."""
 LAST_TURN = 4.0

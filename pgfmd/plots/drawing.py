@@ -71,6 +71,8 @@ def write_picture(figure: Any, path: str | Path, hint: str = "") -> Path:
     """Write a figure; ResultError if that can't be done, with `hint` at the end."""
     try:
         write_figure(Path(path), figure)
+    except ResultError as problem:
+        raise ResultError(f"{problem}{hint}") from problem
     except (OSError, ValueError) as problem:
         reason = getattr(problem, "strerror", None) or problem
         raise ResultError(f"{path}: could not be written: {reason}{hint}") from problem
