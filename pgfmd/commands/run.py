@@ -26,7 +26,8 @@ Overrides = Annotated[
     typer.Option("--set", "-s", metavar="KEY=VALUE", help="The same, one key at a time."),
 ]
 LAUNCHER_NEEDS = 10.0
-"""Time [s] before the end of a job at which a run has to be over: after a code other than 0, mpirun takes 5 s to end."""
+"""Time [s] before the end of a job at which a run has to be over: after a code other than 0, mpirun takes 5 s to
+end."""
 TOLD = (
     ("pull-off force", "pull_off_force", "_N", 1e3, "mN"),
     ("work of separation", "work_of_separation", "_J", 1e9, "nJ"),

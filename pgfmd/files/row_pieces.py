@@ -22,8 +22,8 @@ PIECE_BYTES = 2**24
 
 
 def rows_on_root(comm, rows: np.ndarray, first: int) -> Iterator[tuple[int, np.ndarray]]:
-    """The rows of all ranks on rank 0, in pieces, as (first row, rows); nothing elsewhere. To be gone through to its end
-    on every rank, as the others wait until rank 0 has taken all that they send.
+    """The rows of all ranks on rank 0, in pieces, as (first row, rows); nothing elsewhere. To be gone through to its
+    end on every rank, as the others wait until rank 0 has taken all that they send.
 
     rows: this rank's (any, width), contiguous, double, of the same width everywhere; first: index of the first of them.
     A piece is valid until the next.
@@ -49,8 +49,9 @@ def write_together(
 ) -> ResultError | None:
     """Collective writes through MPI-IO, as many on every rank; returns what went wrong on this rank first.
 
-    calls: dataset, this rank's piece of it (lines, width), which may be empty, and the place of its first element. After
-    a failure the rank still takes part in the calls that are left, with nothing to write: the others would wait for it.
+    calls: dataset, this rank's piece of it (lines, width), which may be empty, and the place of its first element.
+    After a failure the rank still takes part in the calls that are left, with nothing to write: the others would wait
+    for it.
     what: begin of the message.
     """
     together = h5py.h5p.create(h5py.h5p.DATASET_XFER)

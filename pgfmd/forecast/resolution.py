@@ -148,9 +148,11 @@ def overlap_share(scene) -> float:
         depth = load / (2.0 * limit * modulus)
         if math.isfinite(radius):
             depth = max(depth, float(hertz.indentation(load, radius, modulus)))
-        modulus = modulus_of(scene) * _mean_kappa(scene, depth / scene.drive.speed)
-    size = min(limit, math.sqrt(radius * depth))
-    return load / (math.pi * size**2) / law.stiffness / (depth * _softness_of_film(scene, size))
+        size = min(limit, math.sqrt(radius * depth))
+        overlap = load / (math.pi * size**2) / law.stiffness
+        # The punch moves by both while the load is made.
+        modulus = modulus_of(scene) * _mean_kappa(scene, (depth + overlap) / scene.drive.speed)
+    return overlap / (depth * _softness_of_film(scene, size))
 
 
 def range_follows_the_grid(scene) -> bool:

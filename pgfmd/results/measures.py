@@ -15,9 +15,10 @@ from . import uncertainty
 from .loop import Loop
 from .works import net_work_of_rows, separation_of_rows
 
-UNEVEN, OVERSHOOT = 4.0, 0.25
-"""A parabola through three rows is trusted if neither step is so many times longer than the other, and if its vertex lies
-beyond the lowest row by no more than this share of the larger rise beside it."""
+UNEVEN = 4.0
+"""A parabola through three rows is trusted if neither step is so many times longer than the other."""
+OVERSHOOT = 0.25
+"""It is trusted if its vertex lies beyond the lowest row by no more than this share of the larger rise beside it."""
 LEAST_TENSION = 1e-3
 """A tension is marked in a picture from this share of the largest force on."""
 BETWEEN_ROWS = 0.5

@@ -1,5 +1,5 @@
-"""Retractions much faster or slower than the approach: the turn adds nothing of its own, and the programme ends with the
-contact."""
+"""Retractions much faster or slower than the approach: the turn adds nothing of its own, and the programme ends with
+the contact."""
 
 import math
 from pathlib import Path
