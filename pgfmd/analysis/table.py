@@ -43,7 +43,7 @@ class Table:
             uncertainty = None
         if uncertainty:
             # Plain characters: a terminal may have no others.
-            note = f"+/- {uncertainty:.2g}, {note}" if note else f"+/- {uncertainty:.2g}"
+            note = f"± {uncertainty:.2g}, {note}" if note else f"± {uncertainty:.2g}"
         self.sections.setdefault(section, []).append(Row(key, name, value, unit, note, uncertainty))
 
     def __getitem__(self, key: str) -> Any:

@@ -155,7 +155,7 @@ def _summary(record: dict, directory: Path) -> list[str]:
 def _number(record: dict, name: str, key: str, suffix: str, factor: float, unit: str) -> str:
     """A number of the record, with its uncertainty where there is one."""
     spread = record.get(f"{key}_uncertainty{suffix}")
-    told = f" +/- {spread * factor:.2g}" if spread else ""
+    told = f" ± {spread * factor:.2g}" if spread else ""
     return f"{name} {record[key + suffix] * factor + 0.0:.4g}{told} {unit}"
 
 
