@@ -26,9 +26,9 @@ LEAST_COMPLIANCE = 1e-60
 """Compliance [m/Pa] that is not too small to be computed with; its inverse is not too large."""
 SOFT_MACHINE = 1e-4
 """Load control: stiffness of the machine's spring, relative to that of the contact of the whole punch."""
-
 TIME_SHARE = 1e-3
-"""Share of the range of adhesion, and of the time in which the punch moves by it, that positions and times have to tell."""
+"""Share of the range of adhesion, and of the time in which the punch moves by it, that positions and times have to
+tell."""
 
 
 def compliance_of(scene):
@@ -102,7 +102,8 @@ def quasistatic_compliance(scene) -> float:
 
 
 def punch_stiffness(scene) -> float:
-    """Static stiffness [N/m] of the contact of the whole punch, 2 a E*; half the cell for a where the punch fills it."""
+    """Static stiffness [N/m] of the contact of the whole punch, 2 a E*; half the cell for a where the punch fills
+    it."""
     return 2.0 * (scene.punch.radius or 0.5 * scene.grid.length) * scene.substrate.contact_modulus
 
 
@@ -139,7 +140,7 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
     spacing = grid.spacing
     block_start, nb = grid.block(scene.punch.radius)
     # Near the axis, and at the rim, where profiles end and maps may.
-    axis, rim = 0.5 * spacing, grid.coordinate(block_start + nb - 1 - np.arange(min(2, nb)))
+    axis, rim = grid.coordinate(block_start + nb // 2), grid.coordinate(block_start + nb - 1 - np.arange(min(2, nb)))
     x, y = np.concatenate([[axis], rim, 0 * rim + axis]), np.concatenate([[axis], 0 * rim + axis, rim])
     try:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -159,7 +160,8 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
             unit, most = 2.0 * math.pi / grid.length, grid.n // 2
             found = compliance(unit * np.array([1.0, most]), unit * np.array([0.0, most]))
             if not ((found >= LEAST_COMPLIANCE) & (found <= 1.0 / LEAST_COMPLIANCE)).all():
-                raise ValueError(f"G0 = {found.min():g} to {found.max():g} m/Pa can't be computed with; look at the units")
+                values = f"G0 = {found.min():g} to {found.max():g} m/Pa"
+                raise ValueError(f"{values} can't be computed with; look at the units")
     except (ValueError, OSError) as error:
         own = scene.substrate.compliance_file
         dotted = "substrate.compliance_file" if own else "grid.n"

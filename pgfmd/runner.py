@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,8 +43,8 @@ LINES_OF_START = 2
 class Options:
     """How a run deals with what is in its folder, and with limits of time.
 
-    fresh: begin anew, and keep the old results aside. allow: keys of the scene, or sections, that may have changed since
-    the run began. timing: of checkpoints (keeper.Timing).
+    fresh: begin anew, and keep the old results aside. allow: keys of the scene, or sections, that may have changed
+    since the run began. timing: of checkpoints (keeper.Timing).
     """
 
     fresh: bool = False
@@ -71,13 +72,17 @@ def run_scene(scene, comm, directory: str | Path, say=print, options: Options = 
             if comm.rank == 0:
                 say(f"{folder}: this run is finished ({plan.record['finished']}); --fresh starts it anew")
             return plan.record
-        if comm.rank == 0 and not plan.go_on:
-            for text in warnings(scene, comm.size):
-                say(f"warning: {text}")
+        if not plan.go_on:
+            storage.on_root(comm, "the scene", lambda: _warn(scene, comm.size, say))
         return _run(scene, comm, folder, say, options, plan.go_on, began, lock)
     finally:
         if lock:
             lock.release()
+
+
+def _warn(scene, ranks: int, say) -> None:
+    for text in warnings(scene, ranks):
+        say(f"warning: {text}")
 
 
 def _enter(folder: Path, ranks: int, say) -> RunLock:
@@ -166,13 +171,13 @@ def _to_the_end(simulation, keeper: Keeper, scene, folder: Path, history: Histor
     if keeper.out_of_time and state.counters.steps - history.now.first_step < LEAST_STEPS:
         # A chain of such links would go on for ever.
         raise RunError(
-            f"{keeper.why} came after {state.counters.steps - history.now.first_step} steps of this process: allow more of "
-            f"it. There is a checkpoint in {folder}, from which the same command goes on"
+            f"{keeper.why} came after {state.counters.steps - history.now.first_step} steps of this process: allow "
+            f"more of it. There is a checkpoint in {folder}, from which the same command goes on"
         )
     if keeper.why:
         raise Stopped(
-            f"stopped by {keeper.why} after step {state.counters.steps} ({simulation.phase.name}, t = {state.time:.6g} s)"
-            f", with a checkpoint in {folder}: the same command goes on from there"
+            f"stopped by {keeper.why} after step {state.counters.steps} ({simulation.phase.name}, t = {state.time:.6g} "
+            f"s), with a checkpoint in {folder}: the same command goes on from there"
         )
 
 
@@ -186,7 +191,8 @@ def _stopped_early(keeper: Keeper, folder: Path) -> PgfmdError:
     keeper.has_to_stop()
     if keeper.out_of_time:
         return RunError(f"{keeper.why} came before the first step of this process: allow more of it")
-    return Stopped(f"stopped by {keeper.why} before the first step; {folder} is as it was: the same command starts again")
+    what = f"stopped by {keeper.why} before the first step"
+    return Stopped(f"{what}; {folder} is as it was: the same command starts again")
 
 
 def _restore(
@@ -256,8 +262,9 @@ def compile_kernels(comm, scene) -> None:
     node.local.Barrier()
 
 
+@functools.cache
 def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
-    """Runs tiny tack tests that use every kernel of a scheme, so that numba has them in its cache."""
+    """Runs tiny tack tests that use every kernel of a scheme, so that numba has them in its cache. Once a process."""
     from mpi4py import MPI
 
     common = [f"solver.scheme={scheme}", f"solver.precision={precision}", "grid.n=20", "drive.preload=1 mN"]

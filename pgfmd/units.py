@@ -108,7 +108,10 @@ def decimal_comma(text: str) -> str:
     match = _DECIMAL_COMMA.fullmatch(text)
     if match is None:
         return ""
-    return f'write a decimal point, "{match["before"].strip()}.{match["after"]}{match["rest"].rstrip()}", not a comma'
+    before, after, rest = match["before"].strip(), match["after"], match["rest"].rstrip()
+    if len(after) == 3 and after.isdigit() and before.lstrip("+-") != "0":
+        return f'write "{before}.{after}{rest}" or "{before}{after}{rest}", whichever is meant, without a comma'
+    return f'write a decimal point, "{before}.{after}{rest}", not a comma'
 
 
 def parse_quantity(text: object, dimension: str) -> float:
@@ -170,6 +173,8 @@ def handy_quantity(value: float, dimension: str, digits: int = 3) -> str:
     if unit not in _PREFIXED or not math.isfinite(value) or value == 0.0:
         return f"{value:.{digits}g} {unit}"
     # Rounded first: 999.9996 um is 1 mm.
-    power = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))) + 1e-12)
+    value = float(f"{value:.{digits - 1}e}")
+    power = math.floor(math.log10(abs(value)) + 1e-12)
     power = min(max(3 * (power // 3), min(_PREFIXES)), max(_PREFIXES))
-    return f"{value / 10.0**power:.{digits}g} {_PREFIXES[power]}{unit}"
+    # Three digits at least: 290 nm, not 2.9e+02 nm.
+    return f"{value / 10.0**power:.{max(digits, 3)}g} {_PREFIXES[power]}{unit}"

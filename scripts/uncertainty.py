@@ -1,6 +1,6 @@
 """How well the uncertainties of `run.json` tell the errors: tack tests at accuracies up to 300 times coarser than one.
 
-    python scripts/uncertainty.py            runs what is missing, a quarter of an hour, and prints the table
+    python scripts/uncertainty.py            runs what is missing, some minutes, and prints the table
     python scripts/uncertainty.py --page     fills it into docs/reference/numbers.md too
 
 Results stay in out/uncertainty. The error of a number is its difference from that of the finest run of its scene.

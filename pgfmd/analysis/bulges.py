@@ -33,8 +33,8 @@ class Bulge:
 def bulges(loop: Loop, resolution: float | None = None) -> list[Bulge]:
     """The bulges of the retraction, in the order in which they come, the pull-off among them.
 
-    The branch is filtered to `resolution` [m] first; None: to the paper's 0.1 um, where that is between 1/2000 and 1/50 of
-    the way back, else to the nearer of these. A minimum is a dip of the force against the displacement; an
+    The branch is filtered to `resolution` [m] first; None: to the paper's 0.1 um, where that is between 1/2000 and 1/50
+    of the way back, else to the nearer of these. A minimum is a dip of the force against the displacement; an
     inflection is a place where the force keeps falling, but less steeply than before and after. Empty without a
     retraction.
     """

@@ -75,7 +75,7 @@ def overlay(
         measured = corrected_experiment(experiment, machine_stiffness, of_cell)
         moved = fitted_offset(runs[0], measured) if offset is None else offset
         loops.append(measured.pushed_in_by(moved))
-        changes.append(_in_words({"− F/k_M": machine_stiffness, "− F/k_cc": of_cell}, moved, "as measured"))
+        changes.append(_in_words({"- F/k_M": machine_stiffness, "- F/k_cc": of_cell}, moved, "as measured"))
     if resolution is not None:
         loops = [filtered(loop, resolution) for loop in loops]
         changes = [f"{change}, filtered over {1e6 * resolution:.3g} um" for change in changes]

@@ -18,7 +18,6 @@ import numpy as np
 
 from pgfmd.results.loop import Loop
 
-
 LEAST_FORCE = 1e-3
 """Rows below this share of the largest force say nothing about a stiffness and are left out of the fit."""
 WAYS = ("experiment", "simulation", "none")

@@ -8,7 +8,6 @@ import numpy as np
 
 from pgfmd.results.loop import Array, Loop
 
-
 WINDOW = 0.1
 """Forces over which a slope is taken, as a share of the preload."""
 SAMPLES = 65

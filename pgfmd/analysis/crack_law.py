@@ -30,7 +30,6 @@ from numpy.typing import ArrayLike
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.results.loop import Array
 
-
 DECADES = 6
 """How far the table goes below the longest and above the shortest retardation time."""
 POINTS_PER_DECADE = 60

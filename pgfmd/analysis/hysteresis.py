@@ -15,9 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.plots.folder import column
 from pgfmd.results import Results
-from pgfmd.results.loop import Loop
+from pgfmd.results.loop import Loop, column
 from pgfmd.results.measures import net_work
 
 from .scene_differences import differences

@@ -23,7 +23,6 @@ from scipy.ndimage import convolve1d
 
 from pgfmd.results.loop import Array, Loop
 
-
 PAPER_RESOLUTION = 1e-7
 """[m]: the resolution to which the paper filters its measured curves."""
 CELLS = 8

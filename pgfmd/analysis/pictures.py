@@ -3,6 +3,7 @@ model."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,10 @@ from .hysteresis import Audit, Twin
 
 COLOURS = (TURQUOISE, RED, "#d18f00", "#6a4c93", "#4a7c2a", "#8a5a44")
 DASHES = (0, (4, 2))
+LEGEND_WIDTH = 75
+"""Letters in a line of a legend above the curves."""
+LEGEND_LINE = 0.17
+"""Height [inch] of such a line."""
 PARTS = (("viscous", RED), ("released in jumps", "#6a4c93"), ("stored or unexplained", "#c9c9c9"))
 TWIN_PARTS = (("multistability (twin)", "#6a4c93"), ("viscous and coaction", RED))
 
@@ -47,7 +52,8 @@ def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence
     dots: number of the loop that was measured, drawn in black. changes: what has been done to each curve, for its
     legend; none for nothing to say.
     """
-    figure = new_figure(5.6, 4.0)
+    labels = [textwrap.wrap(f"{loop.name}: {change}", LEGEND_WIDTH) for loop, change in zip(loops, changes)]
+    figure = new_figure(5.6, 4.0 + LEGEND_LINE * sum(map(len, labels)))
     axis = figure.subplots()
     axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     for number, loop in enumerate(loops):
@@ -58,9 +64,10 @@ def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence
         if rows.start > 1:
             axis.plot(*seen(x[before], force[before]), color=colour, linestyle=DASHES, linewidth=0.8)
         width = 1.0 if number == dots else 1.4
-        label = literal(f"{loop.name}: {changes[number]}" if changes else loop.name)
+        label = literal("\n".join(labels[number]) if changes else loop.name)
         axis.plot(*seen(x[rows], force[rows]), color=colour, linewidth=width, label=label)
-    axis.legend(loc="upper left")
+    # What has been done to a curve may be a long story: above the curves it hides none of them.
+    figure.legend(loc="outside upper left") if changes else axis.legend(loc="upper left")
     axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
     return figure
 

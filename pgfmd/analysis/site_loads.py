@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pgfmd.physics.contact_sites import KINDS
-from pgfmd.plots.folder import column
 from pgfmd.results import Results
-from pgfmd.results.loop import Loop
-
+from pgfmd.results.loop import Loop, column
 
 
 @dataclass(frozen=True)

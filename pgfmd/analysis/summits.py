@@ -11,7 +11,7 @@ import numpy as np
 
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, SUMMIT, contact_sites
-from pgfmd.physics.topography import Topography, height_map
+from pgfmd.physics.topography import Topography
 from pgfmd.results.loop import Array
 from pgfmd.solver.grid import Grid
 
@@ -55,7 +55,7 @@ def summits_of(scene: Any) -> Summits:
     top = sites.kind == KINDS.index(SUMMIT)
     x, y = sites.x[top], sites.y[top]
     if face.pattern == "file":
-        step = max(grid.spacing, *height_map(face).pixel)
+        step = max(grid.spacing, *face.map.pixel)
     else:
         step = (face.wavelength or FINE * grid.spacing) / FINE
     xx, yy, xy = _curvatures(face, x, y, step)

@@ -42,6 +42,7 @@ class Table:
         if value is None:
             uncertainty = None
         if uncertainty:
+            # Plain characters: a terminal may have no others.
             note = f"± {uncertainty:.2g}, {note}" if note else f"± {uncertainty:.2g}"
         self.sections.setdefault(section, []).append(Row(key, name, value, unit, note, uncertainty))
 

@@ -26,7 +26,8 @@ Overrides = Annotated[
     typer.Option("--set", "-s", metavar="KEY=VALUE", help="The same, one key at a time."),
 ]
 LAUNCHER_NEEDS = 10.0
-"""Time [s] before the end of a job at which a run has to be over: after a code other than 0, mpirun takes 5 s to end."""
+"""Time [s] before the end of a job at which a run has to be over: after a code other than 0, mpirun takes 5 s to
+end."""
 TOLD = (
     ("pull-off force", "pull_off_force", "_N", 1e3, "mN"),
     ("work of separation", "work_of_separation", "_J", 1e9, "nJ"),
@@ -125,10 +126,14 @@ def _missed_preload(record: dict, asked: float) -> list[str]:
     met = record["preload_N"]
     if met is None or abs(met - asked) <= MISSED * asked:
         return []
-    return [
-        f"The preload is {met:.4g} N instead of {asked:.4g} N: the force jumps from below to that much. Choose a "
-        "drive.preload on either side of the jump, or a smaller solver.accuracy."
-    ]
+    if "accuracy" not in record:
+        cure = "the force rose by so much within one step. Take shorter steps ([solver.gfmd])."
+    else:
+        cure = (
+            "the force jumps from below to that much. Choose a drive.preload on either side of the jump, or a smaller "
+            "solver.accuracy."
+        )
+    return [f"The preload is {met:.4g} N instead of {asked:.4g} N: {cure}"]
 
 
 def _summary(record: dict, directory: Path) -> list[str]:

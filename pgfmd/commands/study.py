@@ -149,7 +149,8 @@ def converge(
 def run_and_show(
     chosen: Campaign, campaign: Campaign, ranks: int, jobs: int, axes: Any, title: str
 ) -> tuple[list, PgfmdError | None]:
-    """Runs the chosen cases, then shows all; returns the rows, and what is to be raised because cases are unfinished."""
+    """Runs the chosen cases, then shows all; returns the rows, and what is to be raised because cases are
+    unfinished."""
     from pgfmd.study.campaign import Unfinished
 
     problem = None

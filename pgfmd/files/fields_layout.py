@@ -183,7 +183,7 @@ def resize(path: Path, layout: Layout, frames: int) -> None:
 
 
 def checksum_of(name: str) -> str:
-    """The variable that holds the checksum of an array, for each snapshot (restart/checksum.py: `whole_sum`)."""
+    """The variable that holds the checksum of an array, for each snapshot (checksum.py: `whole_sum`)."""
     return f"{name}_checksum"
 
 

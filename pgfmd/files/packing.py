@@ -1,10 +1,10 @@
 """Dataclasses taken apart for a checkpoint, and put together again: numbers here, arrays there.
 
 Nothing is listed by hand: whatever fields a dataclass has, now or later, are packed. Arrays are shares of a whole that
-the ranks hold side by side along the last axis, in the order of the ranks, whatever decides on the shares. Three entries
-of a field's metadata say more: `replicated=True`, an array that is the same on every rank; `like="name"`, a list of
-arrays, each with the share of the field of that name; `unknown=value`, what the field becomes where it was packed by a
-version that did not have it yet. Plain NumPy, no MPI.
+the ranks hold side by side along the last axis, in the order of the ranks, whatever decides on the shares. Three
+entries of a field's metadata say more: `replicated=True`, an array that is the same on every rank; `like="name"`, a
+list of arrays, each with the share of the field of that name; `unknown=value`, what the field becomes where it was
+packed by a version that did not have it yet. Plain NumPy, no MPI.
 """
 
 from __future__ import annotations

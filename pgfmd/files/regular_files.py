@@ -1,8 +1,8 @@
 """Regular files alone: nothing is read or written through what only has the name of a file. No MPI.
 
-A folder may be one that others can write to. A link in place of a file would have any other file overwritten, and a FIFO
-lets whoever opens it wait without an end. So both are refused; and what is not finished yet has a name that nobody can
-guess, under which nothing may have been before.
+A folder may be one that others can write to. A link in place of a file would have any other file overwritten, and a
+FIFO lets whoever opens it wait without an end. So both are refused; and what is not finished yet has a name that nobody
+can guess, under which nothing may have been before.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ _NO_FSYNC = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.
 def require_regular(path: Path, links: bool = False) -> bool:
     """Whether there is a file of this name.
 
-    links: whether a link to a file will do, as it does for reading. ResultError if there is something else in its place;
-    OSError.
+    links: whether a link to a file will do, as it does for reading. ResultError if there is something else in its
+    place; OSError.
     """
     try:
         mode = os.lstat(path).st_mode
@@ -61,7 +61,9 @@ def _behind(path: Path) -> int:
 
 
 def _refusal(path: Path, mode: int) -> ResultError:
-    kind = next((text for is_kind, text in _KINDS if is_kind(mode)), "a device")
+    kind = next((text for is_kind, text in _KINDS if is_kind(mode)), None)
+    if kind is None:
+        return ResultError(f"{path}: is a device, not a file; choose another name")
     return ResultError(f"{path}: is {kind}, not a file; move it away")
 
 
@@ -118,12 +120,19 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def write_new(path: Path, text: str, force: bool = False) -> None:
-    """Write a file that must not be there yet, unless `force` is set, in UTF-8. FileExistsError, OSError, ResultError."""
+    """Write a file that must not be there yet, unless `force` is set, in UTF-8. FileExistsError, OSError,
+    ResultError."""
     if force:
         write_atomically(path, text.encode())
         return
-    with open(path, "x", encoding="utf-8") as file:
-        file.write(text)
+    file = open(path, "x", encoding="utf-8")
+    try:
+        with file:
+            file.write(text)
+    except BaseException:
+        # Half a file would stand in the way of the next attempt.
+        Path(path).unlink(missing_ok=True)
+        raise
 
 
 def write_figure(path: Path, figure: Any) -> None:

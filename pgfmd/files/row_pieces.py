@@ -7,10 +7,11 @@ points and ranks, and no rank ever holds the whole.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import h5py
 import numpy as np
+from numpy import ascontiguousarray as contiguous
 
 from pgfmd.errors import ResultError
 
@@ -21,8 +22,8 @@ PIECE_BYTES = 2**24
 
 
 def rows_on_root(comm, rows: np.ndarray, first: int) -> Iterator[tuple[int, np.ndarray]]:
-    """The rows of all ranks on rank 0, in pieces, as (first row, rows); nothing elsewhere. To be gone through to its end
-    on every rank, as the others wait until rank 0 has taken all that they send.
+    """The rows of all ranks on rank 0, in pieces, as (first row, rows); nothing elsewhere. To be gone through to its
+    end on every rank, as the others wait until rank 0 has taken all that they send.
 
     rows: this rank's (any, width), contiguous, double, of the same width everywhere; first: index of the first of them.
     A piece is valid until the next.
@@ -48,31 +49,33 @@ def write_together(
 ) -> ResultError | None:
     """Collective writes through MPI-IO, as many on every rank; returns what went wrong on this rank first.
 
-    calls: dataset, this rank's piece of it (lines, width), which may be empty, and the place of its first element. After
-    a failure the rank still takes part in the calls that are left, with nothing to write: the others would wait for it.
+    calls: dataset, this rank's piece of it (lines, width), which may be empty, and the place of its first element.
+    After a failure the rank still takes part in the calls that are left, with nothing to write: the others would wait
+    for it.
     what: begin of the message.
     """
     together = h5py.h5p.create(h5py.h5p.DATASET_XFER)
     together.set_dxpl_mpio(h5py.h5fd.MPIO_COLLECTIVE)
     problem = None
     for dataset, piece, begin in calls:
-        kept = piece if problem is None else piece[:0]
-        error = attempt(what, _one_call(dataset, kept, begin, together))[1]
-        problem = problem or error
+        # Made ready beforehand: what fails before the call must not keep the rank from it.
+        ready, error = attempt(what, lambda: _ready(dataset, piece if problem is None else piece[:0], begin))
+        if ready is None:
+            ready = _ready(dataset, piece[:0], begin)
+        memory, space, values = ready
+        failed = attempt(what, lambda: dataset.id.write(memory, space, values, dxpl=together))[1]
+        problem = problem or error or failed
     return problem
 
 
-def _one_call(dataset: h5py.Dataset, piece: np.ndarray, begin: tuple[int, ...], together) -> Callable[[], None]:
-    def write() -> None:
-        space = dataset.id.get_space()
-        if piece.size:
-            space.select_hyperslab(begin, (*(1,) * (len(begin) - 2), *piece.shape))
-            dataset.id.write(h5py.h5s.create_simple(piece.shape), space, np.ascontiguousarray(piece), dxpl=together)
-            return
-        # Slices of h5py skip the call of such a rank, for which the others then wait.
-        space.select_none()
-        memory = h5py.h5s.create_simple((1, 1))
-        memory.select_none()
-        dataset.id.write(memory, space, np.zeros((1, 1), piece.dtype), dxpl=together)
-
-    return write
+def _ready(dataset: h5py.Dataset, piece: np.ndarray, begin: tuple[int, ...]) -> tuple:
+    """Places in memory and in the file, and what is to be written there; a rank may have nothing."""
+    space = dataset.id.get_space()
+    if piece.size:
+        space.select_hyperslab(begin, (*(1,) * (len(begin) - 2), *piece.shape))
+        return h5py.h5s.create_simple(piece.shape), space, contiguous(piece)
+    # Slices of h5py skip the call of such a rank, for which the others then wait.
+    space.select_none()
+    memory = h5py.h5s.create_simple((1, 1))
+    memory.select_none()
+    return memory, space, np.zeros((1, 1), piece.dtype)

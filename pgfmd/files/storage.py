@@ -37,8 +37,8 @@ CHECKPOINT_FILES = (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE)
 UNDO_SUFFIX = ".undo"
 RESULTS = (*CHECKPOINT_FILES, RUN_FILE, ANALYSIS_FILE, ENERGY_FILE, EVENTS_FILE, PATCHES_FILE, SITES_FILE,
            FIELDS_FILE + UNDO_SUFFIX, FIELDS_FILE, SCENE_FILE, CURVE_FILE)  # fmt: skip
-"""The files of a run, in the order in which they are moved away: what is left by somebody who is interrupted must neither
-look like a run to go on with, nor, as long as there is a curve, like none."""
+"""The files of a run, in the order in which they are moved away: what is left by somebody who is interrupted must
+neither look like a run to go on with, nor, as long as there is a curve, like none."""
 
 Value = TypeVar("Value")
 

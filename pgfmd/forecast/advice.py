@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 
-from pgfmd.parts import deepest_indentation, inertia_of_scene, relaxation_of, series_of
+from pgfmd.parts import deepest_indentation, drive_of, inertia_of_scene, relaxation_of, series_of
 from pgfmd.physics.cohesion import range_of_adhesion
-from pgfmd.physics.drive import OVERSHOOT, Drive
+from pgfmd.physics.drive import OVERSHOOT
+from pgfmd.reference import jkr
+from pgfmd.units import handy_quantity as shown
 
 from . import plausibility
 from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
-from .estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of
+from .estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of, modulus_of
 
 PAPER_FACTOR = 0.156
 """Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means here."""
@@ -47,7 +50,6 @@ def warnings(scene, ranks: int = 1) -> Iterator[str]:
     """What may spoil the result of a scene, or its run on `ranks` ranks."""
     for rule in (
         _range, _resolution, summits, overlap, _preload, _start, _turn, _speed, _images, films, _explicit_steps,
-        _unread_keys,
     ):  # fmt: skip
         yield from rule(scene)
     yield from _memory(scene, ranks)
@@ -64,7 +66,7 @@ def _range(scene) -> Iterator[str]:
     share, own = scene.adhesion.range / automatic_range(scene), automatic_range(scene)
     if scene.adhesion.law != "cosine" or share > 0.999:
         return
-    text = f"adhesion.range is {share:.2g} of the automatic range of this grid, {own * 1e6:.4g} um: "
+    text = f"adhesion.range is {share:.2g} of the automatic range of this grid, {shown(own, 'length', 4)}: "
     if share < PINNING_SHARE:
         text += "rho too small for the grid, below half of the automatic range lattice pinning spoils the result; "
     else:
@@ -88,21 +90,36 @@ def _resolution(scene) -> Iterator[str]:
 def _start(scene) -> Iterator[str]:
     """Starts that are pressed in beyond the preload: at once, and so with the modulus of short times."""
     drive, punch = scene.drive, scene.punch
-    if drive.clearance >= 0.0 or punch.pattern == "file" or punch.radius is None:
+    if drive.clearance >= 0.0 or punch.pattern == "file" or punch.radius is None or scene.substrate.compliance_file:
         return
-    depth = depth_of(scene, relaxation_of(scene).kappa_inf) + 2.0 * (punch.amplitude or 0.0)
+    depth = _depth_at_once(scene)
     if -drive.clearance > PRESSED_IN * depth:
         yield (
-            f"drive.clearance: the start, pressed in by {-drive.clearance * 1e6:.3g} um, is deeper than the preload asks "
-            f"for, about {depth * 1e6:.2g} um at once: the run will refuse it; raise drive.preload or start higher"
+            f"drive.clearance: the start, pressed in by {shown(-drive.clearance, 'length')}, is deeper than the "
+            f"preload asks for, about {shown(depth, 'length', 2)} at once: the run will refuse it; raise drive.preload "
+            "or start higher"
         )
+
+
+def _depth_at_once(scene) -> float:
+    """Indentation [m] at the preload with the modulus of short times, about; infinite where it is not known."""
+    punch, adhesion, stiffening = scene.punch, scene.adhesion, relaxation_of(scene).kappa_inf
+    attractive = adhesion.law == "cosine"
+    if punch.pattern == "sphere" and attractive:
+        # Adhesion alone draws a sphere in.
+        contact = punch.curvature_radius, stiffening * modulus_of(scene), adhesion.work_of_adhesion
+        radius = jkr.contact_radius_at_force(scene.drive.preload, *contact)
+        return float(jkr.indentation(radius, *contact))
+    if punch.pattern == "power":
+        return math.inf if attractive else depth_of(scene, stiffening)
+    bow = 0.0 if punch.pattern == "sphere" else punch.radius**2 / (2.0 * punch.curvature_radius)
+    return depth_of(scene, stiffening) + 2.0 * (punch.amplitude or 0.0) + bow
 
 
 def _turn(scene) -> Iterator[str]:
     """Turns given by the scene that are a motion of their own."""
-    keys = scene.drive
     # Of the punch, whatever the way of a machine with a spring.
-    drive = Drive(keys.speed, keys.preload, keys.retract_speed, keys.turn_time, keys.dwell, keys.clearance)
+    drive = replace(drive_of(scene), speed=scene.drive.speed, retract_speed=scene.drive.retract_speed)
     ways = {"goes on by": drive.overshoot}
     if scene.solver.scheme != "quasistatic":
         ways["comes back by"] = drive.rise
@@ -113,8 +130,9 @@ def _turn(scene) -> Iterator[str]:
         return
     longest = drive.turn_time * OVERSHOOT * scene.adhesion.range / way
     yield (
-        f"drive.turn_time: within the turn the punch {what} {way * 1e6:.3g} um, {way / scale:.2g} "
-        f"{'indentations' if repulsive else 'ranges of adhesion'}: what happens there, perhaps the pull-off, does so below "
+        f"drive.turn_time: within the turn the punch {what} {shown(way, 'length')}, {way / scale:.2g} "
+        f"{'indentations' if repulsive else 'ranges of adhesion'}: what happens there, perhaps the pull-off, does so "
+        "below "
         f'the speed of the retraction; leave it out, or set at most "{longest:.2g} s"'
     )
 
@@ -128,11 +146,11 @@ def _preload(scene) -> Iterator[str]:
     if depth > deepest:
         yield (
             "drive.preload: even in full contact a static punch carries it only at an indentation of "
-            f"{depth * 1e6:.3g} um, but an approach is given up at {deepest * 1e6:.3g} um; reduce the preload"
+            f"{shown(depth, 'length')}, but an approach is given up at {shown(deepest, 'length')}; reduce the preload"
         )
     elif depth > 0.2 * punch.radius:
         yield (
-            f"drive.preload: the indentation will be about {depth * 1e6:.3g} um, {depth / punch.radius:.2g} of the "
+            f"drive.preload: the indentation will be about {shown(depth, 'length')}, {depth / punch.radius:.2g} of the "
             "punch's radius; linear elasticity of small slopes does not hold there"
         )
 
@@ -163,24 +181,11 @@ def _explicit_steps(scene) -> Iterator[str]:
         return
     steps = effort_of(scene).steps
     if steps > 0.8 * scene.solver.max_steps:
-        yield f"solver.max_steps: about {steps:.2g} steps are to come, only {scene.solver.max_steps} are allowed; raise it"
+        allowed = scene.solver.max_steps
+        yield f"solver.max_steps: about {steps:.2g} steps are to come, only {allowed} are allowed; raise it"
     if steps / scene.output.every > MANY_ROWS:
         every = 10 ** math.ceil(math.log10(steps / MANY_ROWS))
         yield f"output.every: about {steps / scene.output.every:.2g} rows are to come in curve.csv; set it to {every}"
-
-
-def _unread_keys(scene) -> Iterator[str]:
-    """Keys of [solver.gfmd] that no other scheme reads."""
-    if scene.solver.scheme == "gfmd":
-        return
-    given, usual = scene.solver_gfmd, type(scene.solver_gfmd)()
-    changed = [name for name in type(usual).model_fields if getattr(given, name) != getattr(usual, name)]
-    if changed:
-        names = ", ".join(f"solver.gfmd.{name}" for name in changed)
-        yield (
-            f"{names}: not read, as the scheme is '{scene.solver.scheme}'; delete "
-            f"{'it' if len(changed) == 1 else 'them'}, or set solver.scheme = \"gfmd\""
-        )
 
 
 def _memory(scene, ranks: int) -> Iterator[str]:
@@ -225,6 +230,6 @@ def _inertia(scene) -> Iterator[str]:
     share = inertia_of_scene(scene).added_viscosity(series)
     if share > 0.01:
         yield (
-            f"solver.gfmd: at low frequencies the inertia adds {100 * share:.2g} % to the viscosity of the material; the "
-            "error of the curve falls with 1/omega"
+            f"solver.gfmd: at low frequencies the inertia adds {100 * share:.2g} % to the viscosity of the material; "
+            "the error of the curve falls with 1/omega"
         )

@@ -8,14 +8,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from .resolution import image_stiffness, overlap_share, summit_points
+from pgfmd.units import handy_quantity as shown
 
-FEW_SUMMIT_POINTS, SOME_SUMMIT_POINTS = 12.0, 50.0
-"""Grid points of a summit within the range: below the first pull-off forces are wrong by more than a third, below the
-second by a tenth (docs: resolution)."""
-SOFT_OVERLAP, SOFT_WALL, SOFT_ADHESION = 0.05, 0.01, 0.2
-"""Overlap relative to the indentation that is remarked on, and that is warned of without and with attraction: a wall
-alone should be hard."""
+from .resolution import image_stiffness, overlap_share, range_follows_the_grid, summit_points
+
+FEW_SUMMIT_POINTS = 12.0
+"""Grid points of a summit within the range below which pull-off forces are wrong by more than a third (docs:
+resolution)."""
+SOME_SUMMIT_POINTS = 50.0
+"""Grid points of a summit within the range below which pull-off forces are wrong by more than a tenth."""
+SOFT_OVERLAP = 0.05
+"""Overlap relative to the indentation that is remarked on where the law attracts."""
+SOFT_ADHESION = 0.2
+"""Overlap that is warned of where the law attracts."""
+SOFT_WALL = 0.01
+"""Overlap that is warned of where it does not: a wall alone should be hard."""
 IMAGES_OF_FILM = 0.05
 """Influence of a film's periodic images on the stiffness of a contact that is warned of."""
 
@@ -29,16 +36,16 @@ def summits(scene) -> Iterator[str]:
     needed = math.ceil(scene.grid.n * (FEW_SUMMIT_POINTS / points) ** (2.0 / 3.0))
     if scene.adhesion.law != "cosine":
         yield (
-            f"grid.n: only {points:.2g} grid points of the punch reach below the surface at the preload, too few for its "
-            f"shape to count; use n >= {needed}, or a larger preload"
+            f"grid.n: only {points:.2g} grid points of the punch reach below the surface at the preload, too few for "
+            f"its shape to count; use n >= {needed}, or a larger preload"
         )
         return
     times = 2.0 * math.pi / points
     wrong = f"up to {times:.2g} times too large" if times > 2.0 else "wrong by more than a third"
     yield (
         f"grid.n, adhesion.range: only {points:.2g} grid points lie within the range of adhesion, "
-        f"{scene.adhesion.range * 1e6:.3g} um, of the height of a summit: whole cells of the grid snap, and pull-off forces "
-        f"are {wrong}; use n >= {needed}, or a larger range"
+        f"{shown(scene.adhesion.range, 'length')}, of the height of a summit: whole cells of the grid snap, and "
+        f"pull-off forces are {wrong}; use n >= {needed}, or a larger range"
     )
 
 
@@ -46,8 +53,8 @@ def few_points(scene) -> Iterator[str]:
     points = summit_points(scene)
     if scene.adhesion.law == "cosine" and FEW_SUMMIT_POINTS <= points < SOME_SUMMIT_POINTS:
         yield (
-            f"summits: {points:.2g} grid points lie within the range of adhesion of the height of a summit; with fewer than "
-            f"{SOME_SUMMIT_POINTS:.0f} the pull-off force of a single summit is wrong by 10 to 30 %"
+            f"summits: {points:.2g} grid points lie within the range of adhesion of the height of a summit; with fewer "
+            f"than {SOME_SUMMIT_POINTS:.0f} the pull-off force of a single summit is wrong by 10 to 30 %"
         )
 
 
@@ -57,22 +64,27 @@ def overlap(scene) -> Iterator[str]:
     if share <= most:
         return
     text = (
-        f"adhesion: at the preload punch and elastomer will overlap by about {100 * share:.0f} % of the indentation, as "
-        "the law's stiffness follows from the static modulus and the range; indentations are too large by up to as much. "
+        f"adhesion: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the indentation, "
+        "as the law's stiffness follows from the static modulus and the range; indentations are too large by up to as "
+        "much. "
     )
-    reach = scene.adhesion.range * math.sqrt(most / share)
+    # A little less than would just do, as it is rounded.
+    shorter = f"{shown(0.95 * scene.adhesion.range * math.sqrt(most / share), 'length', 2)} or less"
     if repulsive:
-        yield text + f"Set adhesion.range to {reach * 1e6:.2g} um or less, or range_factor {share / most:.2g} times larger"
+        yield text + f"Set adhesion.range to {shorter}, or range_factor {1.05 * share / most:.2g} times larger"
+    elif range_follows_the_grid(scene):
+        yield text + f"Use grid.n >= {math.ceil(scene.grid.n * share / most)}"
     else:
-        yield text + f"Use grid.n >= {math.ceil(scene.grid.n * share / most)}, or a smaller preload"
+        yield text + f"Set adhesion.range to {shorter}, with the finer grid that this needs"
 
 
 def soft_overlap(scene) -> Iterator[str]:
     share = overlap_share(scene)
     if scene.adhesion.law == "cosine" and SOFT_OVERLAP < share <= SOFT_ADHESION:
+        cure = "a finer grid, with its shorter range," if range_follows_the_grid(scene) else "a shorter adhesion.range"
         yield (
-            f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.0f} % of the indentation; a "
-            "finer grid, with its shorter range, makes it less"
+            f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the "
+            f"indentation; {cure} makes it less"
         )
 
 
@@ -83,8 +95,8 @@ def films(scene) -> Iterator[str]:
         return
     if substrate.thickness < spacing:
         yield (
-            f"substrate.thickness: the film is thinner than the grid's spacing, {spacing * 1e6:.3g} um, and stresses at the "
-            f"edge of a contact fall off within its thickness; use grid.n >= "
+            f"substrate.thickness: the film is thinner than the grid's spacing, {shown(spacing, 'length')}, and "
+            "stresses at the edge of a contact fall off within its thickness; use grid.n >= "
             f"{math.ceil(scene.grid.length / substrate.thickness)}"
         )
     if substrate.boundary != "periodic" or radius is None:
@@ -92,9 +104,10 @@ def films(scene) -> Iterator[str]:
     share = image_stiffness(scene)
     if abs(share - 1.0) > IMAGES_OF_FILM:
         yield (
-            f"substrate.thickness, grid.length: in a periodic cell the film is about {share:.2g} times as stiff under the "
-            "punch as one that goes on without other punches, as their images press it too and it cannot escape to the "
-            f"sides; compare thickness and cell, {substrate.thickness / scene.grid.length:.2g}.{free_boundary(scene)}"
+            f"substrate.thickness, grid.length: in a periodic cell the film is about {share:.2g} times as stiff under "
+            "the punch as one that goes on without other punches, as their images press it too and it cannot escape "
+            "to the sides; compare thickness and cell, "
+            f"{substrate.thickness / scene.grid.length:.2g}.{free_boundary(scene)}"
         )
 
 

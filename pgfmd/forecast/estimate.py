@@ -13,9 +13,12 @@ from types import SimpleNamespace
 import numpy as np
 import scipy.fft
 
-from pgfmd.parts import inertia_of_scene, quasistatic_compliance, relaxation_of, series_of, transform_side
+from pgfmd.parts import (
+    inertia_of_scene, quasistatic_compliance, relaxation_of, series_of, topography_of, transform_side,
+)  # fmt: skip
+from pgfmd.physics.heightfile import map_bytes
 from pgfmd.reference import flat_punch, hertz
-from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.solver.grid import Grid, PunchPoints, share
 
 PROGRAM_BYTES = 245e6
 """Python, compiled kernels and libraries on every rank: peak resident memory less the fields, with 1 and 2 ranks."""
@@ -27,8 +30,8 @@ SMOOTH = 0.1
 class Memory:
     """Bytes of one rank's arrays.
 
-    points: vectors over the punch, of which `state` belong to the State. transform: its arrays. start: cosines of the
-    far field, made before the State.
+    points: vectors over the punch, of which `state` belong to the State. transform: its arrays. start: the most at any
+    time before the first step, what stays included.
     """
 
     points: float
@@ -44,7 +47,7 @@ class Memory:
     @property
     def peak(self) -> float:
         """The most at any time."""
-        return max(self.running, self.running - self.state + self.start)
+        return max(self.running, self.start)
 
 
 def vectors_of(elements: int, audit: bool, periodic: bool, order: int = 2, rough: float = 1.0) -> tuple[float, float]:
@@ -63,34 +66,55 @@ def punch_points(scene) -> PunchPoints:
     return PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, SimpleNamespace(size=1, rank=0))
 
 
+def largest_share(points: PunchPoints, ranks: int) -> int:
+    """Points of the rank that has most of them: under a round punch, the rows in the middle are longer."""
+    ends = [sum(share(points.nb, ranks, rank)) for rank in range(ranks)]
+    return int(np.diff(points.offset[ends], prepend=0).max())
+
+
 def memory_of(scene, ranks: int = 1) -> Memory:
     """Memory of the rank with the largest share, out of `ranks`.
 
     Transform: G0, (columns, n/2 + 1), and the half-transformed rows, complex, (rows, n/2 + 1); with more than one rank
-    also (nb, columns), complex. Cosines of the far field: (n/2 + 1, nb) for all of the block and a temporary, and the
-    rank's rows.
+    also (nb, columns), complex. The weights of the far field are made beside it by another transform, without G0, and
+    the kernel of a free surface is held by rows, and with more than one rank by columns, of (n/2 + 1, n/2 + 1).
     """
     if scene.solver.scheme == "gfmd":
         return _gfmd_memory(scene, ranks)
     points = punch_points(scene)
-    nb, modes = points.nb, scene.grid.n // 2 + 1
+    nb = points.nb
     width = transform_side(scene, nb) // 2 + 1
     rows, columns = math.ceil(nb / ranks), math.ceil(width / ranks)
     periodic = scene.substrate.boundary == "periodic"
     precision = scene.solver.precision
     size, rough = 4.0 if precision == "single" else 8.0, 0.5 if precision == "mixed" else 1.0
     if scene.solver.scheme == "quasistatic":
-        # The softest mode and its dual in the State; in the scheme u, w and zeros for the history.
-        counts = 7 + 2 * rough, 3 + 2 + 7 * rough + periodic
+        # The softest mode and its dual in the State, and as they were before the step; in the scheme u, w and zeros for
+        # the history.
+        counts = 7 + 2 * rough, 3 + 2 + 9 * rough + periodic
     else:
         elements = series_of(scene.rheology).elements
         counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, rough)
     # With patches, the traction before each step: jumps are placed by it.
     counts = counts[0], counts[1] + scene.output.patches
-    state, rest = (size * points.total / ranks * count for count in counts)
-    transform = columns * width + 2.0 * rows * width + (2.0 * nb * columns if ranks > 1 else 0.0)
-    transform *= size + (4.0 if precision == "mixed" else 0.0)
-    return Memory(state + rest, transform, state, 8.0 * modes * (2 * nb + rows) if periodic else 0.0)
+    most = largest_share(points, ranks)
+    state, rest = (size * most * count for count in counts)
+    rows_and_columns = 2.0 * rows * width + (2.0 * nb * columns if ranks > 1 else 0.0)
+    transform = (columns * width + rows_and_columns) * (size + (4.0 if precision == "mixed" else 0.0))
+    heights = _map_bytes(scene.punch)
+    solver = size * (2.0 + 7.0 * rough) * most
+    if periodic:
+        # By now there are Newton's vectors; the weights are in double precision.
+        start = max(heights, solver + 8.0 * (rows_and_columns + most))
+    else:
+        kernel = 8.0 * width * (math.ceil(width / ranks) + (columns if ranks > 1 else 0))
+        start = max(heights, solver, kernel)
+    return Memory(state + rest, transform, state, transform + start)
+
+
+def _map_bytes(punch) -> float:
+    """A height map while heights are taken from it."""
+    return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
 
 
 def _gfmd_memory(scene, ranks: int) -> Memory:
@@ -101,10 +125,10 @@ def _gfmd_memory(scene, ranks: int) -> Memory:
     columns, rows = math.ceil((n // 2 + 1) / ranks), math.ceil(n / ranks)
     spectral = 16.0 * n * columns
     state = (2 + series_of(scene.rheology).elements) * spectral
-    mine = 8.0 * points.total * min(1.0, rows / points.nb)
+    mine = 8.0 * min(points.total, rows * points.nb)
     modes = state + 16.0 * (n // 2 + 1) * columns
     transform = 8.0 * rows * n + 16.0 * rows * (n // 2 + 1) + 2.0 * spectral
-    return Memory(3.0 * mine + modes, transform, state, 0.0)
+    return Memory(3.0 * mine + modes, transform, state, transform + _map_bytes(scene.punch))
 
 
 @dataclass(frozen=True)

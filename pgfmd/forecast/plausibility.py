@@ -16,8 +16,8 @@ import numpy as np
 
 from pgfmd.parts import topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
-from pgfmd.physics.topography import height_map
-from pgfmd.scene.model import SECTIONS
+from pgfmd.physics.heightfile import WHOLE as WHOLE_MAP
+from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.units import handy_quantity as shown
 
 STEEPEST = 1.0
@@ -28,8 +28,10 @@ DENSITY = 1e3
 """Density [kg/m^3] of any elastomer, for its speed of sound."""
 ATOM = 1e-10
 """Length [m] below which there is no continuum."""
-SAMPLES, DIFFERENCE = 2**14, 1e-3
-"""At how many points a pattern is looked at, and the step of the differences, in wavelengths or radii."""
+SAMPLES = 2**14
+"""At how many points a pattern is looked at."""
+DIFFERENCE = 1e-3
+"""Step of the differences that slopes are made of, in wavelengths or radii."""
 UNREAD = {
     "gfmd": {"solver.accuracy": "its steps are those of [solver.gfmd]", "solver.order": "it is of order 2"},
     "quasistatic": {"solver.order": "it follows equilibria", "drive.dwell": "time does not count"},
@@ -41,10 +43,12 @@ WHOLE = 1e-6
 
 @dataclass(frozen=True)
 class Face:
-    """The punch's lower face: relief [m], from its highest to its lowest point, and the steepest slope."""
+    """The punch's lower face: relief [m], from its highest to its lowest point, and the steepest slope. size [m]: (x,
+    y) of its map, if it has one."""
 
     relief: float
     slope: float
+    size: tuple[float, float] | None = None
 
 
 def warnings(scene) -> Iterator[str]:
@@ -70,31 +74,33 @@ def _face_of(punch, grid, stamp) -> Face:
 
 def _map_face(punch, grid) -> Face:
     """From all pixels under the punch. Where the grid is coarser than the map, it sees their steps spread out."""
-    topography = topography_of(punch)
-    found = height_map(topography)
-    spacing = grid.length / grid.n
-    (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
+    found, spacing = topography_of(punch).map, grid.length / grid.n
+    (size_x, size_y), (count_y, count_x), (pixel_x, pixel_y) = found.size, found.heights.shape, found.pixel
     x = (np.arange(count_x) + 0.5) * (size_x / count_x) - 0.5 * size_x
     y = (np.arange(count_y) + 0.5) * (size_y / count_y) - 0.5 * size_y
-    heights = found.heights
-    if math.isfinite(punch.curvature_radius):
-        heights = heights + (x**2 + y[:, None] ** 2) / (2.0 * punch.curvature_radius)
-    if punch.radius is not None:
-        # With the pixels around, between which the rim lies.
-        rim = punch.radius + math.hypot(*found.pixel)
-        heights = np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
-    elif found.periodic:
-        heights = np.pad(heights, ((0, 1), (0, 1)), mode="wrap")
-    pixel_x, pixel_y = found.pixel
-    along_x = np.abs(np.diff(heights, axis=1)) / max(pixel_x, spacing)
-    along_y = np.abs(np.diff(heights, axis=0)) / max(pixel_y, spacing)
-    slope = max(_largest(along_x), _largest(along_y), _largest(np.hypot(along_x[:-1], along_y[:, :-1])))
-    return Face(_largest(heights) + _largest(-heights), slope)
+    # With the pixels around, between which the rim lies.
+    rim = math.inf if punch.radius is None else punch.radius + math.hypot(pixel_x, pixel_y)
+    wraps = punch.radius is None and found.periodic
+    column, row = (np.arange(count + wraps) % count for count in (count_x, count_y))
+    lowest, highest, slope, some = math.inf, -math.inf, 0.0, max(1, WHOLE_MAP // count_x)
+    # A few rows at a time, and the row after them: a large map is on the disk.
+    for first in range(0, row.size - 1, some):
+        here = row[first : first + some + 1]
+        heights = found.heights[here].astype(float)[:, column]
+        if math.isfinite(punch.curvature_radius):
+            heights += (x[column] ** 2 + y[here, None] ** 2) / (2.0 * punch.curvature_radius)
+        heights[np.hypot(x[column], y[here, None]) > rim] = np.nan
+        lowest, highest = min(lowest, -_largest(-heights)), max(highest, _largest(heights))
+        along_x = np.abs(np.diff(heights, axis=1)) / max(pixel_x, spacing)
+        along_y = np.abs(np.diff(heights, axis=0)) / max(pixel_y, spacing)
+        slopes = along_x, along_y, np.hypot(along_x[:-1], along_y[:, :-1])
+        slope = max(slope, *(_largest(values) for values in slopes))
+    return Face(max(highest - lowest, 0.0), slope, found.size)
 
 
 def _largest(values) -> float:
-    """The largest number that is there; 0 where there is none."""
-    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
+    """The largest number that is there; minus infinity where there is none."""
+    return float(np.nanmax(values)) if np.isfinite(values).any() else -math.inf
 
 
 def _pattern_face(punch, grid) -> Face:
@@ -142,7 +148,7 @@ def _map_fits_the_cell(scene) -> Iterator[str]:
     punch, length = scene.punch, scene.grid.length
     if punch.pattern != "file" or punch.radius is not None:
         return
-    size = height_map(topography_of(punch)).size
+    size = face_of(scene).size
     if any(abs(length / side - max(round(length / side), 1)) > WHOLE * length / side for side in size):
         sides = " x ".join(shown(side, "length") for side in size)
         yield (
@@ -236,7 +242,10 @@ def _spacing(scene) -> Iterator[str]:
 def _unread(scene) -> Iterator[str]:
     """Keys that ask for what the scheme does not do."""
     scheme = scene.solver.scheme
-    for dotted, why in UNREAD.get(scheme, {}).items():
+    reasons = dict(UNREAD.get(scheme, {}))
+    for name in unused_keys(scene, "solver.gfmd"):
+        reasons[f"solver.gfmd.{name}"] = 'only the scheme "gfmd" reads it'
+    for dotted, why in sorted(reasons.items()):
         section, _, name = dotted.rpartition(".")
         if getattr(scene.section(section), name) != SECTIONS[section].model_fields[name].default:
-            yield f"{dotted} has no effect, as {why} with solver.scheme = \"{scheme}\": leave it out"
+            yield f'{dotted} has no effect with solver.scheme = "{scheme}", as {why}: leave it out'

@@ -13,6 +13,7 @@ import scipy.integrate
 import scipy.special
 
 from pgfmd.parts import compliance_of, law_of, relaxation_of, topography_of
+from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.film import Film
 from pgfmd.physics.topography import layered
 from pgfmd.reference import hertz
@@ -77,11 +78,11 @@ def _rise_of_map(scene) -> float:
     """
     grid, radius = Grid(scene.grid.n, scene.grid.length), scene.punch.radius
     start, count = grid.block(radius)
+    topography = topography_of(scene.punch)
 
     def heights(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         x, y = np.meshgrid(grid.coordinate(start + columns), grid.coordinate(start + rows))
-        # A call reads the file: few of them.
-        height = topography_of(scene.punch).heights(x, y)
+        height = topography.heights(x, y)
         if radius is not None:
             height[np.hypot(x, y) > radius * (1.0 + 1e-12)] = math.inf
         return height
@@ -147,9 +148,19 @@ def overlap_share(scene) -> float:
         depth = load / (2.0 * limit * modulus)
         if math.isfinite(radius):
             depth = max(depth, float(hertz.indentation(load, radius, modulus)))
-        modulus = modulus_of(scene) * _mean_kappa(scene, depth / scene.drive.speed)
-    size = min(limit, math.sqrt(radius * depth))
-    return load / (math.pi * size**2) / law.stiffness / (depth * _softness_of_film(scene, size))
+        size = min(limit, math.sqrt(radius * depth))
+        overlap = load / (math.pi * size**2) / law.stiffness
+        # The punch moves by both while the load is made.
+        modulus = modulus_of(scene) * _mean_kappa(scene, (depth + overlap) / scene.drive.speed)
+    return overlap / (depth * _softness_of_film(scene, size))
+
+
+def range_follows_the_grid(scene) -> bool:
+    """Whether the range of adhesion is the automatic one, which a finer grid makes shorter."""
+    adhesion, grid, modulus = scene.adhesion, scene.grid, scene.substrate.contact_modulus
+    q_ref = 2.0 * math.pi * grid.n / grid.length
+    own = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, q_ref)
+    return math.isclose(own, adhesion.range, rel_tol=1e-9)
 
 
 def _softness_of_film(scene, size: float) -> float:

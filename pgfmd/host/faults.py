@@ -11,8 +11,13 @@ import traceback
 from pathlib import Path
 
 LIBRARIES = ("pgfmd", "numpy", "scipy", "numba", "mpi4py", "mpi4py-fft", "h5py", "matplotlib")
-FIRST_TURN, TURN, LAST_TURN = 1.0, 0.2, 4.0
-"""Times [s] that ranks wait before they tell of a fault: rank 1, each one more, and at most."""
+FIRST_TURN = 2.0
+"""Time [s] that rank 1 waits before it tells of a fault; rank 0 does not wait. When a rank ends the job, Open MPI's
+mpirun sends TERM to the others a second later."""
+TURN = 0.2
+"""Time [s] that each further rank waits longer."""
+LAST_TURN = 4.0
+"""Time [s] that any rank waits at most."""
 
 _command: list[str] | None = None
 

@@ -107,8 +107,8 @@ def on_first(comm, action: Callable[[], Any]) -> Any:
 
 
 def listen() -> None:
-    """From here on USR1, USR2 and XCPU end no process. What comes before a run can answer it (stop_signals.py) is remembered;
-    what comes after it, when there is nothing left to stop or save, is not heeded."""
+    """From here on USR1, USR2 and XCPU end no process. What comes before a run can answer it (stop_signals.py) is
+    remembered; what comes after it, when there is nothing left to stop or save, is not heeded."""
     if threading.current_thread() is threading.main_thread():
         for number in _REMEMBERED:
             signal.signal(number, lambda number, frame: _early.append(number))

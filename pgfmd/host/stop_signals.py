@@ -29,7 +29,8 @@ from .launch import INTERRUPTED, is_ignored, take_early
 PATIENCE = 6.0
 """Time [s] from TERM or Ctrl-C until the ranks must have agreed to stop."""
 STOPPING = (signal.SIGUSR1, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGXCPU)
-"""HUP: the terminal, or the connection to it, is gone. XCPU: the limit of processor time is near; it comes every second."""
+"""HUP: the terminal, or the connection to it, is gone. XCPU: the limit of processor time is near; it comes every
+second."""
 SAVING = signal.SIGUSR2
 # What is sent once may come twice. A terminal gives Ctrl-C to launcher and ranks, and some launchers pass it on as
 # well; a batch system gives TERM to mpirun and ranks, and OpenMPI's mpirun sends its own some seconds later.
@@ -39,7 +40,8 @@ _WAKE = b"\0"
 
 
 class StopSignals:
-    """Turns USR1, TERM, Ctrl-C, HUP and XCPU into a request to stop that the run's loop asks for; USR2 into one to save.
+    """Turns USR1, TERM, Ctrl-C, HUP and XCPU into a request to stop that the run's loop asks for; USR2 into one to
+    save.
 
     HUP stays ignored where it was (nohup).
 
@@ -47,9 +49,9 @@ class StopSignals:
     where there are no signals to be had, it does nothing. A second Ctrl-C, TERM or HUP before `heard` ends the process.
 
     Attributes:
-        patience: seconds from TERM, Ctrl-C or HUP until `heard` must have been called; after that the process is ended with
-            exit code 130. It has to be longer than a step. One rank alone waits for nobody, and has no limit. Nor have
-            USR1 and XCPU: each announces an end, and a step that takes long must not cost the checkpoint.
+        patience: seconds from TERM, Ctrl-C or HUP until `heard` must have been called; after that the process is ended
+            with exit code 130. It has to be longer than a step. One rank alone waits for nobody, and has no limit. Nor
+            have USR1 and XCPU: each announces an end, and a step that takes long must not cost the checkpoint.
     """
 
     def __init__(self, comm):

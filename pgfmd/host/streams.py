@@ -1,5 +1,5 @@
-"""Standard streams that are closed, full, without a reader, or know fewer letters than what is said: what they can't take
-must not end a command. No MPI."""
+"""Standard streams that are closed, full, without a reader, or know fewer letters than what is said: what they can't
+take must not end a command. No MPI."""
 
 from __future__ import annotations
 
@@ -51,7 +51,8 @@ def knows_every_letter() -> bool:
 
 
 def say(line: str) -> None:
-    """Prints a line of progress. From when on stdout can't take it any more, which stderr is told, nothing is printed."""
+    """Prints a line of progress. From when on stdout can't take it any more, which stderr is told, nothing is
+    printed."""
     try:
         print(line, flush=True)
     except UnicodeEncodeError:

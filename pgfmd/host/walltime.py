@@ -52,8 +52,8 @@ def clock_seconds(text: str) -> float:
 
 
 def end_of_job() -> float | None:
-    """When (time.time()) the batch system ends this job; None without a job or a limit, or if it can't be told. May have
-    passed: a shell may outlive the job that it was started in, and keep its environment.
+    """When (time.time()) the batch system ends this job; None without a job or a limit, or if it can't be told.
+    May have passed: a shell may outlive the job that it was started in, and keep its environment.
 
     May ask the batch system, for seconds: only meant for rank 0.
     """

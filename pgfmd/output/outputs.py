@@ -75,7 +75,8 @@ class Outputs:
         self.snapshots.replan(state, wanted, [value for value in fractions if value > 1.0])
 
     def marks(self) -> dict:
-        """What a checkpoint has to know of the files, which are brought to the disk for it. ResultError on every rank."""
+        """What a checkpoint has to know of the files, which are brought to the disk for it. ResultError on every
+        rank."""
         return {name: table.mark() for name, table in self.tables.items()} | {"fields": {"frames": self.fields.frames}}
 
     def cut_back(self, marks: dict) -> None:

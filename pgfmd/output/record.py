@@ -8,6 +8,7 @@ import platform
 import resource
 import sys
 
+from pgfmd.files.storage import plain
 from pgfmd.parts import inertia_of_scene
 from pgfmd.restart.history import History
 from pgfmd.results import uncertainty
@@ -18,13 +19,13 @@ _LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
 
 
 def record_of(simulation, scene, comm, history: History) -> dict:
-    """The contents of `run.json` (docs: results). Collective."""
+    """The contents of `run.json` (docs: results): what does not apply, or is not known, is None. Collective."""
     state, scheme = simulation.state, simulation.scheme
     counters, energies = state.counters, state.energies
     memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
     links = history.update(counters.steps, max(comm.allgather(scheme.transform_seconds)))
     audit = scene.output.energy and energies.work != 0.0
-    return {
+    record = {
         "finished": state.finished,
         "scheme": scene.solver.scheme,
         "precision": scene.solver.precision,
@@ -51,6 +52,7 @@ def record_of(simulation, scene, comm, history: History) -> dict:
         "versions": history.now.versions,
         "links": links,
     }
+    return plain(record)
 
 
 def _numerics(scene) -> dict:

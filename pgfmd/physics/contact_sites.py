@@ -44,6 +44,8 @@ SHORT = 1.5
 """A Newton step this long, in spacings of that lattice, leads to a site close by."""
 DIFFERENCE = 1e-3
 """Step of the finite differences, in wavelengths: fourth order leaves 1e-10 of a gradient, rounding 1e-12."""
+AT_A_TIME, BESIDE = 2**20, 3
+"""Points of that lattice looked at at a time, and rows beside them."""
 MOST_ITERATIONS = 50
 FAR = 0.2
 """A search that has come this far from where it began, in wavelengths, is given up: others began nearer."""
@@ -205,14 +207,25 @@ def _candidates(face: Topography, reach: float, in_row: bool) -> tuple[Array, Ar
         slope = np.abs(np.gradient(face.heights(line, 0.0)))
         lowest = slope <= minimum_filter(slope, 3)
         return line[lowest], np.zeros(np.count_nonzero(lowest))
-    x, y = np.meshgrid(line, line)
-    slope_y, slope_x = np.gradient(face.heights(x, y))
+    # A few rows at a time, with the neighbours that differences and their minima need.
+    found, some = [], max(1, AT_A_TIME // line.size)
+    for begin in range(0, line.size, some):
+        first, end = max(0, begin - BESIDE), min(line.size, begin + some + BESIDE)
+        chosen = _chosen(face, line, line[first:end])
+        chosen[: begin - first] = chosen[begin - first + some :] = False
+        row, column = np.nonzero(chosen)
+        found.append((line[column], line[first + row]))
+    return tuple(np.concatenate(places) for places in zip(*found))
+
+
+def _chosen(face: Topography, x: Array, y: Array) -> NDArray[np.bool_]:
+    """Which points of a lattice are candidates, (y, x)."""
+    slope_y, slope_x = np.gradient(face.heights(*np.meshgrid(x, y)))
     _, xx = np.gradient(slope_x)
     yy, xy = np.gradient(slope_y)
     slope = np.hypot(slope_x, slope_y)
-    step = np.hypot(*_newton_step((slope_x, slope_y, xx, yy, xy), in_row))
-    chosen = (slope <= minimum_filter(slope, 3)) | (step < SHORT)
-    return x[chosen], y[chosen]
+    step = np.hypot(*_newton_step((slope_x, slope_y, xx, yy, xy), in_row=False))
+    return (slope <= minimum_filter(slope, 3)) | (step < SHORT)
 
 
 def _derivatives(height: Callable[[Array, Array], Array], x: Array, y: Array, d: float) -> tuple[Array, ...]:

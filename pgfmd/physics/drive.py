@@ -29,8 +29,8 @@ def automatic_turn(reach: float, speed: float, retract_speed: float) -> float:
     """Time [s] of a turn within which the punch overshoots, and rises, by at most `OVERSHOOT` ranges of adhesion.
 
     reach: the range [m]; speeds [m/s]. What follows the faster of the two: a surface that lets go does so at the speed
-    that was asked for, and not on the way to it. T = 2 OVERSHOOT reach (v_1 + v_2) / max(v_1, v_2)^2, which a hold in the
-    middle makes no longer.
+    that was asked for, and not on the way to it. T = 2 OVERSHOOT reach (v_1 + v_2) / max(v_1, v_2)^2, which a hold in
+    the middle makes no longer.
     """
     slow, fast = sorted((speed, retract_speed))
     # Exactly 1 at equal speeds.

@@ -9,6 +9,7 @@ size_y); .csv (commas) and .txt (blanks), # starts a comment, in any usual encod
 
 from __future__ import annotations
 
+import math
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,7 +32,7 @@ MARGIN = 48
 """Rows and columns around a stripe, more than EDGE: what a cubic spline makes of a sample falls to 1e-27 over them."""
 
 EDGE = 12
-"""Samples beyond a map's edge from which on it is level; map_coordinates takes as many."""
+"""Samples beyond a map's edge from which on it is level, as map_coordinates has it."""
 
 
 def read_heights(path: str | Path) -> tuple[Array, tuple[float, float] | None]:
@@ -83,6 +84,20 @@ def _size_of(stored: Array) -> tuple[float, ...]:
     return tuple(float(side) for side in stored)
 
 
+def map_bytes(path: str | Path, order: int = 1) -> float:
+    """About how much memory [bytes] the interpolation of a map takes, without reading it: a large one that is no .npy
+    file is held as a whole. OSError."""
+    path, copies = Path(path), 1 if order == 1 else 3
+    samples = path.stat().st_size / 8
+    if path.suffix == ".npz":
+        with zipfile.ZipFile(path) as archive:
+            samples = sum(entry.file_size for entry in archive.infolist()) / 8
+    if samples <= WHOLE:
+        return 8.0 * samples * copies
+    stripe = WHOLE + 2.0 * MARGIN * math.sqrt(samples)
+    return 8.0 * (stripe * copies + (0.0 if path.suffix == ".npy" else samples))
+
+
 @dataclass(frozen=True, eq=False)
 class HeightMap:
     """Interpolated height map.
@@ -96,7 +111,7 @@ class HeightMap:
     size: tuple[float, float]
     periodic: bool = False
     order: int = 1
-    _kept: dict = field(default_factory=dict, repr=False)
+    _kept: dict = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 2 or min(self.heights.shape) < 2:
@@ -136,14 +151,26 @@ class HeightMap:
         size_x, size_y = self.size
         if not self.periodic:
             outside = (np.abs(x) > size_x / 2 * (1 + RADIUS_SLACK)) | (np.abs(y) > size_y / 2 * (1 + RADIUS_SLACK))
-            if np.any(outside & (True if radius is None else np.hypot(x, y) <= radius)):
+            if np.any(outside & (True if radius is None else np.hypot(x, y) <= radius * (1 + RADIUS_SLACK))):
                 raise ValueError(f"height map: covers {size_x:.6g} m x {size_y:.6g} m, which is less than the punch")
         count_y, count_x = self.heights.shape
         rows, columns = (y / size_y + 0.5) * count_y - 0.5, (x / size_x + 0.5) * count_x - 0.5
         if self.heights.size > WHOLE:
             return self._by_stripes(rows, columns)
         mode = "grid-wrap" if self.periodic else "nearest"
-        return map_coordinates(self.heights, np.stack([rows, columns]), order=self.order, mode=mode)
+        pad, coefficients = self._whole(mode)
+        places = np.stack([rows + pad, columns + pad])
+        return map_coordinates(coefficients, places, order=self.order, mode=mode, prefilter=False)
+
+    def _whole(self, mode: str) -> tuple[int, Array]:
+        """What a small map is interpolated from, made once, and how many samples have been added around it."""
+        if self.order == 1:
+            return 0, self.heights
+        pad = 0 if self.periodic else EDGE
+        if "coefficients" not in self._kept:
+            samples = np.pad(self.heights, pad, mode="edge") if pad else self.heights
+            self._kept["coefficients"] = spline_filter(samples, self.order, output=float, mode=mode)
+        return pad, self._kept["coefficients"]
 
     def _by_stripes(self, rows: Array, columns: Array) -> Array:
         """Heights at places in pixels, from one stripe of the map after another.

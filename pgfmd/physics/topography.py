@@ -61,12 +61,6 @@ def _sinusoid(punch: Topography, x: Array, y: Array) -> Array:
     return punch.amplitude * (1 + np.cos(2 * math.pi / punch.wavelength * x))
 
 
-def height_map(punch: Topography) -> HeightMap:
-    """The map of a face with the pattern "file", read anew. Raises ValueError, OSError."""
-    periodic = punch.radius is None if punch.file_periodic is None else punch.file_periodic
-    return HeightMap.from_file(punch.file, punch.file_size, periodic, punch.file_order)
-
-
 def _file(punch: Topography, x: Array, y: Array) -> Array:
     return punch.map(x, y, radius=punch.radius)
 
@@ -195,7 +189,8 @@ class Topography:
     @cached_property
     def map(self) -> HeightMap:
         """The map of a face with the pattern "file", read once. Raises ValueError, OSError."""
-        return height_map(self)
+        periodic = self.radius is None if self.file_periodic is None else self.file_periodic
+        return HeightMap.from_file(self.file, self.file_size, periodic, self.file_order)
 
     @property
     def summit_radius(self) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.results import Results, load
-from pgfmd.results.loop import Loop, branches
+from pgfmd.results.loop import Loop, branches, column
 from pgfmd.results.measures import Measures, measure
 
 from .drawing import drawing, elsewhere, target_folder, write_picture
@@ -45,11 +45,6 @@ def plot_results(directory: str | Path, out: str | Path | None = None) -> list[P
             write_picture(draw(results), folder / name, elsewhere(folder / name, results.directory))
             for name, draw in figures.items()
         ]
-
-
-def column(table: Any, name: str) -> np.ndarray:
-    """A column of a table as a plain array, whether or not pandas made it."""
-    return np.asarray(table[name])
 
 
 def force_figure(results: Results) -> Any:

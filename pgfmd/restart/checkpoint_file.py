@@ -138,7 +138,8 @@ def _require_finite(comm, shares: dict[str, np.ndarray]) -> None:
 
 
 def _write_shares(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place], what: str) -> None:
-    """Every rank's shares into the room that is there. ResultError on every rank, beginning with `what`, if one can't."""
+    """Every rank's shares into the room that is there. ResultError on every rank, beginning with `what`, if one
+    can't."""
     if comm.size > 1 and h5py.get_config().mpi:
         agree(comm, attempt(what, lambda: _write_together(path, comm, shares, places))[1])
         return

@@ -3,7 +3,7 @@
 HDF5 with a user block. Each array of the state is one contiguous dataset, under the name that packing.py gives it,
 beside `head`: everything else, as JSON text. The user block, the first bytes of the file, is the seal. It is written
 last, and holds the file's size and a SHA-256 of every byte that belongs to no array, and of itself. The arrays have
-checksums of their own (checksum.py), in the head. So no byte of the file can change unseen.
+checksums of their own (files/checksum.py), in the head. So no byte of the file can change unseen.
 """
 
 from __future__ import annotations

@@ -39,8 +39,8 @@ class Stopped(PgfmdError):
 
 @dataclass(frozen=True)
 class Timing:
-    """Time [s] between checkpoints, infinite for none but the last; limit: when (time.time()) the run has to be over, and
-    whose limit that is."""
+    """Time [s] between checkpoints, infinite for none but the last; limit: when (time.time()) the run has to be over,
+    and whose limit that is."""
 
     every: float = 600.0
     limit: float = math.inf

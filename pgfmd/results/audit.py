@@ -8,8 +8,6 @@ from .reading import Results
 
 LEAST_LOOP = 0.1
 """A loop counts as this share of the largest work that the punch has done, if it is smaller."""
-
-
 UNBALANCED = 0.05
 """Residual of the energy audit, as a share of what is at stake, from which on a run is said not to be balanced."""
 

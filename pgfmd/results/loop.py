@@ -30,8 +30,8 @@ class Loop:
 
     name: what a legend calls it. time [s]; displacement [m], negative when the punch is pushed in; force [N], positive
     in compression; area [m^2] of contact and u_inf [m], NaN where they are not known; phase: part of the programme;
-    jump: rows at whose end the surface jumped; held: whether the punch goes up to a jump against the force before it (in
-    runs with time the jump comes at the end of its step, in quasi-static ones anywhere within it). offset [m]: k of
+    jump: rows at whose end the surface jumped; held: whether the punch goes up to a jump against the force before it
+    (in runs with time the jump comes at the end of its step, in quasi-static ones anywhere within it). offset [m]: k of
     indentation = -displacement - k.
 
     Of a run, what it knows better than its rows: work [J] of the loop and separation [J], the work of separation, None
@@ -66,10 +66,10 @@ class Loop:
         if not len(curve):
             raise ResultError(f"{results.directory}: nothing to analyse yet, curve.csv has no rows")
         columns = ("time [s]", "displacement [m]", "force [N]", "contact_area [m^2]", "u_inf [m]")
-        time, displacement, force, area, u_inf = (_column(curve, title) for title in columns)
+        time, displacement, force, area, u_inf = (column(curve, title) for title in columns)
         jump = np.isin(time, _jump_times(results))
         offset = float(results.run.get("indentation_offset_m") or 0.0)
-        phase = _column(curve, "phase")
+        phase = column(curve, "phase")
         scene = results.scene
         slow = scene.get("solver", {}).get("scheme") == "quasistatic"
         held = not slow or scene.get("drive", {}).get("control") == "load"
@@ -131,6 +131,11 @@ class Loop:
         return dataclasses.replace(self, force=force, jump=jump, work=None, separation=None, told={})
 
 
+def column(table: Any, name: str) -> Array:
+    """A column of a table as a plain array, whether or not pandas made it."""
+    return np.asarray(table[name])
+
+
 def end_of_approach(phase: NDArray[np.str_]) -> int:
     """The last row of the approach, the last of all where nothing comes after it."""
     later = np.flatnonzero(phase != "approach")
@@ -159,7 +164,7 @@ def _known_to_the_run(results: Results, loop: Loop) -> dict[str, Any]:
     record, energy = results.run, results.energy
     work, separation = record.get("work_J"), record.get("work_of_separation_J")
     if work is None and energy is not None and len(energy):
-        work = float(_column(energy, "work [J]")[-1])
+        work = float(column(energy, "work [J]")[-1])
     if work is None:
         work = net_work_of_rows(loop)
     if separation is None and loop.retracted:
@@ -168,14 +173,9 @@ def _known_to_the_run(results: Results, loop: Loop) -> dict[str, Any]:
     return {"work": work, "separation": separation, "told": told, "share": share_of(results.scene.get("solver", {}))}
 
 
-def _column(table: Any, name: str) -> Array:
-    """A column of a table as a plain array, whether or not pandas made it."""
-    return np.asarray(table[name])
-
-
 def _jump_times(results: Results) -> Array:
     """Times [s] of the jumps that the run lists."""
     events = results.events
     if events is None or not len(events):
         return np.empty(0)
-    return _column(events, "time [s]")[_column(events, "event").astype(str) == "jump"]
+    return column(events, "time [s]")[column(events, "event").astype(str) == "jump"]

@@ -15,9 +15,10 @@ from . import uncertainty
 from .loop import Loop
 from .works import net_work_of_rows, separation_of_rows
 
-UNEVEN, OVERSHOOT = 4.0, 0.25
-"""A parabola through three rows is trusted if neither step is so many times longer than the other, and if its vertex lies
-beyond the lowest row by no more than this share of the larger rise beside it."""
+UNEVEN = 4.0
+"""A parabola through three rows is trusted if neither step is so many times longer than the other."""
+OVERSHOOT = 0.25
+"""It is trusted if its vertex lies beyond the lowest row by no more than this share of the larger rise beside it."""
 LEAST_TENSION = 1e-3
 """A tension is marked in a picture from this share of the largest force on."""
 BETWEEN_ROWS = 0.5
@@ -98,6 +99,8 @@ def _tension(loop: Loop, row: int, key: str) -> Dip:
         spread = uncertainty.of_force(told, min(told, -float(loop.force[row])), loop.share)
         return replace(found, tension=told, uncertainty=loop.told.get(f"{key}_uncertainty_N", _known(spread)))
     spread = loop.share * abs(found.tension) + BETWEEN_ROWS * _rise_beside(loop, row)
+    # Of a compression only what goes below zero is a tension.
+    spread = max(0.0, spread + min(found.tension, 0.0)) if not math.isnan(spread) else spread
     return replace(found, tension=max(found.tension, 0.0) + 0.0, uncertainty=_known(spread))
 
 

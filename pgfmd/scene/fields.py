@@ -17,9 +17,11 @@ from pydantic_core import PydanticCustomError, PydanticUndefined
 from pgfmd.units import DIMENSIONS, UnitError, decimal_comma, format_quantity, parse_quantity
 
 REQUIRED = PydanticUndefined
-SMALLEST, LARGEST = 1e-30, 1e30
-"""Magnitudes, in SI units, that any number of a scene may have besides 0. Nothing real lies beyond, and what follows
-from such numbers neither overflows nor vanishes."""
+LARGEST = 1e30
+"""Largest magnitude, in SI units, of any number of a scene. Nothing real lies beyond, and what follows from such
+numbers does not overflow."""
+SMALLEST = 1e-30
+"""Smallest magnitude besides 0, likewise: what follows from it does not vanish."""
 
 
 def number(

@@ -166,8 +166,9 @@ class Drive(Section):
     )  # fmt: skip
     turn_time: float | Literal["auto"] = quantity(
         "time",
-        "time in which the velocity turns; `auto` moves the punch by at most 0.02 ranges beyond the preload and by at most "
-        "0.02 back: 0.08 range/speed at equal speeds, 0.04 range over the faster one where they are very different",
+        "time in which the velocity turns; `auto` moves the punch by at most 0.02 ranges beyond the preload and by "
+        "at most 0.02 back: 0.08 range/speed at equal speeds, 0.04 range over the faster one where they are very "
+        "different",
         "auto",
         words=("auto",),
     )

@@ -124,10 +124,11 @@ def work_of(state: State, trial: Trial, tableau: Tableau) -> float:
 
 
 def tension_of(state: State, trial: Trial, tableau: Tableau, work: float) -> tuple[float, float]:
-    """Lowest force [N] within a step, and the work [J] of a retracting punch where it pulls; work [J]: of the whole step.
+    """Lowest force [N] within a step, and the work [J] of a retracting punch where it pulls; work [J]: of the whole
+    step.
 
-    By the parabola through the forces at the start, at the first stage and at the end: a step may well be as long as the
-    peak of the pull-off is wide. A jump, or a step of one stage, has its ends alone.
+    By the parabola through the forces at the start, at the first stage and at the end: a step may well be as long as
+    the peak of the pull-off is wide. A jump, or a step of one stage, has its ends alone.
     """
     start, phase = state.elapsed, trial.phase
     lowest, highest = min(state.force, *trial.forces), max(state.force, *trial.forces)
@@ -144,7 +145,7 @@ def tension_of(state: State, trial: Trial, tableau: Tableau, work: float) -> tup
     lowest = dip if dip < lowest - 1e-9 * (highest - lowest) else lowest
     if phase.velocity_end <= 0.0 or lowest >= 0.0:
         return lowest, 0.0
-    if curve.max() <= 0.0:
+    if curve.max() <= 0.0 and phase.velocity(start) >= 0.0:
         return lowest, work
     moved = np.diff([phase.displacement(start + place * trial.step) for place in places])
     pull = np.maximum(-curve, 0.0)

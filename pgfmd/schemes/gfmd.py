@@ -16,6 +16,7 @@ from pgfmd.physics.inertia import Inertia
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.solver import gfmd_kernels as kernels
 from pgfmd.solver.far_field import FarPoints
+from pgfmd.solver.multiplier import FEW
 from pgfmd.solver.state import State
 
 
@@ -37,8 +38,12 @@ class Gfmd:
         grid = points.grid
         unit = 2.0 * np.pi / grid.length
         # Of the un-normalised transform, for the real view of the spectrum: each column twice.
-        values = compliance(unit * plane.kx[None, :], unit * np.arange(grid.n // 2 + 1)[:, None]) / grid.n**2
-        self._compliance = np.repeat(values, 2, axis=1)
+        self._compliance = np.empty((grid.n // 2 + 1, 2 * plane.kx.size))
+        some = max(1, FEW // max(1, plane.kx.size))
+        for begin in range(0, grid.n // 2 + 1, some):
+            ky = np.arange(begin, min(begin + some, grid.n // 2 + 1))[:, None]
+            values = compliance(unit * plane.kx[None, :], unit * ky) / grid.n**2
+            self._compliance[begin : begin + some] = np.repeat(values, 2, axis=1)
         self._fold = np.where((plane.kx == 0) | (2 * plane.kx == grid.n), 1.0, 2.0)
         self._top, self._left = points.block_start + points.row_start - plane.row_start, points.block_start
         self._rows = np.zeros((4, points.rows))

@@ -25,8 +25,8 @@ from .path_following import EVENT_TOLERANCE, PathFollowing
 LOOSEST_TOLERANCE = 2e-2
 """Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
 EVENT_SHARE = 0.25
-"""Largest share of the usual tolerance in solves that look for an event: the force is then good to half of what the preload
-has to be met to."""
+"""Largest share of the usual tolerance in solves that look for an event: the force is then good to half of what the
+preload has to be met to."""
 JUMP_SHARPNESS = 1e-3
 """Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
 tiny, and a loose solve lingers on it."""
@@ -95,7 +95,8 @@ class Inertialess(PathFollowing):
                 break
         else:
             first = Trial(0.0, state.position, None, converged=False, left_over=outcome.left_over)
-            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(state, first)}")
+            where = f"d = {state.position:.6g} m"
+            raise RunError(f"no equilibrium found at the start ({where}). {self.advice(state, first)}")
         state.traction[:] = solver.traction
         if self.audit:
             kernels.dot(state.traction, state.displacement, self.points.offset, self._rows)

@@ -21,8 +21,8 @@ EVENT_TOLERANCE = 2.5e-4
 FORCE_ROUNDING = 10.0
 """Rounding of the force, in units in the last place of the largest force so far: it is a sum of pulls and pushes."""
 LARGER_PRELOAD = 10.0
-"""Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just do:
-elsewhere on the path rounding may be worse."""
+"""Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just
+do: elsewhere on the path rounding may be worse."""
 DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
 
@@ -61,18 +61,19 @@ class PathFollowing:
             return self.cure
         single = self.solver.dtype == np.float32
         return (
-            f"In {'single' if single else 'double'} precision the forces on the surface can't be balanced as well as so small "
-            f"a preload, {scale:.3g} N, asks for. "
+            f"In {'single' if single else 'double'} precision the forces on the surface can't be balanced as well as "
+            f"so small a preload, {scale:.3g} N, asks for. "
             + ('Set solver.precision = "mixed".' if single else f'Raise drive.preload to "{least:.2g} N" or more.')
         )
 
     def require_preload(self, state: State, trial: Trial, slack: float) -> None:
-        """RunError where a trial that is to end the approach misses the preload by more than `slack` [N], and rounding allows
-        no better."""
+        """RunError where a trial that is to end the approach misses the preload by more than `slack` [N], and rounding
+        allows no better."""
         scale = self.solver.force_scale
         if abs(trial.force - scale) > slack and self._least_preload(state, trial) > scale:
             raise RunError(
-                f"the preload is not found in step {state.counters.steps + 1} (t = {state.time:.6g} s, d = {state.position:.6g} m, "
+                f"the preload is not found in step {state.counters.steps + 1} (t = {state.time:.6g} s, d = "
+                f"{state.position:.6g} m, "
                 f"force {trial.force:.3g} N). What has been written so far is valid. {self.advice(state, trial)}"
             )
 
@@ -181,9 +182,9 @@ class PathFollowing:
         if moves or trial.step > state.last_step:
             return
         raise RunError(
-            f"time stands still in step {state.counters.steps + 1} ({trial.phase.name}, t = {state.time:.6g} s, "
-            f"d = {state.position:.6g} m): steps of {trial.step:.3g} s vanish in it. What has been written so far is valid. "
-            f"{self.advice(state, trial)}"
+            f"time stands still in step {state.counters.steps + 1} ({trial.phase.name}, t = {state.time:.6g} s, d = "
+            f"{state.position:.6g} m): steps of {trial.step:.3g} s vanish in it. What has been written so far is "
+            f"valid. {self.advice(state, trial)}"
         )
 
     def _remember(self, state: State, trial: Trial) -> None:

@@ -36,11 +36,11 @@ SHARPNESS = 0.25
 PATIENCE = 2
 """Of CG (newton.py): for a relaxed surface it is slow, and one small move may be followed by larger ones."""
 MOST_SLIDES, QUIET_SLIDES = 20, 3
-"""Saddles on the way down from one instability at which a step is given up; and, of those in a row that are no higher than
-the noise of a solve, at which the equilibrium is taken for a minimum."""
+"""Saddles on the way down from one instability at which a step is given up; and, of those in a row that are no higher
+than the noise of a solve, at which the equilibrium is taken for a minimum."""
 BENT, STRAIGHT = 1.0, 1e-2
-"""Error of the trapezoid that is reckoned with: this multiple of what the polynomial makes of it, and at least this share
-of half of the changes of force and place."""
+"""Error of the trapezoid that is reckoned with: this multiple of what the polynomial makes of it, and at least this
+share of half of the changes of force and place."""
 LEAST_TENSION = 1e-2
 """Where the punch pulls, changes of its force are measured by the largest tension so far, at least this share of the
 preload: a pull-off force may be far below that."""
@@ -49,8 +49,8 @@ NOISE = 1e-13
 
 
 class Quasistatic(PathFollowing):
-    """Load steps without time. `try_step` leaves the state alone, but for the softest mode, of which it only looks for a
-    better one; `accept` moves it on.
+    """Load steps without time. `try_step` leaves the state alone, but for the softest mode, of which it only looks for
+    a better one; `accept` moves it on.
 
     solver: NewtonSolver, its convolution that of the machine's spring too where there is one (`sprung`). compliance: J,
     of the relaxed body 1, of the instantaneous one E(0)/E(infinity). tolerance: of a step, in ranges of adhesion.
@@ -98,7 +98,8 @@ class Quasistatic(PathFollowing):
             self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False, largest)
         state.counters.take(first)
         if not first.converged:
-            raise RunError(f"no equilibrium found at the start (d = {state.position:.6g} m). {self.advice(state, first)}")
+            where = f"d = {state.position:.6g} m"
+            raise RunError(f"no equilibrium found at the start ({where}). {self.advice(state, first)}")
         state.traction[:] = self.solver.traction
         force = self._force(state.load)
         state.energies.elastic = state.energies.elastic_start = self._elastic(state.displacement, state.load, force)
@@ -136,7 +137,8 @@ class Quasistatic(PathFollowing):
         gained = self._stored - state.energies.elastic + outcome.adhesive - state.energies.adhesive
         plain = self.spring.work(state, trial)
         trial.potential_drop = plain - gained
-        # What the spring stores is known, wherever the jump was: of the machine's way, the jump's part of the force counts.
+        # What the spring stores is known, wherever the jump was: of the machine's way, the jump's part of the force
+        # counts.
         way, jumped = abs(self.spring.end(state, trial) - self.place(state)), abs(trial.force - state.force)
         from_path = trial.change.force_distance * self._scale(state, trial) * abs(trial.position - state.position)
         trial.uncertainty = 0.5 * min(jumped * way, from_path)
@@ -164,8 +166,8 @@ class Quasistatic(PathFollowing):
         """Carries the surface with the punch where nothing is known yet of how it moves: a soft spring's end may go a
         long way while punch and surface hardly move, and without this it went through the surface.
 
-        The load that this takes is spread evenly over the points that interact: under tension few of them have a negative
-        gap, or none.
+        The load that this takes is spread evenly over the points that interact: under tension few of them have a
+        negative gap, or none.
         """
         count = self.interacting(state)
         if count == 0:
@@ -188,8 +190,8 @@ class Quasistatic(PathFollowing):
         return outcome
 
     def _extent(self, position: float) -> float:
-        """Size of u [ranges of adhesion] with the machine at a position [m]. What the loads of the points make of a soft
-        spring, one by one, is more than their sum: of that, about the preload is reckoned with."""
+        """Size of u [ranges of adhesion] with the machine at a position [m]. What the loads of the points make of a
+        soft spring, one by one, is more than their sum: of that, about the preload is reckoned with."""
         return super()._extent(position) + self.machine_compliance * self.solver.force_scale / self.law.range
 
     @staticmethod
@@ -263,8 +265,9 @@ class Quasistatic(PathFollowing):
         return max(largest, LEAST_TENSION * self.solver.force_scale)
 
     def _noise(self, state: State, trial: Trial, tolerance: float) -> float:
-        """How far a step's energies may be off for the errors of its two equilibria [J]: they are minima, so these enter
-        squared; by rounding; and, where the end of a soft spring is far away, by how far that has driven u from G0 w."""
+        """How far a step's energies may be off for the errors of its two equilibria [J]: they are minima, so these
+        enter squared; by rounding; and, where the end of a soft spring is far away, by how far that has driven u from
+        G0 w."""
         law, area = self.law, self.points.grid.cell_area
         interacting = math.pi**2 * law.work_of_adhesion * tolerance**2 * area * max(self.interacting(state), 1)
         rounding = SINGLE_NOISE if self.solver.dtype == np.float32 else NOISE

@@ -1,7 +1,8 @@
 """A load step's work, with the punch at the end of its machine's spring. Plain NumPy.
 
-The machine's end is at D, the punch at d = D + F/k_M. In a smooth step F is a smooth function of d; in a jump the machine
-stands still and the spring works on the punch, by the trapezoid -(F_0 + F_1)(d_1 - d_0)/2, as F is linear in d there.
+The machine's end is at D, the punch at d = D + F/k_M. In a smooth step F is a smooth function of d; in a jump the
+machine stands still and the spring works on the punch, by the trapezoid -(F_0 + F_1)(d_1 - d_0)/2, as F is linear in d
+there.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ class SpringWork:
         return min(place, max(self.reach, self.place(state))) if trial.flung else place
 
     def work(self, state: State, trial: Trial, smooth: bool = False) -> float:
-        """Work of the punch [J] over the step: by the trapezoid; smooth: by the polynomial through the last steps' starts
-        too."""
+        """Work of the punch [J] over the step: by the trapezoid; smooth: by the polynomial through the last steps'
+        starts too."""
         start, end = self.place(state), self.end(state, trial)
         trapezoid = -0.5 * (state.force + self._last_force(state, trial)) * (end - start)
         if not smooth or end == start:

@@ -40,8 +40,8 @@ def far_weights(compliance, points) -> np.ndarray:
 
 
 def _waves(k: np.ndarray, start: int, n: int) -> np.ndarray:
-    """exp(2 pi i k (start + 1/2) / n): waves at the first point of the block, counted from the corner of the cell. Those
-    with k = n/2 vanish half-way between grid points."""
+    """exp(2 pi i k (start + 1/2) / n): waves at the first point of the block, counted from the corner of the cell.
+    Those with k = n/2 vanish half-way between grid points."""
     # Many turns would cost digits.
     turns = k * (2 * start + 1) % (2 * n) / (2 * n)
     return np.where(2 * np.abs(k) == n, 0.0, np.exp(2j * np.pi * turns))

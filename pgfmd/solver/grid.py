@@ -105,8 +105,8 @@ class PunchPoints:
         return np.zeros(self.size, dtype)
 
     def coordinates(self, first: int = 0, last: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """x and y [m] of the local points, or of those from `first` to before `last`, relative to the punch's axis, each
-        (count,)."""
+        """x and y [m] of the local points, or of those from `first` to before `last`, relative to the punch's axis,
+        each (count,)."""
         point = np.arange(first, self.size if last is None else min(last, self.size))
         row = np.searchsorted(self.offset, point, side="right") - 1
         column = self.first[row] + point - self.offset[row]

@@ -9,8 +9,10 @@ import numpy as np
 
 EVERY = 0.5
 """Time [s] between two questions, about."""
-FIRST, LONGEST = 8, 10_000
-"""Iterations until the first question, and most between two of them."""
+FIRST = 8
+"""Iterations until the first question."""
+LONGEST = 10_000
+"""Most iterations between two questions."""
 
 
 class Interrupted(Exception):

@@ -22,8 +22,8 @@ FOLLOWED, FINEST = 1.0, 0.25
 UNCERTAINTY = 10.0
 """Accepted uncertainty of the energy that a jump releases, in tolerances."""
 LONGEST_FOLLOWED, ROOM = 0.25, 0.25
-"""Jumps that hardly count, their uncertainty being below this part of what is allowed, are followed in longer and longer
-steps: up to this part of the range of adhesion."""
+"""Jumps that hardly count, their uncertainty being below this part of what is allowed, are followed in longer and
+longer steps: up to this part of the range of adhesion."""
 CUT = 0.25
 LONGEST_PULLING = 0.125
 """Longest step in which the punch pulls, in ranges of adhesion: there the force turns round within about one of
@@ -33,8 +33,8 @@ them, and the largest tension is that at the end of a step."""
 class LoadSteps:
     """Takes one load step at a time; every decision follows from numbers that are the same on all ranks.
 
-    tolerance: of a step [ranges of adhesion]; reach [m]: the range of adhesion; preload [N]; attractive: whether the law
-    attracts.
+    tolerance: of a step [ranges of adhesion]; reach [m]: the range of adhesion; preload [N]; attractive: whether the
+    law attracts.
     """
 
     largest_try_count = 100
@@ -58,7 +58,7 @@ class LoadSteps:
         end = phase.duration - state.elapsed
         wanted = state.step or self.tolerance * unit
         longest = math.inf
-        if self.attractive and not self._goes_free(state, phase):
+        if self.attractive:
             longest = LONGEST_PULLING * unit if state.force < 0.0 else unit
         step, why = fit(min(wanted, longest), end, until)
         search = PreloadSearch(phase, state.force, self.preload, self.slack)
@@ -93,12 +93,9 @@ class LoadSteps:
         raise RunError(
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, "
             f"d = {self.scheme.place(state):.6g} m, "
-            f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. {self.scheme.advice(state, trial)}"
+            f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. "
+            f"{self.scheme.advice(state, trial)}"
         )
-
-    def _goes_free(self, state: State, phase: Phase) -> bool:
-        """Whether the punch is out of reach and on its way off: nothing is passed over, however long the step."""
-        return state.smallest_gap >= self.scheme.law.reach and phase.velocity(state.elapsed) >= 0.0
 
     def _unit(self, state: State, phase: Phase) -> float:
         """Time [s] in which the punch moves by one range of adhesion, about."""

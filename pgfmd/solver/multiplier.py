@@ -7,7 +7,7 @@ import numpy as np
 from .grid import share
 from .transform import Spectrum
 
-FEW = 1 << 16
+FEW = 1 << 13
 """Numbers that are made at a time where the order does not matter."""
 
 
@@ -27,8 +27,8 @@ def periodic_multiplier(compliance, length: float):
 def free_multiplier(compliance, spacing: float):
     """Multiplier of a free surface: the transform of its kernel on the doubled domain; fills the columns of a Spectrum.
 
-    compliance: with `kernel(dx, dy, spacing)`, even in both offsets, so that one quadrant is enough. Each rank transforms
-    its share of the kernel's rows, and then its columns. Collective.
+    compliance: with `kernel(dx, dy, spacing)`, even in both offsets, so that one quadrant is enough. Each rank
+    transforms its share of the kernel's rows, and then its columns. Collective.
     """
 
     def fill(spectrum: Spectrum, multiplier: np.ndarray) -> None:

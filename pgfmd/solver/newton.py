@@ -25,8 +25,8 @@ from .stagnation import MOST_IDLE, Progress
 SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32", "float32"): 1e-6}
 """How far Phi may rise by rounding, relative to itself: by the precision of u and w, and of the corrections."""
 SLIDES, MOST_SLIDE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), 4.0
-"""A saddle is left by first this many ranges of adhesion, by less where that leads upward, and by twice as much again and
-again, up to the last number, as long as that leads down."""
+"""A saddle is left by first this many ranges of adhesion, by less where that leads upward, and by twice as much again
+and again, up to the last number, as long as that leads down."""
 
 
 
@@ -36,8 +36,8 @@ class Outcome:
     the adhesive energy [J].
 
     moved: sum of the largest moves of the surface [ranges of adhesion] by all corrections. left_over: the force out of
-    balance, relative to what was allowed, where the solve ended because rounding allows no less; else 0. renewed: whether u
-    was evaluated anew from w on the way.
+    balance, relative to what was allowed, where the solve ended because rounding allows no less; else 0. renewed:
+    whether u was evaluated anew from w on the way.
     """
 
     converged: bool
@@ -165,9 +165,9 @@ class NewtonSolver:
         return float(np.finfo(self.dtype).eps) * math.sqrt(squares[0] * squares[1]) / compliance
 
     def _shortest(self, tolerance: float, size: float, everywhere: bool) -> float:
-        """Least part of a correction that is tried. everywhere: where nothing interacts, so that the correction knows of no
-        obstacle on its way, by how far it moves any point: it sets the surface free, and may press it far into the punch.
-        Collective."""
+        """Least part of a correction that is tried. everywhere: where nothing interacts, so that the correction knows
+        of no obstacle on its way, by how far it moves any point: it sets the surface free, and may press it far into
+        the punch. Collective."""
         if everywhere and size == 0.0:
             size = self.points.maximum_of(float(np.abs(self.cg.s).max(initial=0.0))) / self.law.range
         return 1e-3 * tolerance / max(size, 1.0)
@@ -188,8 +188,8 @@ class NewtonSolver:
         """Moves u [m] and w [Pa] along a mode of negative curvature, to about the lowest Phi either way; by how much it
         fell [J].
 
-        mode [m] and its dual A^-1 mode [Pa]. A saddle is left that far that no descent leads back. Where there is no lower
-        place either way, nothing moves, and traction and curvature are those of the surface as it is. Collective.
+        mode [m] and its dual A^-1 mode [Pa]. A saddle is left that far that no descent leads back. Where there is no
+        lower place either way, nothing moves, and traction and curvature are those of the surface as it is. Collective.
         """
         self.cg.s[:], self.cg.t[:] = mode, dual
         whole = self.law.range / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))

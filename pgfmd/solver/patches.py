@@ -120,16 +120,16 @@ def label_contact(points: PunchPoints, contact: NDArray[np.bool_], periodic: boo
 
 
 def _of_all(points: PunchPoints, mine: Numbers) -> Numbers:
-    """Whole numbers (kinds, any) of all ranks side by side, in the order of the ranks. Collective. RunError on every rank
-    where they are more than MPI can count."""
+    """Whole numbers (kinds, any) of all ranks side by side, in the order of the ranks. Collective. RunError on every
+    rank where they are more than MPI can count."""
     comm = points.comm
     if comm.size == 1:
         return mine.astype(np.int64)
     counts = comm.allgather(mine.shape[1])
     if sum(counts) > MOST:
         raise RunError(
-            f"the contact of {points.grid.n} x {points.grid.n} points has {sum(counts)} pieces on {comm.size} ranks, and MPI "
-            f"can't gather more than {MOST}: set output.patches = false, or use fewer ranks"
+            f"the contact of {points.grid.n} x {points.grid.n} points has {sum(counts)} pieces on {comm.size} ranks, "
+            f"and MPI can't gather more than {MOST}: set output.patches = false, or use fewer ranks"
         )
     whole = np.empty((len(mine), sum(counts)), np.int64)
     for values, every in zip(np.ascontiguousarray(mine, np.int64), whole):

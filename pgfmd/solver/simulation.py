@@ -51,7 +51,8 @@ class Simulation:
 
     @property
     def retracting(self) -> bool:
-        """Whether the drive moves out at the end of the last step: in the retraction, or past the turn's deepest point."""
+        """Whether the drive moves out at the end of the last step: in the retraction, or past the turn's deepest
+        point."""
         return self.phase.recedes(self.state.elapsed)
 
     @property
@@ -147,9 +148,9 @@ class Simulation:
         force, preload, clearance = self.state.force, self.drive.preload, self.drive.clearance
         if force > preload * (1.0 + PRELOAD_TOLERANCE):
             raise RunError(
-                f"at the start, with the punch at drive.clearance = {clearance:.6g} m, the force is {force:.6g} N at once: "
-                f"more than drive.preload = {preload:.6g} N, at which the approach is to end. "
-                "Raise drive.preload, or start higher: a larger drive.clearance, or none, to start just out of reach."
+                f"at the start, with the punch at drive.clearance = {clearance:.6g} m, the force is {force:.6g} N at "
+                f"once: more than drive.preload = {preload:.6g} N, at which the approach is to end. Raise "
+                "drive.preload, or start higher: a larger drive.clearance, or none, to start just out of reach."
             )
 
     def _turn_page(self, phase, why: str) -> None:
@@ -196,8 +197,8 @@ class Simulation:
         where = not_finite_on(self.points.comm, arrays_of(state))
         if where or not math.isfinite(state.force):
             raise RunError(
-                f"the surface is no longer finite in step {state.counters.steps} ({self.phase.name}, "
-                f"t = {state.time:.6g} s, d = {self.punch_position:.6g} m): {where or f'force = {state.force}'}. What was "
+                f"the surface is no longer finite in step {state.counters.steps} ({self.phase.name}, t = "
+                f"{state.time:.6g} s, d = {self.punch_position:.6g} m): {where or f'force = {state.force}'}. What was "
                 f"written before is valid. {self.scheme.cure}"
             )
 

@@ -46,8 +46,8 @@ class SoftMode:
     """
 
     least_iterations, most_iterations, first_iterations = 6, 12, 30
-    """Least and largest number of iterations of a search, and of the first one, which knows no mode. (With 4, a mode that
-    had become the softest was missed in one step of a hundred.)"""
+    """Least and largest number of iterations of a search, and of the first one, which knows no mode. (With 4, a mode
+    that had become the softest was missed in one step of a hundred.)"""
 
     def __init__(self, solver, compliance: float):
         self.solver, self.points, self.compliance = solver, solver.points, compliance
@@ -62,8 +62,8 @@ class SoftMode:
     def search(self, mode: np.ndarray, dual: np.ndarray, seed: int) -> Curvature:
         """Moves mode [m] and its dual [Pa] (size,) to the softest mode at the present surface. Collective.
 
-        A mode of zeros, as at first, starts from noise. Where no point interacts the curvature is 1, and the mode stays.
-        Of work vectors it leaves nothing as it was but the solver's traction and curvature.
+        A mode of zeros, as at first, starts from noise. Where no point interacts the curvature is 1, and the mode
+        stays. Of work vectors it leaves nothing as it was but the solver's traction and curvature.
         """
         solver, points = self.solver, self.points
         k, z, g, p, dp = solver.curvature, solver.cg.z, solver.cg.r, solver.cg.p, solver.cg.y

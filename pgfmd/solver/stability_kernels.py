@@ -41,7 +41,8 @@ def noise(first_point, seed, k, out):
 
 @_compile_sums
 def pull_of(k, x, dual, mu, amount, g):
-    """g = mu dual - K x + amount g: minus the gradient of the quotient x K x / (x dual), with what was in g as noise."""
+    """g = mu dual - K x + amount g: minus the gradient of the quotient x K x / (x dual), with what was in g as
+    noise."""
     for i in range(x.size):
         g[i] = mu * dual[i] - k[i] * x[i] + amount * g[i]
 

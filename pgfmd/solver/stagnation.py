@@ -1,7 +1,7 @@
 """When a solve no longer gets anywhere. Plain Python.
 
-Newton's corrections end in rounding: the potential no longer falls, the corrections no longer shrink, and what is out of
-balance goes up and down. A solve that is not content with that would go on for all the corrections it may have.
+Newton's corrections end in rounding: the potential no longer falls, the corrections no longer shrink, and what is out
+of balance goes up and down. A solve that is not content with that would go on for all the corrections it may have.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ decade.)"""
 class Progress:
     """Follows the corrections of one solve.
 
-    tolerance: of a correction, in ranges of adhesion; unbalanced: the force out of balance that is allowed, in the unit of
-    `unsettled` below.
+    tolerance: of a correction, in ranges of adhesion; unbalanced: the force out of balance that is allowed, in the unit
+    of `unsettled` below.
     """
 
     def __init__(self, tolerance: float, unbalanced: float):

@@ -1,7 +1,7 @@
 """Everything that evolves during a run. What is in the State is exactly what a checkpoint has to hold.
 
-Fields are point vectors (size,) of the local points under the punch (see grid.PunchPoints). A checkpoint takes any array
-as this rank's share of a whole along the last axis, and goes by the metadata of the others (restart/packing.py).
+Fields are point vectors (size,) of the local points under the punch (see grid.PunchPoints). A checkpoint takes any
+array as this rank's share of a whole along the last axis, and goes by the metadata of the others (restart/packing.py).
 """
 
 from __future__ import annotations

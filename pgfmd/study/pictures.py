@@ -13,13 +13,11 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.files.regular_files import write_figure
-from pgfmd.plots.drawing import drawing, literal
-from pgfmd.plots.folder import column
+from pgfmd.plots.drawing import drawing, literal, write_picture
 from pgfmd.plots.maps import new_figure
 from pgfmd.plots.thinning import seen
 from pgfmd.results import load
-from pgfmd.results.loop import branches
+from pgfmd.results.loop import branches, column
 
 from .cases import short_names
 from .study_file import Axis
@@ -94,11 +92,7 @@ def draw_study(out: Path, rows: Sequence[Row], axes: Sequence[Axis], title: str 
         for name, figure in figures.items():
             if figure is None:
                 continue
-            try:
-                write_figure(out / name, figure)
-            except OSError as error:
-                raise ResultError(f"{out / name}: could not be written: {error}") from error
-            written.append(out / name)
+            written.append(write_picture(figure, out / name))
     return written
 
 

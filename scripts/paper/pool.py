@@ -12,9 +12,9 @@ from functools import cached_property
 from pathlib import Path
 
 from paper import HERE
-from pgfmd.results.loop import Loop
 from pgfmd.parts import confirm
 from pgfmd.results import Results, load
+from pgfmd.results.loop import Loop
 from pgfmd.scene import load_scene
 from pgfmd.scene.model import Scene
 from pgfmd.study.cases import Case, cases_of

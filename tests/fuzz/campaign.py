@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pgfmd.errors import SceneError
+from pgfmd.errors import RunError, SceneError
 from pgfmd.parts import confirm
+from pgfmd.scene.model import Scene
 from pgfmd.scene.reading import parse_scene
 
 from .draw import Draw
@@ -19,7 +20,7 @@ from .faults import Fault
 from .files import write_files
 from .judging_checks import judge_check, judge_spelling
 from .judging_results import judge_folder
-from .relations import RELATIONS, Pair
+from .relations import AGREES, DIFFERS, RELATIONS, Pair
 from .running import OUT_OF_TIME, Ended, in_child, pgfmd, spare_memory, warm_up
 from .scenes import Made, make
 
@@ -31,12 +32,14 @@ EXAMPLES = 3
 
 @dataclass
 class Finding:
-    """What came of a scene: its number, the outcome in a word, its faults, and where its files are, if they are kept."""
+    """What came of a scene: its number, the outcome in a word, its faults, where its files are, if they are kept, and
+    the processor time [s] that it took in a process of its own."""
 
     index: int
     outcome: str
     faults: list[Fault] = field(default_factory=list)
     place: str = ""
+    cost: float = 0.0
 
 
 def check(made: Made, folder: Path, limit: float | None = CHECK_LIMIT) -> Finding:
@@ -59,17 +62,31 @@ def run(made: Made, folder: Path, limit: float) -> Finding:
             refused = False
         except SceneError:
             scene, refused = None, True
-        except Exception:
+        except Exception:  # noqa: BLE001
             # The run has died of the same, and has told it.
             scene, refused = None, code == SceneError.exit_code
         faults = judge_folder(Path("results"), scene, code, said)
         if refused != (code == SceneError.exit_code):
             faults.append(Fault("check and run do not agree", f"exit code {code}: {said[-300:]}"))
+        if scene is not None and code == RunError.exit_code:
+            faults += cured(scene, said)
         if scene is None and Path("results").exists():
             faults.append(Fault("refused, but a folder was made", str(sorted(Path("results").iterdir()))[:200]))
         return _outcome(code), faults
 
     return _finding(made, folder, in_child(action, folder, limit))
+
+
+def cured(scene: Scene, said: str) -> list[Fault]:
+    """Follows the advice of a run that failed, in the folder of its scene: a smaller accuracy, where that is told."""
+    if "solver.accuracy" not in said:
+        return []
+    for share in (0.1, 0.01):
+        accuracy = max(1e-8, share * scene.solver.accuracy)
+        code, _ = pgfmd("run", "scene.toml", f"solver.accuracy={accuracy!r}", "--out", f"cured-{share}")
+        if code != RunError.exit_code:
+            return []
+    return [Fault("a failed run whose cure is none", f"solver.accuracy down to {accuracy:.3g}: {said.strip()[-300:]}")]
 
 
 def relate(made: Made, folder: Path, limit: float, only: str | None = None) -> Finding:
@@ -81,11 +98,20 @@ def relate(made: Made, folder: Path, limit: float, only: str | None = None) -> F
         return Finding(made.index, f"{name}: does not apply")
 
     def action() -> tuple[str, list[Fault]]:
-        outcome, faults = RELATIONS[name].examine(Pair(made, folder))
-        return f"{name}: {outcome}", [Fault(f"{name}: {one.label}", one.text) for one in faults]
+        pair = Pair(made, folder)
+        outcome, found = RELATIONS[name].examine(pair)
+        faults = [Fault(f"{name}: {one.label}", one.text) for one in found]
+        if outcome in (AGREES, DIFFERS):
+            # Both may be wrong in the same way.
+            changes = ["output.every=1"] if name == "every" else []
+            scene = parse_scene(made.text, changes, folder=folder)
+            faults += judge_folder(folder / "base", scene, 0, pair.said)
+        return f"{name}: {outcome}", faults
 
     ended = in_child(action, folder, limit)
-    return _finding(made, folder, replace(ended, outcome=ended.outcome if ":" in ended.outcome else f"{name}: {ended.outcome}"))
+    return _finding(
+        made, folder, replace(ended, outcome=ended.outcome if ":" in ended.outcome else f"{name}: {ended.outcome}")
+    )
 
 
 def prepare(made: Made, folder: Path) -> None:
@@ -103,14 +129,14 @@ def _finding(made: Made, folder: Path, ended: Ended) -> Finding:
     """Keeps the folder only where there is a fault."""
     if not ended.faults:
         shutil.rmtree(folder, ignore_errors=True)
-        return Finding(made.index, ended.outcome)
-    return Finding(made.index, ended.outcome, ended.faults, str(folder / "scene.toml"))
+        return Finding(made.index, ended.outcome, cost=ended.cost)
+    return Finding(made.index, ended.outcome, ended.faults, str(folder / "scene.toml"), ended.cost)
 
 
 @dataclass(frozen=True)
 class Campaign:
     """Scenes `indices` of a seed. what: "check", "run" or "relate". folder: for what is kept. limit [s]: of a scene.
-    only: the one relation that is looked at, or None."""
+    only: the one relation that is looked at, or None. each: whether every scene is told, not only those with faults."""
 
     what: str
     seed: int
@@ -118,6 +144,7 @@ class Campaign:
     folder: Path
     limit: float
     only: str | None = None
+    each: bool = False
 
     def one(self, index: int) -> Finding:
         made = make(self.seed, index, self.what)
@@ -156,19 +183,29 @@ def _ready() -> None:
 
 
 def tell(campaign: Campaign, found: Iterable[Finding], say: Callable[[str], None] = print) -> int:
-    """Tells faults as they come and the sum at the end; returns the number of scenes with faults."""
-    outcomes, labels, wrong = Counter(), {}, 0
-    for finding in found:
-        outcomes[finding.outcome] += 1
-        wrong += bool(finding.faults)
-        for fault in finding.faults:
-            seen = labels.setdefault(fault.label, [])
-            seen.append(finding.index)
-            if len(seen) <= EXAMPLES:
-                say(f"FAULT {fault}\n      scene {finding.place}\n      again {campaign.again(finding.index)}")
-        sys.stdout.flush()
-    say(f"\n{campaign.what}, seed {campaign.seed}: {sum(outcomes.values())} scenes, {wrong} with faults")
-    for outcome, count in sorted(outcomes.items()):
+    """Tells faults as they come and the sum at the end, or on Ctrl-C; returns the number of scenes with faults."""
+    told: list[Finding] = []
+    labels: dict[str, list[int]] = {}
+    try:
+        for finding in found:
+            told.append(finding)
+            if campaign.each:
+                say(f"{finding.index}: {finding.outcome}, {finding.cost:.1f} s")
+            for fault in finding.faults:
+                seen = labels.setdefault(fault.label, [])
+                seen.append(finding.index)
+                if len(seen) <= EXAMPLES:
+                    say(f"FAULT {fault}\n      scene {finding.place}\n      again {campaign.again(finding.index)}")
+            sys.stdout.flush()
+    except KeyboardInterrupt:
+        say(f"\ninterrupted after {len(told)} of {len(campaign.indices)} scenes")
+    wrong = sum(bool(finding.faults) for finding in told)
+    say(f"\n{campaign.what}, seed {campaign.seed}: {len(told)} scenes, {wrong} with faults")
+    if campaign.what != "check" and told:
+        most = max(told, key=lambda finding: finding.cost)
+        total = sum(finding.cost for finding in told)
+        say(f"processor time {total:.0f} s, {most.cost:.1f} s for scene {most.index}")
+    for outcome, count in sorted(Counter(finding.outcome for finding in told).items()):
         say(f"  {count:6d}  {outcome}")
     for label, indices in sorted(labels.items(), key=lambda item: -len(item[1])):
         say(f"  FAULT {len(indices):6d}  {label} (scenes {', '.join(map(str, sorted(indices)[:8]))})")

@@ -19,11 +19,13 @@ from .faults import Fault
 TABLES = ("curve", "energy", "events", "patches", "sites")
 FIELDS = ("gap", "traction", "displacement", "surface_displacement", "time", "punch_position", "force", "label")
 ABOUT_THE_PROCESS = (
-    "ranks", "wall_s", "transform_s", "checkpoint_s", "peak_rss_bytes", "versions", "links", "outputs", "transform_pairs",
+    "ranks", "wall_s", "transform_s", "checkpoint_s", "peak_rss_bytes", "versions", "links", "outputs",
+    "transform_pairs",
 )  # fmt: skip
 """Entries of the record that tell of the processes that made a run, not of the run."""
 UNITS = {
-    "m": EXPONENTS["length"], "s": EXPONENTS["time"], "N": EXPONENTS["force"], "Pa": EXPONENTS["modulus"], "J": (3, 1, 0),
+    "m": EXPONENTS["length"], "s": EXPONENTS["time"], "N": EXPONENTS["force"], "Pa": EXPONENTS["modulus"],
+    "J": (3, 1, 0),
     "m^2": (2, 0, 0), "rad": (0, 0, -1),
 }  # fmt: skip
 """Powers of length, modulus and time of the units in headers, of arrays, and at the end of the record's names."""
@@ -74,13 +76,17 @@ def _different(one: np.ndarray, other: np.ndarray, factor: float) -> str:
         unequal = np.asarray(one != other)
         return f"entry {int(np.argmax(unequal))}" if unequal.any() else ""
     expected = one * factor if one.dtype.kind == "f" else one
-    unequal = ~((expected == other) | (np.isnan(expected) & np.isnan(other)) if one.dtype.kind == "f" else expected == other)
+    unequal = ~(
+        (expected == other) | (np.isnan(expected) & np.isnan(other)) if one.dtype.kind == "f" else expected == other
+    )
     if not unequal.any():
         return ""
     place = np.unravel_index(int(np.argmax(unequal)), one.shape)
     scale = float(np.nanmax(np.abs(expected)))
     worst = float(np.nanmax(np.abs(expected - other)))
-    return f"first at {tuple(map(int, place))}, {expected[place]!r} and {other[place]!r}; at most {worst / (scale or 1):.2g} of the largest"
+    where = ", ".join(map(str, place))
+    share = worst / (scale or 1.0)
+    return f"first at {where}, {expected[place]!r} and {other[place]!r}; at most {share:.2g} of the largest"
 
 
 def _records(one: Path, other: Path, factor: Factor, but: tuple[str, ...]) -> Iterator[Fault]:

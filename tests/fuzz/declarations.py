@@ -1,4 +1,4 @@
-"""What pgfmd declares of the keys of a scene: kind of value, dimension, limits. New keys are found here by themselves."""
+"""What pgfmd declares of the keys of a scene: kind of value, dimension, limits. New keys are found by themselves."""
 
 from __future__ import annotations
 

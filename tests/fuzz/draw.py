@@ -27,7 +27,9 @@ class Natural:
     def unit(self, dimension: str) -> float:
         """The unit of a dimension, in SI."""
         powers = exponents(dimension)
-        return math.prod(base**power for base, power in zip((self.length, self.modulus, self.time), powers, strict=True))
+        return math.prod(
+            base**power for base, power in zip((self.length, self.modulus, self.time), powers, strict=True)
+        )
 
     def quantity(self, ratio: float, dimension: str) -> str:
         """A quantity that is so many units, as a scene writes it."""

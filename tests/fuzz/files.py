@@ -12,12 +12,21 @@ MAPS = ("smooth.npy", "rough.csv", "level.npz", "tilted.npy", "whole.npy", "narr
 """Height maps that can be used, if a scene gives them their size."""
 BROKEN = (
     "garbage.npy", "empty.npy", "holes.npy", "single.npy", "line.csv", "words.csv", "archive.npz", "huge.npy",
-    "objects.npy", "complex.npy", "nothing.npz", "unknown.bmp", "no-such-file.npy", "folder.npy", ".", "~nosuchuser/x.npy",
+    "objects.npy", "complex.npy", "nothing.npz", "unknown.bmp", "no-such-file.npy", "folder.npy", ".",
+    "~nosuchuser/x.npy",
 )  # fmt: skip
 """Files that can't be used as a map."""
 COMPLIANCE = "compliance.txt"
 """An elastic half-space of E* = 2.65 MPa as a table, from 1e-6 to 1e12 rad/m."""
-BROKEN_COMPLIANCES = ("short.txt", "negative.txt", "backwards.txt", "one-column.txt", "words.csv", "no-such-file.txt", ".")
+BROKEN_COMPLIANCES = (
+    "short.txt",
+    "negative.txt",
+    "backwards.txt",
+    "one-column.txt",
+    "words.csv",
+    "no-such-file.txt",
+    ".",
+)
 
 
 def write_files(folder: Path, length: float = 1e-3) -> None:

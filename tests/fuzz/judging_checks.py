@@ -74,7 +74,7 @@ def judge_check(text: str, folder: Path, limit: float | None = None) -> Verdict:
                 _judge(text, folder, verdict)
         except Hung as error:
             verdict.faults.append(Fault("hangs", f"more than {limit:g} s, {of_exception(error).label}"))
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001
             verdict.faults.append(of_exception(error))
     verdict.faults += of_warnings(caught)
     spent = time.process_time() - began
@@ -99,7 +99,7 @@ def _judge(text: str, folder: Path, verdict: Verdict) -> None:
 
 def _of_problem(problem: Problem) -> Iterator[Fault]:
     """A problem says where, and what was expected or what to do, on one line."""
-    section, _, name = problem.key.rpartition(".")
+    section, _, _ = problem.key.rpartition(".")
     known = problem.key in ("scene", "title", "override") or problem.key in SECTIONS
     if not (known or problem.key in KEYS or section in SECTIONS or not section):
         yield Fault("a problem with a key that is none", problem.key)
@@ -122,8 +122,8 @@ def _of_scene(scene: Scene) -> list[Fault]:
         confirm(again, "resolved")
     except SceneError as error:
         return [*faults, Fault("resolved scene refused", str(error).split("\n", 1)[1][:300])]
-    changed = [key.dotted for key in KEYS.values()
-               if key.name not in unused_keys(scene, key.section) and _of(again, key.dotted) != _of(scene, key.dotted)]  # fmt: skip
+    used = [key.dotted for key in KEYS.values() if key.name not in unused_keys(scene, key.section)]
+    changed = [dotted for dotted in used if _of(again, dotted) != _of(scene, dotted)]
     return faults + ([Fault("resolved scene differs", ", ".join(changed))] if changed else [])
 
 

@@ -27,11 +27,25 @@ ROUNDING = 1e-9
 SINGLE = 1e-4
 PRELOAD_ERROR = 0.01
 """Relative error of the preload that the search for it may leave."""
+LEAST_SHARE = 1e-6
+"""Residual of the audit, as a share of the largest energy, that nobody needs to be told of."""
 STOPPED = 75
 """Exit code of a run that was stopped, and goes on with the same command."""
 LEFT_OVERS = (".tmp", ".undo", ".lock")
-NULLABLE = ("pull_off_force_N", "work_of_separation_J", "preload_N", "time_to_preload_s", "viscous_J", "energy_residual")
+NULLABLE = (
+    "pull_off_force_N",
+    "work_of_separation_J",
+    "preload_N",
+    "time_to_preload_s",
+    "viscous_J",
+    "energy_residual",
+)
 """Entries of the record that may be null, each where it does not apply."""
+NEVER_NEGATIVE = (
+    "steps", "jumps", "preload_N", "time_to_preload_s", "work_of_separation_J", "snap_in_force_N", "viscous_J",
+    "released_J",
+)  # fmt: skip
+"""Entries of the record that are at least 0, apart from rounding."""
 
 
 @dataclass
@@ -72,7 +86,7 @@ class Folder:
 
     @property
     def unbalanced(self) -> float:
-        """What a solve may leave out of balance [N], between the traction of the law and that which bends the surface."""
+        """What a solve may leave out of balance [N]: traction of the law against that which bends the surface."""
         solver = self.scene.solver
         return 0.0 if solver.scheme == "gfmd" else NewtonSolver.force_share * solver.accuracy * self.scene.drive.preload
 
@@ -102,7 +116,7 @@ def judge_folder(path: Path, scene, code: int, said: str) -> list[Fault]:
     for rule in RULES:
         try:
             faults += rule(folder)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001
             one = of_exception(error)
             faults.append(Fault(f"{rule.__name__}: {one.label}", one.text))
     return faults
@@ -158,8 +172,7 @@ def record(run: Folder) -> Iterator[Fault]:
         empty += [name for name in ("pull_off_force_N", "work_of_separation_J", "preload_N") if found[name] is None]
     if empty:
         yield Fault("null in the record", ", ".join(empty))
-    negative = [name for name in ("steps", "jumps", "preload_N", "time_to_preload_s", "work_of_separation_J",
-                                  "snap_in_force_N", "viscous_J", "released_J") if (found[name] or 0.0) < -1e-12 * _scale(run, name)]  # fmt: skip
+    negative = [name for name in NEVER_NEGATIVE if (found[name] or 0.0) < -1e-12 * _scale(run, name)]
     if negative:
         yield Fault(f"negative in the record: {', '.join(negative)}", str({name: found[name] for name in negative}))
 
@@ -205,7 +218,10 @@ def curve(run: Folder) -> Iterator[Fault]:
     if (np.abs(points - np.round(points)) > 1e-6).any() or (points < 0).any() or (points > grid.n**2 + 0.5).any():
         yield Fault("curve: a contact area that is no number of grid points")
     phases = [name for k, name in enumerate(run.column("phase")) if k == 0 or name != run.column("phase")[k - 1]]
-    if phases != ["approach", "turn", "retract"][: len(phases)] and phases != ["approach", "turn", "dwell", "turn", "retract"][: len(phases)]:
+    if (
+        phases != ["approach", "turn", "retract"][: len(phases)]
+        and phases != ["approach", "turn", "dwell", "turn", "retract"][: len(phases)]
+    ):
         yield Fault("curve: phases out of order", ", ".join(phases))
 
 
@@ -221,7 +237,11 @@ def ends(run: Folder) -> Iterator[Fault]:
     if run.column("phase")[-1] not in ("turn", "retract"):
         yield Fault("a detached run that ends on the way in", str(run.column("phase")[-1]))
     asked, met = run.scene.drive.preload, run.record["preload_N"]
-    if met is not None and abs(met - asked) > PRELOAD_ERROR * asked and "preload" not in run.said.replace("preload  t", ""):
+    if (
+        met is not None
+        and abs(met - asked) > PRELOAD_ERROR * asked
+        and "preload" not in run.said.replace("preload  t", "")
+    ):
         yield Fault("a preload that was not asked for, untold", f"{met:.6g} N for {asked:.6g} N")
     tension = run.record["pull_off_force_N"]
     late = run.column("phase") != "approach"
@@ -245,7 +265,10 @@ def events(run: Folder) -> Iterator[Fault]:
     if strange:
         yield Fault("events: not finite", ", ".join(strange))
     if run.scene.output.energy and not np.isin(times, run.time).all():
-        yield Fault("events: one that has no row in the curve", str([kind for kind, time in zip(kinds, times, strict=True) if time not in run.time])[:200])
+        yield Fault(
+            "events: one that has no row in the curve",
+            str([kind for kind, time in zip(kinds, times, strict=True) if time not in run.time])[:200],
+        )
     if not run.finished:
         return
     if kinds[-1] != run.record["finished"] or kinds.count("preload") != (run.record["preload_N"] is not None):
@@ -283,8 +306,9 @@ def energies(run: Folder) -> Iterator[Fault]:
         return
     worst = float(np.abs(columns["residual"]).max(initial=0.0))
     # Where a run ends before the punch has worked, what the surface itself released is the scale.
-    stake = max(at_stake(run.results, run.record["work_J"]), LEAST_LOOP * float(np.abs(columns["released"]).max(initial=0.0)))
-    if worst > UNBALANCED * stake and worst > 1e-12 * scale and "audit" not in run.said:
+    released = float(np.abs(columns["released"]).max(initial=0.0))
+    stake = max(at_stake(run.results, run.record["work_J"]), LEAST_LOOP * released)
+    if worst > UNBALANCED * stake and worst > LEAST_SHARE * scale and "audit" not in run.said:
         yield Fault("energy: an audit that does not close, untold", f"{worst:.3g} of {stake:.3g} J")
 
 
@@ -315,7 +339,10 @@ def snapshots(run: Folder) -> Iterator[Fault]:
             yield Fault("fields: a force that is not the curve's", f"{label}: {force:.9g} N, {run.force[row]:.9g} N")
             continue
         if not any(math.isclose(run.column("contact_area [m^2]")[row], area, rel_tol=1e-6) for row in rows):
-            yield Fault("fields: a contact that is not the curve's", f"{label}: {area:.6g} m^2, {run.column('contact_area [m^2]')[rows[-1]]:.6g} m^2")
+            yield Fault(
+                "fields: a contact that is not the curve's",
+                f"{label}: {area:.6g} m^2, {run.column('contact_area [m^2]')[rows[-1]]:.6g} m^2",
+            )
         place, depth = float(np.asarray(fields["punch_position"][k])), run.column("displacement [m]")[rows]
         if np.abs(depth - place).min() > 1e-12 * np.abs(run.column("displacement [m]")).max():
             yield Fault("fields: a displacement that is not the curve's", f"{label}: {place!r}, {depth!r}")
@@ -331,27 +358,38 @@ def patches(run: Folder) -> Iterator[Fault]:
             gap = results.frame("gap", k)
             area = np.count_nonzero(gap[np.isfinite(gap)] < 0) * cell
             if not math.isclose(areas[numbers == k].sum(), area, rel_tol=1e-9, abs_tol=1e-9 * cell):
-                yield Fault("patches: not the contact of the snapshot", f"{label}: {areas[numbers == k].sum():.6g}, {area:.6g} m^2")
+                yield Fault(
+                    "patches: not the contact of the snapshot",
+                    f"{label}: {areas[numbers == k].sum():.6g}, {area:.6g} m^2",
+                )
     if run.results.sites is not None:
         yield from _sites(run)
 
 
 def _sites(run: Folder) -> Iterator[Fault]:
     held: dict[str, set] = {}
-    columns = zip(*(run.column(name, "sites") for name in ("kind", "site", "event", "in_contact", "of", "time [s]")), strict=True)
+    columns = zip(
+        *(run.column(name, "sites") for name in ("kind", "site", "event", "in_contact", "of", "time [s]")), strict=True
+    )
     last = -math.inf
     for kind, site, event, count, of, time in columns:
         now = held.setdefault(kind, set())
         if (event == "joins") == (site in now):
-            yield Fault("sites: one joins that is there, or leaves that is not", f"{kind} {site} {event}, t = {time:.6g} s")
+            yield Fault(
+                "sites: one joins that is there, or leaves that is not", f"{kind} {site} {event}, t = {time:.6g} s"
+            )
             return
         now ^= {site}
         if len(now) > of or time < last or (count != len(now) and time != last):
-            yield Fault("sites: counted wrong, or time goes back", f"{kind} {site} {event}, {count} of {of}, t = {time:.6g} s")
+            yield Fault(
+                "sites: counted wrong, or time goes back", f"{kind} {site} {event}, {count} of {of}, t = {time:.6g} s"
+            )
             return
         last = time
     if run.finished and run.record["finished"] == FINISHED and any(held.values()):
-        yield Fault("sites: in contact at the end of a detached run", str({kind: len(now) for kind, now in held.items()}))
+        yield Fault(
+            "sites: in contact at the end of a detached run", str({kind: len(now) for kind, now in held.items()})
+        )
 
 
 def analysed(run: Folder) -> Iterator[Fault]:

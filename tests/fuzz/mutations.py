@@ -10,17 +10,19 @@ from .draw import Draw, Mapping, Natural, legal, written
 from .files import BROKEN, BROKEN_COMPLIANCES, COMPLIANCE, MAPS
 
 NUMBERS = (
-    0.0, -0.0, -1.0, 5e-324, 1e-300, 1e-200, 1e-100, 1e-30, 1e-12, 1e-9, 1e-3, 0.3, 0.49999999999, 0.5, 1.0, 1.0000000001,
-    2.0, 1e3, 1e6, 1e12, 1e30, 1e100, 1e200, 1e300, 1.7976931348623157e308, math.inf, -math.inf, math.nan, -0.999999999999,
+    0.0, -0.0, -1.0, 5e-324, 1e-300, 1e-200, 1e-100, 1e-30, 1e-12, 1e-9, 1e-3, 0.3, 0.49999999999, 0.5, 1.0,
+    1.0000000001, 2.0, 1e3, 1e6, 1e12, 1e30, 1e100, 1e200, 1e300, 1.7976931348623157e308, math.inf, -math.inf,
+    math.nan, -0.999999999999,
 )  # fmt: skip
 """Numbers that programs choke on, in SI."""
 ODD = (
-    "", " ", "inf", "nan", "auto", "grid", "1", "1 um", "1um/s", "-1 m", "1e400 m", "1e-400 m", "1e99999999999999999999 m",
-    "1 m^-1", "1 m^9", "1 furlong", "0x10 m", "1_000 um", "1__0 um", "٣ um", "1 µm", "1 μm", "1 m\n", "1 \0m", "1 Hz",
-    "1 rad/s", "1 deg C", "1 m*m", "1 m/m", "t_pl", "1 t_pl", "-1 t_pl", "1e400 t_pl", "0 t_pl", "1 byte", "1 dB", "1 degC",
-    "1 kelvin s", "inf m", "-inf m", "nan m", "+.5 mm", "5. mm", "1 m * s^-1", "1 1/m", "1/m", "∞", "1 ²m", "1 m²", "1 N·m",
-    "1 pH", "1 Np", "1 %", "1 lb", "1 mmHg", "1,5 mm", "1 M", "1 mpa", "1 MJ/m^2", "../../etc/passwd", "/dev/null", "/",
-    "~", "a" * 5000, True, False, [], [1], {}, [[]], {"a": 1}, 0, 1, -1, 3, 65536, 65537, 2**63, 2**64, 10**400, 1.5,
+    "", " ", "inf", "nan", "auto", "grid", "1", "1 um", "1um/s", "-1 m", "1e400 m", "1e-400 m",
+    "1e99999999999999999999 m", "1 m^-1", "1 m^9", "1 furlong", "0x10 m", "1_000 um", "1__0 um", "٣ um", "1 µm",
+    "1 μm", "1 m\n", "1 \0m", "1 Hz", "1 rad/s", "1 deg C", "1 m*m", "1 m/m", "t_pl", "1 t_pl", "-1 t_pl",
+    "1e400 t_pl", "0 t_pl", "1 byte", "1 dB", "1 degC", "1 kelvin s", "inf m", "-inf m", "nan m", "+.5 mm", "5. mm",
+    "1 m * s^-1", "1 1/m", "1/m", "∞", "1 ²m", "1 m²", "1 N·m", "1 pH", "1 Np", "1 %", "1 lb", "1 mmHg", "1,5 mm",
+    "1 M", "1 mpa", "1 MJ/m^2", "../../etc/passwd", "/dev/null", "/", "~", "a" * 5000, True, False, [], [1], {}, [[]],
+    {"a": 1}, 0, 1, -1, 3, 65536, 65537, 2**63, 2**64, 10**400, 1.5,
 )  # fmt: skip
 """Values that are well formed in TOML, and of no use to most keys."""
 EDGES = (-1, 0, 1)

@@ -25,6 +25,8 @@ from .faults import Fault
 from .running import OUT_OF_TIME, pgfmd
 from .scenes import Made
 
+AGREES, DIFFERS = "agrees", "differs"
+"""Outcomes of a pair that has been run."""
 MIRRORED_ERROR = 1e-6
 """Relative difference of numbers of mirrored runs, whose sums are rounded in another order."""
 
@@ -38,12 +40,15 @@ class Unlike(Exception):
 
 
 class Pair:
-    """A scene, and a folder in which it is run in several ways. `draw` decides what the relation leaves open."""
+    """A scene, and a folder in which it is run in several ways.
+
+    draw: decides what the relation leaves open. said: what the run of the scene as it is has said, once there is one.
+    """
 
     def __init__(self, made: Made, folder: Path):
         self.made, self.folder = made, folder
         self.draw = Draw("pair", made.seed, made.index)
-        self.steps = 0
+        self.said: str | None = None
 
     @property
     def scene(self) -> Mapping:
@@ -52,7 +57,7 @@ class Pair:
 
     def base(self, *changes: str) -> Path:
         """Runs the scene as it is. Raises NotRun."""
-        code, said = self._run("base", self.made.scene, changes)
+        code, self.said = self._run("base", self.made.scene, changes)
         if code:
             raise NotRun({2: "refused", 3: "failed", 75: OUT_OF_TIME}.get(code, f"exit code {code}"))
         return self.folder / "base"
@@ -87,7 +92,7 @@ class Relation:
             return str(why), []
         except Unlike as why:
             return "unlike", [Fault("runs in one way, not in the other", str(why))]
-        return ("differs" if faults else "agrees"), faults
+        return (DIFFERS if faults else AGREES), faults
 
 
 def _other_units(pair: Pair) -> list[Fault]:
@@ -234,7 +239,8 @@ def _other_ranks(pair: Pair) -> list[Fault]:
     (pair.folder / "base.toml").write_text(as_toml(pair.made.scene), encoding="utf-8")
     command = [sys.executable, "-m", "pgfmd.cli", "run", "base.toml", "--out", "other"]
     # First, while this process has not loaded MPI.
-    done = subprocess.run(["mpirun", "-n", str(ranks), *command], cwd=pair.folder, capture_output=True, text=True)
+    command = ["mpirun", "-n", str(ranks), *command]
+    done = subprocess.run(command, cwd=pair.folder, capture_output=True, text=True, check=False)
     base = pair.base()
     if done.returncode:
         few = "use at most" in done.stderr

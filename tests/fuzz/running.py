@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import resource
@@ -16,7 +17,7 @@ from typing import Any
 
 from .faults import Fault
 
-GRACE = 15.0
+GRACE = 60.0
 """Time [s] that a run which is asked to stop has for a checkpoint."""
 MEMORY = 6 * 2**30
 """Bytes of address space that a process may have: no scene here needs more, and the machine is spared."""
@@ -26,10 +27,10 @@ OUT_OF_TIME = "out of time"
 
 @dataclass
 class Ended:
-    """How a process ended: outcome in a word, time [s], faults, and what it said."""
+    """How a process ended: outcome in a word, processor time [s], faults, and what it said."""
 
     outcome: str
-    seconds: float
+    cost: float
     faults: list[Fault] = field(default_factory=list)
     said: str = ""
 
@@ -53,36 +54,41 @@ def in_child(action: Callable[[], tuple[str, list[Fault]]], folder: Path, limit:
     child = os.fork()
     if child == 0:
         _be_child(action, folder)
-    killed, status = _wait(child, began, limit)
+    try:
+        killed, status, cost = _wait(child, began, limit)
+    except BaseException:
+        # Ctrl-C: no run outlives this process.
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        raise
     said = (folder / "said").read_text(encoding="utf-8", errors="replace") if (folder / "said").exists() else ""
-    spent = time.monotonic() - began
     report = folder / "report.json"
     if killed:
-        return Ended("hung", spent, [Fault("hangs: TERM was not answered", said[-300:])], said)
+        return Ended("hung", cost, [Fault("hangs: TERM was not answered", said[-300:])], said)
     if not report.exists():
         code = os.waitstatus_to_exitcode(status)
-        if code == -signal.SIGTERM and spent >= limit:
+        if code == -signal.SIGTERM and time.monotonic() - began >= limit:
             # Between two commands, where nobody listens.
-            return Ended(OUT_OF_TIME, spent, [], said)
-        return Ended("died", spent, [Fault(f"the process died of {code}", said[-300:])], said)
+            return Ended(OUT_OF_TIME, cost, [], said)
+        return Ended("died", cost, [Fault(f"the process died of {code}", said[-300:])], said)
     outcome, faults = json.loads(report.read_text(encoding="utf-8"))
-    return Ended(outcome, spent, [Fault(**one) for one in faults], said)
+    return Ended(outcome, cost, [Fault(**one) for one in faults], said)
 
 
-def _wait(child: int, began: float, limit: float) -> tuple[bool, int]:
-    """(whether it had to be killed, status) of a child."""
-    asked = None
+def _wait(child: int, began: float, limit: float) -> tuple[bool, int, float]:
+    """(whether it had to be killed, status, processor time [s]) of a child."""
+    asked, killed = None, False
     while True:
-        found, status = os.waitpid(child, os.WNOHANG)
+        found, status, used = os.wait4(child, 0 if killed else os.WNOHANG)
         if found:
-            return False, status
+            return killed, status, used.ru_utime + used.ru_stime
         now = time.monotonic()
         if asked is None and now - began > limit:
             asked = now
             os.kill(child, signal.SIGTERM)
         if asked is not None and now - asked > GRACE:
+            killed = True
             os.kill(child, signal.SIGKILL)
-            return True, os.waitpid(child, 0)[1]
         time.sleep(0.01)
 
 
@@ -101,7 +107,7 @@ def _be_child(action: Callable[[], tuple[str, list[Fault]]], folder: Path) -> No
         temporary.write_text(json.dumps(report), encoding="utf-8")
         temporary.rename(folder / "report.json")
         code = 0
-    except BaseException:
+    except BaseException:  # noqa: BLE001
         traceback.print_exc()
     finally:
         sys.stdout.flush()
@@ -123,7 +129,7 @@ def pgfmd(*arguments: str) -> tuple[int, str]:
         main(list(arguments))
     except SystemExit as end:
         code = end.code
-    except BaseException:
+    except BaseException:  # noqa: BLE001
         traceback.print_exc()
     sys.stdout.flush()
     sys.stderr.flush()
@@ -133,22 +139,18 @@ def pgfmd(*arguments: str) -> tuple[int, str]:
     return (code if isinstance(code, int) else 0 if code is None else 1), said
 
 
-def warm_up() -> None:
-    """Loads what every run needs, so that no child has to; no MPI."""
-    import h5netcdf
-    import pandas
-    import scipy.fft
-    import scipy.interpolate
-    import scipy.ndimage
-    import scipy.optimize
-    import xarray
+NEEDED = (
+    "h5netcdf", "pandas", "scipy.fft", "scipy.interpolate", "scipy.ndimage", "scipy.optimize", "xarray",
+    "pgfmd.analysis.summary", "pgfmd.results.verify", "pgfmd.solver.gfmd_kernels", "pgfmd.solver.kernels",
+    "pgfmd.solver.stability_kernels", "pgfmd.solver.transform_kernels",
+)  # fmt: skip
+"""Modules that a run or its judges load, none of which loads MPI."""
 
-    import pgfmd.analysis.summary
-    import pgfmd.results.verify
-    import pgfmd.solver.gfmd_kernels
-    import pgfmd.solver.kernels
-    import pgfmd.solver.stability_kernels
-    import pgfmd.solver.transform_kernels  # noqa: F401
+
+def warm_up() -> None:
+    """Loads what every run needs, so that no child has to."""
+    for name in NEEDED:
+        importlib.import_module(name)
     from pgfmd.scene import load_scene
 
     load_scene("tri-tack")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pgfmd.scene.model import PATTERNS, RHEOLOGIES
 
 from .declarations import KEYS
-from .draw import Draw, Mapping, Natural, as_toml, legal
+from .draw import Draw, Mapping, Natural, as_toml, legal, written
 from .files import COMPLIANCE, MAPS
 from .mutations import mutate
 
@@ -48,6 +48,10 @@ def make(seed: int, index: int, kind: str) -> Made:
         mutate(draw, scene, natural, draw.choice([0, 1, 1, 1, 2, 3, 6]))
     elif kind == "run" and draw.chance(0.2):
         mutate(draw, scene, natural, 1)
+    elif kind == "run" and draw.chance(0.1):
+        # Far from what the range of adhesion asks for.
+        preload = float(scene["drive"]["preload"].split()[0])
+        scene["drive"]["preload"] = written(preload * draw.log(1e-6, 1e2), "force")
     if kind != "check":
         _keep_small(scene)
     return Made(seed, index, kind, scene, natural)
@@ -259,25 +263,25 @@ def _output(draw: Draw) -> dict:
 
 
 TITLES = ("", "a title", 'with "quotes" and \\', "Größe µm ∞")
-KNOWN = frozenset(
-    "punch.pattern punch.radius punch.wavelength punch.amplitude punch.exponent punch.file punch.file_size punch.file_relief "
-    "punch.curvature_radius punch.layer_step punch.height_jitter punch.seed substrate.youngs_modulus "
-    "substrate.poisson_ratio substrate.boundary substrate.thickness substrate.base substrate.prestrain "
-    "substrate.compliance_file rheology.model rheology.modulus_ratio rheology.relaxation_time rheology.elements "
-    "rheology.time_ratio rheology.exponent rheology.kappa rheology.tau adhesion.law adhesion.work_of_adhesion "
-    "adhesion.range adhesion.range_factor adhesion.q_ref drive.speed drive.preload drive.retract_speed drive.dwell "
-    "drive.control drive.machine_stiffness drive.turn_time drive.clearance grid.n grid.length solver.scheme solver.modulus "
-    "solver.accuracy solver.order solver.precision solver.max_steps solver.gfmd.omega_tau solver.gfmd.steps_per_tau "
-    "solver.gfmd.fast_pull solver.gfmd.omega solver.gfmd.dt output.directory output.snapshots output.every output.surface "
-    "output.energy output.patches".split()
-)
-"""Keys that are given here, or left out, with thought for the others."""
+KNOWN = {
+    "punch": "pattern radius wavelength amplitude exponent file file_size file_relief curvature_radius layer_step "
+    "height_jitter seed",
+    "substrate": "youngs_modulus poisson_ratio boundary thickness base prestrain compliance_file",
+    "rheology": "model modulus_ratio relaxation_time elements time_ratio exponent kappa tau",
+    "adhesion": "law work_of_adhesion range range_factor q_ref",
+    "drive": "speed preload retract_speed dwell control machine_stiffness turn_time clearance",
+    "grid": "n length",
+    "solver": "scheme modulus accuracy order precision max_steps",
+    "solver.gfmd": "omega_tau steps_per_tau fast_pull omega dt",
+    "output": "directory snapshots every surface energy patches",
+}
+"""By section, the keys that are given here, or left out, with thought for the others."""
 
 
 def _extra_keys(draw: Draw, scene: Mapping, natural: Natural) -> None:
     """A title, and keys that pgfmd has learnt since this module was written."""
     if draw.chance(0.2):
         scene["title"] = draw.choice(TITLES)
-    for dotted, key in KEYS.items():
-        if dotted not in KNOWN and (key.required or draw.chance(0.15)):
+    for key in KEYS.values():
+        if key.name not in KNOWN.get(key.section, "").split() and (key.required or draw.chance(0.15)):
             scene.setdefault(key.section, {})[key.name] = legal(draw, key, natural)

@@ -42,7 +42,7 @@ SCENES = {
         "substrate.boundary=free",
     ],
     "quasi-static, sprung, mixed": [
-        "hex-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.01", "drive.preload=0.5 mN",
+        "hex-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.03", "drive.preload=0.5 mN",
         "drive.machine_stiffness=2 kN/m", "solver.precision=mixed",
     ],
     "gfmd": [

@@ -1,5 +1,6 @@
 """A whole tack test on any number of ranks: the same bits as on one."""
 
+import functools
 import math
 
 import numpy as np
@@ -60,7 +61,11 @@ class Curve:
         )  # fmt: skip
 
 
-def run(name, comm):
+@functools.cache
+def run(name, alone=False):
+    """A run of a scene on all ranks, or on each alone, its state, and its curve; made once, as tests only look at
+    them."""
+    comm = MPI.COMM_SELF if alone else MPI.COMM_WORLD
     source, overrides = SCENES[name]
     load = load_scene if isinstance(source, str) else scene_from_mapping
     simulation = assemble(load(source, overrides), comm)
@@ -72,8 +77,8 @@ def run(name, comm):
 @pytest.mark.parametrize("name", SCENES)
 def test_a_tack_test_has_the_same_bits_on_any_number_of_ranks(name):
     comm = MPI.COMM_WORLD
-    shared, state, curve = run(name, comm)
-    alone, expected, expected_curve = run(name, MPI.COMM_SELF)
+    shared, state, curve = run(name)
+    alone, expected, expected_curve = run(name, alone=True)
     assert state.finished == expected.finished == "detached"
     assert curve.kinds == expected_curve.kinds
     assert len(curve.rows) > 30
@@ -90,7 +95,7 @@ def test_a_tack_test_has_the_same_bits_on_any_number_of_ranks(name):
 
 
 def test_events_come_in_order_and_at_the_times_asked_for():
-    simulation, state, curve = run("one element", MPI.COMM_WORLD)
+    simulation, state, curve = run("one element")
     assert curve.kinds[0] == "start" and curve.kinds[-1] == "end"
     assert curve.kinds.count("preload") == 1
     met = [row[0] for row, kind in zip(curve.rows, curve.kinds, strict=True) if kind == "time"]
@@ -102,7 +107,7 @@ def test_events_come_in_order_and_at_the_times_asked_for():
 
 def test_all_ranks_take_the_same_decisions():
     comm = MPI.COMM_WORLD
-    _, state, curve = run("elastic, jumps", comm)
+    _, state, curve = run("elastic, jumps")
     assert all(other == (state.counters, curve.kinds) for other in comm.allgather((state.counters, curve.kinds)))
     assert state.counters.jumps > 0
 

@@ -1,14 +1,23 @@
-"""Retractions much faster or slower than the approach: the turn adds nothing of its own, and the programme ends with the
-contact."""
+"""Retractions much faster or slower than the approach: the turn adds nothing of its own, and the programme ends with
+the contact."""
 
 import math
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from runs import run
 
-from pgfmd.errors import RunError
+from pgfmd.errors import RunError, SceneError
+from pgfmd.output.record import record_of
 from pgfmd.physics.drive import OVERSHOOT, Drive, Phase, automatic_turn
+from pgfmd.restart.history import History
+from pgfmd.restart.scene_changes import review
+from pgfmd.scene import load_scene
+from pgfmd.schemes.energy_audit import tension_of
+from pgfmd.solver.retardation import IMPLICIT_EULER
 
 FEW = ("grid.n=32", "drive.speed=1 um/s", "solver.accuracy=0.003")
 TACK, PUNCH = ("tri-tack", *FEW, "drive.preload=1 mN"), ("flat-punch", *FEW, "drive.preload=5 mN")
@@ -45,6 +54,16 @@ def test_only_the_last_way_up_recedes():
     assert Phase("retract", 2.0, 2.0).recedes(0.1)
 
 
+def test_work_of_separation_is_that_of_the_way_up_alone():
+    turn = Phase("turn", -1.0, 1.0, 2.0)
+    state = SimpleNamespace(force=-3.0, elapsed=0.0)
+    for start, up in ((0.0, 0.5), (1.0, 0.5)):
+        state.elapsed, step = start, 2.0 - start
+        way = turn.displacement(2.0) - turn.displacement(start)
+        trial = SimpleNamespace(step=step, phase=turn, forces=[-3.0], force=-3.0, is_jump=False)
+        assert tension_of(state, trial, IMPLICIT_EULER, 3.0 * way) == pytest.approx((-3.0, 3.0 * up), rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("scene", "ratio"), [(TACK, 1e-3), (TACK, 100.0), (TACK, 1e6), (PUNCH, 100.0), (PUNCH, 1e6), (HOLD, 100.0)]
 )
@@ -66,6 +85,24 @@ def test_a_punch_that_comes_off_within_a_long_turn_ends_there():
     assert state.position < 2e-6 and state.counters.steps < 1000
     assert state.smallest_gap >= found.scene.adhesion.range and state.force == 0.0
     assert found.recorder.rows[-1].phase == "turn"
+    record = record_of(found.simulation, found.scene, MPI.COMM_SELF, History(1, {}, 0.0))
+    assert record["pull_off_force_N"] == -state.pull_off_force > 1e-3 and record["work_of_separation_J"] > 0.0
+
+
+def test_a_turn_that_follows_a_changed_speed_may_change_along():
+    def review_of(phase: int, change: list[str], allow: tuple[str, ...]) -> list[str]:
+        head = {"scene": load_scene("tri-tack", before).to_toml(), "files": {}, "state": {"phase": phase, "force": 0.0}}
+        return review(head, load_scene("tri-tack", [*before, *change]), allow, Path("out"))
+
+    before, faster, allow = ["drive.dwell=1 s"], ["drive.retract_speed=5 um/s"], ("drive.retract_speed",)
+    old = load_scene("tri-tack", before).drive.turn_time
+    assert set(review_of(0, faster, allow)) == {"drive.retract_speed", "drive.turn_time"}
+    with pytest.raises(SceneError, match="--allow drive.turn_time"):
+        review_of(0, [*faster, "drive.turn_time=1 s"], allow)
+    # In the dwell half of the turn is over, and as it was.
+    with pytest.raises(SceneError, match=f'the dwell has begun: keep drive.turn_time = "{old!r} s"'):
+        review_of(2, faster, allow)
+    assert review_of(2, [*faster, f"drive.turn_time={old!r} s"], allow) == ["drive.retract_speed"]
 
 
 def test_a_start_beyond_the_preload_is_refused():

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pgfmd.results.loop import Loop
 from pgfmd.files.curve_file import CURVE_COLUMNS, ENERGY_COLUMNS, EVENT_COLUMNS
+from pgfmd.results.loop import Loop
 
 MODULUS, WORK, PUNCH = 2.649e6, 0.05, 375e-6
 

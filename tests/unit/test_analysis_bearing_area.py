@@ -11,10 +11,10 @@ from scipy.optimize import brentq
 from pgfmd.analysis.asperity_laws import JkrAsperity, MeasuredAsperity, ViscoelasticAsperity, force_of, release_rate
 from pgfmd.analysis.bearing_area import laws_of, predict
 from pgfmd.analysis.crack_law import CrackLaw
-from pgfmd.results.measures import measure
 from pgfmd.analysis.summits import Summits, summits_of
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import jkr
+from pgfmd.results.measures import measure
 from pgfmd.scene import load_scene
 
 RADIUS = 140e-6

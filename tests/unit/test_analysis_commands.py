@@ -100,7 +100,7 @@ def test_compare_lays_a_measurement_over_a_run(tmp_path):
     assert done.exit_code == 0, done.exception
     assert imread(tmp_path / "both.png").shape[1] > 500
     assert value(done.stdout, "machine stiffness, k_M") == 38100
-    assert re.search(r"^exp +− F/k_M \(38.1 kN/m\) *$", done.stdout, re.MULTILINE)
+    assert re.search(r"^exp +- F/k_M \(38.1 kN/m\) *$", done.stdout, re.MULTILINE)
     assert value(done.stdout, "difference of forces") < 1e-9
     off = pgfmd("compare", folder, exp, "--out", tmp_path / "both.png")
     assert re.search(r"^run +as simulated *\nexp +as measured *$", off.stdout, re.MULTILINE)

@@ -11,11 +11,11 @@ from mpi4py import MPI
 from pgfmd.analysis.comparison import fitted_offset, overlay, rms_difference
 from pgfmd.analysis.compliance import corrected_experiment, corrected_simulation, fit_cell_compliance
 from pgfmd.analysis.hysteresis import audit_of, twin_of
-from pgfmd.results.loop import Loop
-from pgfmd.results.measures import net_work
 from pgfmd.analysis.scene_differences import differences
 from pgfmd.analysis.tabor import effective_tabor
 from pgfmd.results import load
+from pgfmd.results.loop import Loop
+from pgfmd.results.measures import net_work
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 

@@ -369,3 +369,12 @@ def test_a_map_without_a_pixel_under_the_punch_has_no_sites(tmp_path):
     np.save(tmp_path / "coarse.npy", np.array([[0.0, 1e-6], [2e-6, 3e-6]]))
     face = Topography("file", radius=0.1e-3, file=tmp_path / "coarse.npy", file_size=(4e-3, 4e-3))
     assert len(contact_sites(face, 4e-3).x) == 0
+
+
+def test_the_search_takes_a_few_rows_of_a_pattern_of_any_size(monkeypatch):
+    face = Topography("hexagonal", radius=200e-6, wavelength=80e-6, amplitude=4e-6, height_jitter=1e-7)
+    whole = contact_sites(face)
+    monkeypatch.setattr("pgfmd.physics.contact_sites.AT_A_TIME", 500)
+    assert len(whole) > 50
+    for name in ("x", "y", "z", "kind"):
+        np.testing.assert_array_equal(getattr(contact_sites(face), name), getattr(whole, name))

@@ -1,4 +1,5 @@
-"""One definition of each number of a tack test: every command tells the same, with its uncertainty; old folders; turns."""
+"""One definition of each number of a tack test: every command tells the same, with its uncertainty; old folders;
+turns."""
 
 import dataclasses
 import json
@@ -29,12 +30,13 @@ STUDY = """scene = "tri-tack"
 grid.n = 24
 drive.preload = "1 mN"
 drive.retract_speed = "100 um/s"
-drive.turn_time = "195 ms"
+drive.turn_time = "0.2 s"
 output.snapshots = []
 [axes]
 solver.accuracy = [0.01]
 """
-QUICK = ("tri-tack", "grid.n=24", "drive.preload=1 mN", "drive.retract_speed=100 um/s", "drive.turn_time=195 ms", "output.snapshots=[]")
+QUICK = ("tri-tack", "grid.n=24", "drive.preload=1 mN", "drive.retract_speed=100 um/s", "drive.turn_time=0.2 s",
+         "output.snapshots=[]")  # fmt: skip
 
 
 def pgfmd(*arguments):
@@ -45,7 +47,8 @@ def pgfmd(*arguments):
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory):
-    """A study of one case that pulls off within its turn: the study's folder and file, the case's folder, the record."""
+    """A study of one case that pulls off within its turn: the study's folder and file, the case's folder, the
+    record."""
     out = tmp_path_factory.mktemp("study")
     (out / "plan.toml").write_text(STUDY)
     folder = out / "runs" / "accuracy-0.01"
@@ -120,9 +123,9 @@ def test_its_surface_at_the_largest_tension_is_kept(tmp_path):
 
 def test_the_uncertainty_covers_what_a_finer_run_finds(tmp_path):
     keys = ("pull_off_force", "_N"), ("snap_in_force", "_N"), ("work_of_separation", "_J"), ("work", "_J")
-    for scheme in ("inertialess", "quasistatic"):
+    for scheme, accuracies in (("inertialess", (0.03, 0.003)), ("quasistatic", (0.03, 0.01))):
         found = []
-        for accuracy in (0.03, 0.003):
+        for accuracy in accuracies:
             changes = f"solver.scheme={scheme}", f"solver.accuracy={accuracy}", "output.patches=false"
             found.append(load(run(tmp_path / f"{scheme}-{accuracy}", *changes)).run)
         coarse, fine = found
@@ -137,6 +140,15 @@ def test_explicit_steps_have_no_accuracy_to_tell_an_uncertainty_from(tmp_path):
     folder = run(tmp_path / "run", "solver.scheme=gfmd", "drive.speed=2 mm/s", "solver.max_steps=20")
     record = load(folder).run
     assert record["snap_in_force_uncertainty_N"] is None and record["work_uncertainty_J"] is None
+
+
+def test_what_is_not_known_is_not_told_as_a_number(tmp_path):
+    changes = ["grid.n=20", "drive.preload=0.5 mN", "output.snapshots=[]", "output.energy=false"]
+    record = run_scene(load_scene("tri-tack", changes), MPI.COMM_SELF, tmp_path, lambda line: None)
+    assert record == json.loads((tmp_path / "run.json").read_text())
+    assert record["work_of_separation_uncertainty_J"] is None and record["pull_off_force_uncertainty_N"] > 0.0
+    (line,) = (line for line in _summary(record, tmp_path) if line.startswith("pull-off force"))
+    assert "nan" not in line and line.count("±") == 1
 
 
 def test_folders_of_before_are_read(quick, tmp_path):
@@ -188,7 +200,11 @@ def test_the_retraction_begins_where_the_punch_turns():
 
 def test_legends_say_what_was_done_to_curves():
     loop = loop_of([0, -4e-6, 0, 2e-6], [0, 3e-3, -1e-3, -1e-3], 2)
-    axis = styled(overlay_figure, [loop, loop], 1, ["as simulated", "− F/k_M (38.1 kN/m)"]).axes[0]
-    assert [text.get_text() for text in axis.get_legend().get_texts()] == [
-        "made: as simulated", "made: − F/k_M (38.1 kN/m)",
-    ]  # fmt: skip
+    changes = ["as simulated", "− F/k_M (38.1 kN/m)", ", ".join(["pushed in by 0.5 um"] * 6)]
+    figure = styled(overlay_figure, [loop] * 3, 1, changes)
+    (legend,) = figure.legends
+    assert [text.get_text().replace("\n", " ") for text in legend.get_texts()] == [f"made: {text}" for text in changes]
+    # Within the picture, and above the curves.
+    figure.draw_without_rendering()
+    place, axis = legend.get_window_extent(), figure.axes[0].get_window_extent()
+    assert place.x1 < figure.bbox.x1 and place.y0 > axis.y1 and axis.width > 0.8 * figure.bbox.width

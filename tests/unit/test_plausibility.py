@@ -8,9 +8,11 @@ import pytest
 from mpi4py import MPI
 
 from pgfmd.commands.check import report
+from pgfmd.forecast import plausibility
 from pgfmd.forecast.advice import warnings as all_warnings
 from pgfmd.forecast.plausibility import face_of, warnings
 from pgfmd.parts import topography_of
+from pgfmd.physics import heightfile
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, shipped_scenes
 
@@ -54,9 +56,9 @@ WRONG = {
     "drive.retract_speed = 1 km/s": ["drive.retract_speed=1 km/s"],
     "drive.preload = 40 kN is a mean pressure of 90.5 GPa": ["drive.preload=40 kN", "substrate.thickness=4 mm"],
     "drive.clearance: the punch starts 4 m above .* 1.1e.04 times .* 46.3 days": ["drive.clearance=4 m"],
-    "solver.accuracy has no effect, .* solver.scheme = .gfmd.": ["solver.scheme=gfmd", "solver.accuracy=1e-3"],
+    "solver.accuracy has no effect with solver.scheme = .gfmd., as its steps": ["solver.scheme=gfmd", "solver.accuracy=1e-3"],
     "solver.order has no effect": ["solver.scheme=quasistatic", "solver.order=1"],
-    "drive.dwell has no effect, as time": ["solver.scheme=quasistatic", "drive.dwell=1 s"],
+    "drive.dwell has no effect with .*, as time": ["solver.scheme=quasistatic", "drive.dwell=1 s"],
     "grid.length: points .* are 58.6 pm apart": [
         "punch.pattern=flat", "punch.radius=4 nm", "grid.length=15 nm", "grid.n=256"],
 }  # fmt: skip
@@ -99,6 +101,26 @@ def test_a_map_has_the_slope_of_the_profile_that_it_samples(save):
     save(np.zeros((600, 600)))
     face = face_of(load_scene("tri-tack", [*changes, "punch.curvature_radius=10 mm"]))
     assert (face.slope, face.relief) == pytest.approx((375e-6 / 10e-3, 375e-6**2 / 20e-3), rel=0.02)
+
+
+@pytest.mark.parametrize("cell", [False, True], ids=["punch", "cell"])
+def test_a_map_on_the_disk_is_looked_at_in_stripes(save, monkeypatch, cell):
+    # Whole numbers without a sign, whose differences would be large numbers.
+    heights = np.random.default_rng(5).integers(0, 3, (61, 57)).astype(np.uint8)
+    changes = ["punch.pattern=file", save(heights), 'punch.file_size=["900 um", "900 um"]', "grid.n=64"]
+    scene = load_scene("tri-tack", [*changes, "punch.curvature_radius=1 m"])
+    punch = scene.punch.model_copy(update={"radius": None}) if cell else scene.punch
+    scene = scene.model_copy(update={"punch": punch})
+    plausibility._face_of.cache_clear()
+    whole = face_of(scene)
+    plausibility._face_of.cache_clear()
+    monkeypatch.setattr(heightfile, "WHOLE", 300)
+    monkeypatch.setattr(plausibility, "WHOLE_MAP", 300)
+    # The last rows and columns, and those that follow them across the border of a cell, are there as well.
+    assert face_of(scene) == whole
+    plausibility._face_of.cache_clear()
+    assert whole.relief == pytest.approx(2.0, rel=1e-3) and whole.size == (900e-6, 900e-6)
+    assert whole.slope < 2.0 * math.sqrt(2.0) / (900e-6 / 61)
 
 
 def test_heights_in_micrometres_are_told_in_metres(save):

@@ -14,7 +14,7 @@ from small_runs import SCENE, run
 from pgfmd import cli
 from pgfmd.errors import ResultError
 from pgfmd.files import regular_files, storage
-from pgfmd.files.regular_files import bring_to_disk, remove_unfinished, unfinished_beside, write_atomically
+from pgfmd.files.regular_files import bring_to_disk, remove_unfinished, unfinished_beside, write_atomically, write_new
 from pgfmd.host.mounts import has_common_locks
 from pgfmd.host.run_lock import LOCK_FILE, RunLock
 from pgfmd.restart import disk_space
@@ -116,6 +116,16 @@ def test_a_name_that_is_taken_is_not_written_to(tmp_path, monkeypatch):
     with pytest.raises(FileExistsError):
         write_atomically(tmp_path / "run.json", b"other")
     assert victim.read_text() == "precious"
+
+
+def test_a_new_file_is_whole_or_not_there(tmp_path):
+    with pytest.raises(UnicodeEncodeError):
+        write_new(tmp_path / "scene.toml", "title = 'x'\n" * 10_000 + "\udcff")
+    assert not os.listdir(tmp_path)
+    write_new(tmp_path / "scene.toml", "one")
+    with pytest.raises(FileExistsError):
+        write_new(tmp_path / "scene.toml", "two")
+    assert (tmp_path / "scene.toml").read_text() == "one"
 
 
 def test_only_own_regular_files_that_nobody_finishes_are_removed(tmp_path, monkeypatch):

@@ -8,9 +8,9 @@ import pytest
 from mpi4py import MPI
 from small_runs import SCENE, run
 
-from pgfmd.results.loop import Loop
 from pgfmd.analysis.summary import analyse
 from pgfmd.results import load
+from pgfmd.results.loop import Loop
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
 

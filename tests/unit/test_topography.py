@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pgfmd.physics import heightfile
 from pgfmd.physics.asperities import site_normals
 from pgfmd.physics.topography import PATTERNS, Topography, layered
 
@@ -289,6 +290,24 @@ def test_file_interpolates_a_smooth_periodic_surface(tmp_path, order, tolerance)
     error = np.abs(punch.heights(x, y) - surface(x, y)).max()
     # leading errors for waves of k dx = 0.098 and 0.131: the sum of (k dx)^2/8, of (k dx)^4/384
     assert tolerance / 2 < error < tolerance
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("order", [1, 3])
+def test_a_large_map_is_interpolated_in_stripes_of_its_own(tmp_path, monkeypatch, order, periodic):
+    heights = np.random.default_rng(3).standard_normal((90, 70))
+    np.save(tmp_path / "map.npy", heights)
+    face = {"file": tmp_path / "map.npy", "file_size": (2.0, 2.5), "file_order": order, "file_periodic": periodic}
+    # Beyond the edges by less than the samples that a spline needs to become level there.
+    reach = np.array([[2.0], [2.5]]) * (1.4 if periodic else 0.51)
+    x, y = np.random.default_rng(4).uniform(-1.0, 1.0, (2, 3000)) * reach
+    whole = Topography("file", radius=0.9, **face).heights(x, y)
+    monkeypatch.setattr(heightfile, "WHOLE", 800)
+    large = Topography("file", radius=0.9, **face)
+    np.testing.assert_allclose(large.heights(x, y), whole, rtol=0, atol=1e-9)
+    # It stays on the disk, and a place has the same bits whatever else is asked for.
+    assert isinstance(large.map.heights, np.memmap)
+    np.testing.assert_array_equal(large.heights(x[::-7], y[::-7]), large.heights(x, y)[::-7])
 
 
 def test_map_must_cover_the_punch_but_not_the_block_around_it(tmp_path):

@@ -143,6 +143,7 @@ def test_pint_is_not_imported_before_a_quantity_is_read():
         ("5 1/MM", "wavenumber", 'did you mean "1/mm"?'),
         ("2 Mega", "modulus", 'the unit "Mega" is not known'),
         ("0,5 um/s", "speed", '"0.5 um/s"'),
+        ("1,000 um", "length", '"1.000 um" or "1000 um"'),
         ("1,5", "length", 'write a decimal point, "1.5"'),
         ("50 mJ/m2", "energy per area", 'write powers with ^, as in "J/m^2"'),
     ],
@@ -200,3 +201,8 @@ def test_a_number_that_is_too_small_is_zero():
 )
 def test_messages_show_the_unit_that_a_person_would_use(value, dimension, text):
     assert handy_quantity(value, dimension) == text
+
+
+def test_fewer_digits_need_no_exponent():
+    shown = [handy_quantity(value, "length", 2) for value in (289.6e-9, 2.896e-6, 0.9996e-6)]
+    assert shown == ["290 nm", "2.9 um", "1 um"]

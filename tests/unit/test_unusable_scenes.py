@@ -134,6 +134,12 @@ def test_a_map_that_ends_before_the_punch_is_refused_before_a_run(tmp_path):
     problem = refusal(*named, 'punch.file_size=["900 um", "600 um"]')
     assert problem.key == "punch.file" and "less than the punch" in problem.cure
     checked(*named, 'punch.file_size=["750 um", "750 um"]')
+    # Where n is odd the outermost points are on the axes, and there may be one alone.
+    spacing = 1.5e-3 / 33
+    for radius in (8.0, 8.01):
+        odd = (*named, "grid.n=33", f"punch.radius={radius * spacing!r} m")
+        assert refusal(*odd, f'punch.file_size=["{15.9 * spacing!r} m", "1 mm"]').key == "punch.file"
+        checked(*odd, f'punch.file_size=["{16.1 * spacing!r} m", "1 mm"]')
 
 
 # Numbers that can't be computed with ---------------------------------------------------------------------------------
