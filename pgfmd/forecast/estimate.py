@@ -75,8 +75,8 @@ def largest_share(points: PunchPoints, ranks: int) -> int:
 def memory_of(scene, ranks: int = 1) -> Memory:
     """Memory of the rank with the largest share, out of `ranks`.
 
-    Transform: G0, (columns, n/2 + 1), and the half-transformed rows, complex, (rows, n/2 + 1); with more than one rank
-    also (nb, columns), complex. The weights of the far field are made beside it by another transform, without G0, and
+    Transform: G0, (columns, n/2 + 1), and the half-transformed columns, complex, (nb, columns), where the ranks share
+    memory; messages between nodes take about as much again. The weights of the far field are made beside it by another transform, without G0, and
     the kernel of a free surface is held by rows, and with more than one rank by columns, of (n/2 + 1, n/2 + 1).
     """
     if scene.solver.scheme == "gfmd":
@@ -84,7 +84,7 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     points = punch_points(scene)
     nb = points.nb
     width = transform_side(scene, nb) // 2 + 1
-    rows, columns = math.ceil(nb / ranks), math.ceil(width / ranks)
+    columns = math.ceil(width / ranks)
     periodic = scene.substrate.boundary == "periodic"
     precision = scene.solver.precision
     size, rough = 4.0 if precision == "single" else 8.0, 0.5 if precision == "mixed" else 1.0
@@ -99,13 +99,13 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     counts = counts[0], counts[1] + scene.output.patches
     most = largest_share(points, ranks)
     state, rest = (size * most * count for count in counts)
-    rows_and_columns = 2.0 * rows * width + (2.0 * nb * columns if ranks > 1 else 0.0)
-    transform = (columns * width + rows_and_columns) * (size + (4.0 if precision == "mixed" else 0.0))
+    halves = 2.0 * nb * columns
+    transform = (columns * width + halves) * (size + (4.0 if precision == "mixed" else 0.0))
     heights = _map_bytes(scene.punch)
     solver = size * (2.0 + 7.0 * rough) * most
     if periodic:
         # By now there are Newton's vectors; the weights are in double precision.
-        start = max(heights, solver + 8.0 * (rows_and_columns + most))
+        start = max(heights, solver + 8.0 * (halves + most))
     else:
         kernel = 8.0 * width * (math.ceil(width / ranks) + (columns if ranks > 1 else 0))
         start = max(heights, solver, kernel)

@@ -65,6 +65,8 @@ class Node:
         shared = comm.Split_type(MPI.COMM_TYPE_SHARED)
         self.local = shared if colour is None else shared.Split(colour, comm.rank)
         self.meetings, self.waited = 0, 0.0
+        # Memory [bytes] that this rank has given to share: now, and the most so far.
+        self.held = self.most_held = 0
         self._pieces: list[_Piece] = []
         if self.local.size > 1 and not self._share_flags():
             # No shared memory to be had, as in containers with a small /dev/shm: each rank is a node of its own.
@@ -135,6 +137,7 @@ class Node:
                 piece.window.Unlock_all()
                 piece.buffers.clear()
                 piece.window.Free()
+                self.held -= piece.sizes[self.local.rank]
             else:
                 kept.append(piece)
         self._pieces = kept
@@ -157,6 +160,8 @@ class Node:
         if self.local.allreduce(int(window is not None), MPI.MIN) == 0:
             return None
         window.Lock_all(MPI.MODE_NOCHECK)
+        self.held += sizes[self.local.rank]
+        self.most_held = max(self.most_held, self.held)
         return _Piece(window, [window.Shared_query(rank)[0] for rank in range(self.local.size)], sizes)
 
     def meet(self) -> None:
