@@ -99,6 +99,9 @@ def _tension(loop: Loop, row: int, key: str) -> Dip:
         spread = uncertainty.of_force(told, min(told, -float(loop.force[row])), loop.share)
         return replace(found, tension=told, uncertainty=loop.told.get(f"{key}_uncertainty_N", _known(spread)))
     spread = loop.share * abs(found.tension) + BETWEEN_ROWS * _rise_beside(loop, row)
+    if row == len(loop.force) - 1:
+        # Nobody knows yet how far down it goes.
+        spread = math.nan
     return replace(found, tension=max(found.tension, 0.0) + 0.0, uncertainty=_known(spread))
 
 
