@@ -72,20 +72,25 @@ def _face_of(punch, grid, stamp) -> Face:
 
 
 def _map_face(punch, grid) -> Face:
-    """From all pixels under the punch, a stripe of rows after another, as a large map stays on the disk. Where the grid
-    is coarser than the map, it sees their steps spread out."""
+    """From all pixels under the punch, a stripe of rows after another, as a large map stays on the disk. Slopes are those
+    over a spacing of the grid, where that is more than a pixel: what is finer the grid does not see."""
     found, spacing = height_map(topography_of(punch)), grid.length / grid.n
     count_y, count_x = found.heights.shape
-    pixel_x, pixel_y = (max(pixel, spacing) for pixel in found.pixel)
-    # A map that is repeated goes on with its first row.
-    rows = np.arange(count_y + _is_repeated(punch, found)) % count_y
+    pixel_x, pixel_y = found.pixel
+    step_x, step_y = (max(1, round(spacing / pixel)) for pixel in found.pixel)
+    # A map that is repeated goes on with its first rows and columns.
+    repeated = punch.radius is None and found.periodic
+    step_x, step_y = (step_x, step_y) if repeated else (min(step_x, count_x - 1), min(step_y, count_y - 1))
+    rows = np.arange(count_y + repeated * step_y) % count_y
+    columns = np.arange(count_x + repeated * step_x) % count_x
     highest, lowest, slope = [], [], 0.0
     some = max(1, WHOLE // count_x)
-    # Each stripe with the first row of the next.
-    for first in range(0, len(rows) - 1, some):
-        heights = _under_the_punch(punch, found, rows[first : first + some + 1])
-        along_x, along_y = np.abs(np.diff(heights, axis=1)) / pixel_x, np.abs(np.diff(heights, axis=0)) / pixel_y
-        slopes = along_x, along_y, np.hypot(along_x[:-1], along_y[:, :-1])
+    # Each stripe with as many rows of the next as a slope reaches over.
+    for first in range(0, len(rows) - step_y, some):
+        heights = _under_the_punch(punch, found, rows[first : first + some + step_y], columns)
+        along_x = np.abs(heights[:, step_x:] - heights[:, :-step_x]) / (step_x * pixel_x)
+        along_y = np.abs(heights[step_y:] - heights[:-step_y]) / (step_y * pixel_y)
+        slopes = along_x, along_y, np.hypot(along_x[:-step_y], along_y[:, :-step_x])
         slope = max(slope, *map(_largest, slopes))
         if np.isfinite(heights).any():
             highest.append(float(np.nanmax(heights)))
@@ -93,14 +98,9 @@ def _map_face(punch, grid) -> Face:
     return Face(max(highest, default=0.0) - min(lowest, default=0.0), slope)
 
 
-def _is_repeated(punch, found) -> bool:
-    return punch.radius is None and found.periodic
-
-
-def _under_the_punch(punch, found, rows) -> np.ndarray:
-    """Heights [m] of these rows of a map, with the curvature of the whole punch; NaN beside the punch."""
+def _under_the_punch(punch, found, rows, columns) -> np.ndarray:
+    """Heights [m] of these rows and columns of a map, with the curvature of the whole punch; NaN beside the punch."""
     (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
-    columns = np.arange(count_x + _is_repeated(punch, found)) % count_x
     x, y = (columns + 0.5) * (size_x / count_x) - 0.5 * size_x, (rows + 0.5) * (size_y / count_y) - 0.5 * size_y
     heights = found.heights[rows][:, columns].astype(float)
     if math.isfinite(punch.curvature_radius):
