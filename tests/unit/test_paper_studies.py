@@ -35,7 +35,8 @@ def test_every_study_belongs_to_a_figure_and_every_figure_to_the_page():
 def test_a_scene_is_run_once_however_many_studies_have_it(pools, size):
     pool = pools[size]
     scenes = [entry.case().scene for entry in pool.entries.values()]
-    bare = [scene.model_copy(update={"output": None, "title": ""}) for scene in scenes]
+    # What is written does not count, whichever of them says it.
+    bare = [scene.model_copy(update={"output": scenes[0].output, "title": ""}) for scene in scenes]
     assert all(one != other for k, one in enumerate(bare) for other in bare[:k])
     # The contact maps and the cell's surface come from a tack test of the study before.
     shared = pool.cases["contact/default" if size == "reduced" else "cell/run"]
