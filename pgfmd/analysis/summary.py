@@ -14,7 +14,7 @@ from pgfmd.files.regular_files import write_atomically
 from pgfmd.plots.drawing import elsewhere, target_folder
 from pgfmd.results import Results, load
 from pgfmd.results.audit import UNBALANCED, at_stake, largest_residual
-from pgfmd.results.loop import Loop
+from pgfmd.results.loop import WHOLE, Loop
 from pgfmd.results.measures import Measures, measure
 
 from . import pictures
@@ -117,6 +117,7 @@ def analyse(
         found = measure(loop)
         _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.told else WITHIN_STEPS)
         _add_works_and_areas(table, found)
+        _remark_unfinished(table, results)
         _remark_thinned(table, results)
         places = bulges(loop, resolution)
         _add_stiffness(table, loop)
@@ -174,6 +175,14 @@ def _add_works_and_areas(table: Table, found: Measures) -> None:
         table.add("Contact", "largest_area", "largest contact area", found.largest_area, "m^2")
     if found.area_at_pull_off is not None:
         table.add("Contact", "area_at_pull_off", "contact area at pull-off", found.area_at_pull_off, "m^2")
+
+
+def _remark_unfinished(table: Table, results: Results) -> None:
+    """Of a run that goes on, or that has ended before the punch was free."""
+    finished = results.run.get("finished")
+    if finished != WHOLE:
+        how = f"the run has ended early ({finished})" if finished else "the run has not ended yet"
+        table.remarks.append(f"{how}: pull-off force, works and shares are those of the way that it has come")
 
 
 def _remark_thinned(table: Table, results: Results) -> None:

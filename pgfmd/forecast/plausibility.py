@@ -73,34 +73,49 @@ def _face_of(punch, grid, stamp) -> Face:
 
 
 def _map_face(punch, grid) -> Face:
-    """From all pixels under the punch. Where the grid is coarser than the map, it sees their steps spread out."""
+    """From all pixels under the punch, a stripe of rows after another, as a large map stays on the disk. Slopes are those
+    over a spacing of the grid, where that is more than a pixel: what is finer the grid does not see."""
     found, spacing = topography_of(punch).map, grid.length / grid.n
-    (size_x, size_y), (count_y, count_x), (pixel_x, pixel_y) = found.size, found.heights.shape, found.pixel
-    x = (np.arange(count_x) + 0.5) * (size_x / count_x) - 0.5 * size_x
-    y = (np.arange(count_y) + 0.5) * (size_y / count_y) - 0.5 * size_y
+    count_y, count_x = found.heights.shape
+    pixel_x, pixel_y = found.pixel
+    step_x, step_y = (max(1, round(spacing / pixel)) for pixel in found.pixel)
+    # A map that is repeated goes on with its first rows and columns.
+    repeated = punch.radius is None and found.periodic
+    step_x, step_y = (step_x, step_y) if repeated else (min(step_x, count_x - 1), min(step_y, count_y - 1))
+    rows = np.arange(count_y + repeated * step_y) % count_y
+    columns = np.arange(count_x + repeated * step_x) % count_x
+    highest, lowest, slope = [], [], 0.0
+    some = max(1, WHOLE_MAP // count_x)
+    # Each stripe with as many rows of the next as a slope reaches over.
+    for first in range(0, len(rows) - step_y, some):
+        heights = _under_the_punch(punch, found, rows[first : first + some + step_y], columns)
+        along_x = np.abs(heights[:, step_x:] - heights[:, :-step_x]) / (step_x * pixel_x)
+        along_y = np.abs(heights[step_y:] - heights[:-step_y]) / (step_y * pixel_y)
+        slopes = along_x, along_y, np.hypot(along_x[:-step_y], along_y[:, :-step_x])
+        slope = max(slope, *map(_largest, slopes))
+        if np.isfinite(heights).any():
+            highest.append(float(np.nanmax(heights)))
+            lowest.append(float(np.nanmin(heights)))
+    return Face(max(highest, default=0.0) - min(lowest, default=0.0), slope, found.size)
+
+
+def _under_the_punch(punch, found, rows, columns) -> np.ndarray:
+    """Heights [m] of these rows and columns of a map, with the curvature of the whole punch; NaN beside the punch."""
+    (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
+    x, y = (columns + 0.5) * (size_x / count_x) - 0.5 * size_x, (rows + 0.5) * (size_y / count_y) - 0.5 * size_y
+    heights = found.heights[rows][:, columns].astype(float)
+    if math.isfinite(punch.curvature_radius):
+        heights = heights + (x**2 + y[:, None] ** 2) / (2.0 * punch.curvature_radius)
+    if punch.radius is None:
+        return heights
     # With the pixels around, between which the rim lies.
-    rim = math.inf if punch.radius is None else punch.radius + math.hypot(pixel_x, pixel_y)
-    wraps = punch.radius is None and found.periodic
-    column, row = (np.arange(count + wraps) % count for count in (count_x, count_y))
-    lowest, highest, slope, some = math.inf, -math.inf, 0.0, max(1, WHOLE_MAP // count_x)
-    # A few rows at a time, and the row after them: a large map is on the disk.
-    for first in range(0, row.size - 1, some):
-        here = row[first : first + some + 1]
-        heights = found.heights[here].astype(float)[:, column]
-        if math.isfinite(punch.curvature_radius):
-            heights += (x[column] ** 2 + y[here, None] ** 2) / (2.0 * punch.curvature_radius)
-        heights[np.hypot(x[column], y[here, None]) > rim] = np.nan
-        lowest, highest = min(lowest, -_largest(-heights)), max(highest, _largest(heights))
-        along_x = np.abs(np.diff(heights, axis=1)) / max(pixel_x, spacing)
-        along_y = np.abs(np.diff(heights, axis=0)) / max(pixel_y, spacing)
-        slopes = along_x, along_y, np.hypot(along_x[:-1], along_y[:, :-1])
-        slope = max(slope, *(_largest(values) for values in slopes))
-    return Face(max(highest - lowest, 0.0), slope, found.size)
+    rim = punch.radius + math.hypot(*found.pixel)
+    return np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
 
 
 def _largest(values) -> float:
-    """The largest number that is there; minus infinity where there is none."""
-    return float(np.nanmax(values)) if np.isfinite(values).any() else -math.inf
+    """The largest number that is there; 0 where there is none."""
+    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
 
 
 def _pattern_face(punch, grid) -> Face:

@@ -101,6 +101,9 @@ def _tension(loop: Loop, row: int, key: str) -> Dip:
     spread = loop.share * abs(found.tension) + BETWEEN_ROWS * _rise_beside(loop, row)
     # Of a compression only what goes below zero is a tension.
     spread = max(0.0, spread + min(found.tension, 0.0)) if not math.isnan(spread) else spread
+    if row == len(loop.force) - 1:
+        # Nobody knows yet how far down it goes.
+        spread = math.nan
     return replace(found, tension=max(found.tension, 0.0) + 0.0, uncertainty=_known(spread))
 
 

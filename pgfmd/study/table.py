@@ -12,6 +12,7 @@ from typing import Any
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.regular_files import write_atomically
+from pgfmd.results.loop import WHOLE
 
 from .cases import Case
 from .standing import Standing
@@ -45,8 +46,6 @@ MEASURED = {
 """Columns after the axes, and the keys of `run.json` that they hold."""
 OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
 """Columns that mean nothing where the loop is not closed."""
-WHOLE = "detached"
-"""How a run finishes whose loop is closed."""
 
 
 @dataclass(frozen=True)

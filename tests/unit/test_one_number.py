@@ -4,6 +4,7 @@ turns."""
 import dataclasses
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -196,6 +197,21 @@ def test_the_retraction_begins_where_the_punch_turns():
     assert turning_row(np.array([0.0, -1, 0]), np.array(["approach", "approach", "retract"])) == 1
     assert turning_row(place[:3], phase[:3]) == 3 and not loop_of(place[:3], -place[:3], 3).retracted
     assert not Loop.retracted.fget(dataclasses.replace(loop_of(place[:5], -place[:5], 5), phase=phase[:5]))
+
+
+def test_a_run_that_goes_on_has_not_said_its_last_word(quick, tmp_path):
+    _, folder, record = quick
+    live = tmp_path / "live"
+    shutil.copytree(folder, live)
+    (live / "run.json").unlink()
+    lines = (live / "curve.csv").read_text().splitlines(keepends=True)
+    falling = max(k for k, line in enumerate(lines[1:], 1) if float(line.split(",")[3]) > 0.0) + 1
+    (live / "curve.csv").write_text("".join(lines[: falling + 1]))
+    analysis = analyse(live)
+    assert 0.0 < analysis.measures.pull_off.tension < record["pull_off_force_N"]
+    assert analysis.measures.pull_off.uncertainty is None
+    assert any(text.startswith("the run has not ended yet: pull-off force") for text in analysis.table.remarks)
+    assert not any("ended" in text for text in analyse(folder).table.remarks)
 
 
 def test_legends_say_what_was_done_to_curves():

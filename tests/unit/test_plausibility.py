@@ -98,6 +98,9 @@ def test_a_map_has_the_slope_of_the_profile_that_it_samples(save):
     face = face_of(load_scene("tri-tack", changes))
     assert face.slope == pytest.approx(4e-6 * 2 * math.pi / 150e-6, rel=1e-3)
     assert face.relief == pytest.approx(8e-6, rel=1e-3)
+    # On a grid that is coarser than the map it is the same face.
+    coarse = face_of(load_scene("tri-tack", [*changes, "grid.n=256"]))
+    assert coarse.slope == pytest.approx(face.slope, rel=0.02) and coarse.relief == face.relief
     save(np.zeros((600, 600)))
     face = face_of(load_scene("tri-tack", [*changes, "punch.curvature_radius=10 mm"]))
     assert (face.slope, face.relief) == pytest.approx((375e-6 / 10e-3, 375e-6**2 / 20e-3), rel=0.02)
