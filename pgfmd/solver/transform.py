@@ -3,10 +3,9 @@
 The only module that imports mpi4py-fft. A traction that lives on `nb` rows and columns is convolved with an even
 kernel, whose multiplier G(kx, ky) is real and even, and the result is wanted on `out` rows and columns:
 
-1. real-to-complex along x, of the occupied rows only;
-2. global transpose of those rows (on one rank: none);
-3. for a few columns at a time, in cache: pad with zeros, complex transform along y, times G, back, keep the wanted
-rows; 4. transpose back; 5. complex-to-real along x of the wanted rows.
+1. real-to-complex along x, of the occupied rows only, written into the columns of their owners (node.py);
+2. for a few columns at a time, in cache: pad with zeros, complex transform along y, times G, back, keep the wanted
+rows; 3. complex-to-real along x of the wanted rows, out of the columns again.
 
 No array of the whole plane exists. All sums run in an order that does not depend on the number of ranks, and plans are
 made with FFTW_ESTIMATE unless asked otherwise, so the result has the same bits for any number of ranks.
@@ -50,8 +49,7 @@ class Spectrum:
     """
 
     def __init__(self, n: int, nb: int, comm):
-        self.n, self.width = n, n // 2 + 1
-        self.comm = comm
+        self.n, self.width, self.comm = n, n // 2 + 1, comm
         self.subcomm = Subcomm(comm, [0, 1])
         # Rows shared out, columns whole; and the other way round.
         self.rows = Pencil(self.subcomm, (nb, self.width), axis=1)
