@@ -142,9 +142,10 @@ def test_a_quasi_static_run_is_measured_as_it_measured_itself(changes, tmp_path)
     assert loop.jump.sum() > 10 and not loop.held
     assert found.pull_off.tension == record["pull_off_force_N"]
     rows = measure(dataclasses.replace(loop, told={}))
-    assert rows.pull_off.tension == pytest.approx(record["pull_off_force_N"], rel=1e-3)
+    # Rows of smooth parts may be left out, and the lowest force may be in one; those beside jumps are there.
+    near = 1e-3 if results.scene["output"]["every"] == 1 else 0.01
+    assert rows.pull_off.tension == pytest.approx(record["pull_off_force_N"], rel=near)
     assert separation_of_rows(loop) == pytest.approx(record["work_of_separation_J"], rel=0.02)
-    # Rows of smooth parts may be left out; those beside jumps are there.
     at_most = np.max(np.abs(loop.force)) * np.ptp(loop.displacement)
     spared = 0.01 * at_most if results.scene["output"]["every"] > 1 else 0.0
     assert net_work_of_rows(loop) == pytest.approx(record["work_J"], rel=0.05, abs=spared)

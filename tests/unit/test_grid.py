@@ -16,20 +16,6 @@ class Alone:
     rank: int = 0
 
 
-class Recording(Alone):
-    """Gathers what earlier ranks left behind, as Allgatherv would: run it with the last rank."""
-
-    def __init__(self, size, parts):
-        super().__init__(size, size - 1)
-        self.parts = parts
-
-    def Allgatherv(self, mine, receive):
-        gathered, counts = receive
-        whole = np.concatenate([*self.parts, mine])
-        assert [part.size for part in [*self.parts, mine]] == list(counts)
-        gathered[:] = whole.reshape(gathered.shape)
-
-
 CASES = [
     (16, 0.25), (17, 0.25), (64, 0.25), (97, 0.23), (100, 0.5), (5, 0.1), (4, 0.02), (9, 0.499), (12, None), (13, None),
 ]  # fmt: skip
@@ -152,14 +138,3 @@ def test_one_rank_gathers_nothing():
     assert points.maximum_of(-3.5) == -3.5
 
 
-@pytest.mark.parametrize("size", [2, 3, 7, 40])
-def test_rows_of_all_ranks_are_gathered_kind_by_kind(size):
-    grid, radius, kinds = Grid(16, 1.0), 0.4, 3
-    whole = np.random.default_rng(1).standard_normal((kinds, grid.block(radius)[1]))
-    parts = []
-    for points in ranks_of(grid, radius, size)[:-1]:
-        parts.append(np.ascontiguousarray(whole[:, points.row_start : points.row_start + points.rows].T))
-    last = PunchPoints(grid, radius, Recording(size, parts))
-    mine = whole[:, last.row_start : last.row_start + last.rows]
-    np.testing.assert_array_equal(last.all_rows(mine), whole)
-    np.testing.assert_array_equal(last.total_of(mine), whole.sum(axis=1))
