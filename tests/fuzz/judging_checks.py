@@ -108,7 +108,7 @@ def _of_problem(problem: Problem) -> Iterator[Fault]:
     for word in ("None", "nan", "Traceback", "errno"):
         if word in f"{problem.expected} {problem.cure}".split():
             yield Fault(f"a problem whose cure says {word}", str(problem)[:300])
-    if "\n" in f"{problem.expected}{problem.cure}".strip():
+    if "\n" in str(problem):
         yield Fault("a problem of several lines", repr(str(problem))[:300])
     if len(problem.expected + problem.cure) > LONGEST_LINE + len(str(problem.value)):
         yield Fault("a problem as long as a page", str(problem)[:300])
