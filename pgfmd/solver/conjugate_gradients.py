@@ -63,7 +63,7 @@ class ConjugateGradients:
             first = count == 1 and not self.floating
             self.operator(r, z, compliance)
             kernels.survey(z, r, k, offset, rows)
-            numbers = points.all_rows(rows[:6])
+            numbers = points.all_rows(rows)
             energy, stiff, bent = numbers[:3].sum(axis=1).tolist()
             largest, turn, size = (numbers[3:].max(axis=1) * per_range).tolist()
             if energy <= 0.0:

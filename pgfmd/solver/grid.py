@@ -62,7 +62,7 @@ class PunchPoints:
     """The points under the punch, and this rank's share of them.
 
     slab: this rank's rows of the whole cell, (first, count), where these and not even shares decide which rows of the
-    block it owns; it may own none. In a slab layout, `comm` is asked once for everyone's share.
+    block it owns; it may own none.
 
     Attributes: `block_start`, `nb` (first row and column of the block in the cell, its side), `row_start`, `rows`
     (this rank's rows within the block), `first`, `last` (rows,) the interval of columns under the punch in each local
@@ -75,11 +75,9 @@ class PunchPoints:
         self.block_start, self.nb = grid.block(radius)
         if slab is None:
             self.row_start, self.rows = share(self.nb, comm.size, comm.rank)
-            counts = [size for _, size in (share(self.nb, comm.size, rank) for rank in range(comm.size))]
         else:
             ends = np.clip([slab[0] - self.block_start, sum(slab) - self.block_start], 0, self.nb)
             self.row_start, self.rows = int(ends[0]), int(ends[1] - ends[0])
-            counts = comm.allgather(self.rows)
         self._exchange = None
         first, last = self._columns(radius)
         self.total = int((last - first).sum())
