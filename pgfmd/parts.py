@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy.fft
 
 from .errors import Problem, SceneError
 from .physics.cohesion import LAWS, CohesiveLaw
@@ -127,7 +126,10 @@ def transform_side(scene, nb: int, whole_cell: bool = False) -> int:
     """
     if scene.substrate.boundary == "periodic":
         return scene.grid.n
-    return scipy.fft.next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True)
+    # Not at the top, here and below: what a scene does not use, it need not load.
+    from scipy.fft import next_fast_len
+
+    return next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True)
 
 
 def confirm(scene, source: str, ranks: int = 1) -> None:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from pgfmd.host import batch, launch
+from pgfmd.host.spare_ranks import on_cores
 from pgfmd.host.streams import say
 from pgfmd.host.walltime import end_of_job, seconds_of
 
@@ -63,21 +64,26 @@ def run(
     every = math.inf if checkpoint_every == OFF else _time("--checkpoint-every", checkpoint_every)
     limit = math.inf if walltime is None else _BEGAN + _time("--walltime", walltime)
     whose = "" if walltime is None else f"--walltime {walltime}"
+    changed = all_changes(changes, overrides)
     comm = launch.world()
-    with launch.guarded(comm):
-        changed = all_changes(changes, overrides)
+
+    def work(comm) -> None:
         loaded, directory = launch.on_first(comm, lambda: _prepared(scene, changed, out, comm.size))
         from pgfmd.restart.keeper import Timing
         from pgfmd.runner import Options, run_scene
 
         job_ends = _end_of_job() if comm.rank == 0 else None
-        if job_ends is not None and job_ends - LAUNCHER_NEEDS < limit:
-            limit, whose = job_ends - LAUNCHER_NEEDS, f"{batch.this_job()}, which ends {_moment(job_ends)}"
-        options = Options(fresh, tuple(allow or ()), Timing(every, limit, whose))
+        until, why = limit, whose
+        if job_ends is not None and job_ends - LAUNCHER_NEEDS < until:
+            until, why = job_ends - LAUNCHER_NEEDS, f"{batch.this_job()}, which ends {_moment(job_ends)}"
+        options = Options(fresh, tuple(allow or ()), Timing(every, until, why))
         record = run_scene(loaded, comm, directory, say, options)
         if comm.rank == 0:
             for line in [*_missed_preload(record, loaded.drive.preload), *_summary(record, directory)]:
                 say(line)
+
+    with launch.guarded(comm):
+        on_cores(comm, work)
 
 
 def all_changes(changes: list[str] | None, overrides: list[str] | None) -> list[str]:

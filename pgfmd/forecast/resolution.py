@@ -9,8 +9,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import scipy.integrate
-import scipy.special
 
 from pgfmd.parts import compliance_of, law_of, relaxation_of, topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
@@ -192,9 +190,13 @@ def image_stiffness(scene) -> float:
     if punch.pattern in ("sphere", "power"):
         radius = min(radius, math.sqrt(punch.curvature_radius * depth_of(scene)))
 
+    # Not at the top: only checks of scenes with images need them.
+    from scipy.integrate import simpson
+    from scipy.special import j1
+
     def shape(q: np.ndarray) -> np.ndarray:
         x = np.maximum(q * radius, 1e-9)
-        return (2.0 * scipy.special.j1(x) / x) ** 2
+        return (2.0 * j1(x) / x) ** 2
 
     index = 2.0 * math.pi / length * np.arange(-WAVES, WAVES + 1)
     qx, qy = np.meshgrid(index, index)
@@ -202,5 +204,5 @@ def image_stiffness(scene) -> float:
     inside = q <= index[-1]
     periodic = (film(qx, qy) * shape(q))[inside].sum() / length**2
     q = np.linspace(0.0, index[-1], 64 * WAVES + 1)[1:]
-    alone = scipy.integrate.simpson(film(q, np.zeros_like(q)) * shape(q) * q, x=q) / (2.0 * math.pi)
+    alone = simpson(film(q, np.zeros_like(q)) * shape(q) * q, x=q) / (2.0 * math.pi)
     return float(alone / periodic)

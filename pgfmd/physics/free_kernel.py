@@ -9,15 +9,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, make_interp_spline
-from scipy.special import j0
 
 from .film import Base, ratio_deficit, require_film
 from .halfspace import require_positive
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 FAR = 12.0  # cells; from here on a Gauss rule is closer to the integral of 1/r than Love's difference of large terms
 FAR_NODES = 4  # per direction: error below 1e-13 at FAR
@@ -93,6 +94,10 @@ def deficit_table(poisson_ratio: float, base: Base) -> BSpline:
     Fifth order, because the function is analytic and the step may then be coarse: error below 1e-11. The table runs a
     few steps to s < 0, where the function is even, so that s = 0 is no end of the spline.
     """
+    # Not at the top: a half-space need not load them.
+    from scipy.interpolate import make_interp_spline
+    from scipy.special import j0
+
     nodes, weights = np.polynomial.legendre.leggauss(PANEL_NODES)
     starts = np.arange(0, HIGHEST_WAVE_NUMBER, PANEL_WIDTH)
     x = (starts[:, np.newaxis] + PANEL_WIDTH * (1 + nodes) / 2).ravel()

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates, spline_filter
 
 from pgfmd.files.text import read_table
 
@@ -160,12 +159,17 @@ class HeightMap:
         mode = "grid-wrap" if self.periodic else "nearest"
         pad, coefficients = self._whole(mode)
         places = np.stack([rows + pad, columns + pad])
+        # Here and below, not at the top: only a map needs them.
+        from scipy.ndimage import map_coordinates
+
         return map_coordinates(coefficients, places, order=self.order, mode=mode, prefilter=False)
 
     def _whole(self, mode: str) -> tuple[int, Array]:
         """What a small map is interpolated from, made once, and how many samples have been added around it."""
         if self.order == 1:
             return 0, self.heights
+        from scipy.ndimage import spline_filter
+
         pad = 0 if self.periodic else EDGE
         if "coefficients" not in self._kept:
             samples = np.pad(self.heights, pad, mode="edge") if pad else self.heights
@@ -183,6 +187,8 @@ class HeightMap:
             # The spline of samples that go on beyond the edge is level from a few of them on.
             ends = ((-EDGE, count - 1 + EDGE) for count in self.heights.shape)
             rows, columns = (np.clip(place, *end) for place, end in zip((rows, columns), ends))
+        from scipy.ndimage import map_coordinates
+
         found, height = np.empty(rows.shape), max(1, WHOLE // self.heights.shape[1])
         last = (self.heights.shape[0] - 1) // height
         stripe_of = np.clip(rows // height, 0, last).astype(np.int64)
@@ -196,6 +202,8 @@ class HeightMap:
     def _coefficients(self, stripe: int, height: int) -> Array:
         """What a stripe of so many rows, with its margin, is interpolated from; the last one asked for is kept."""
         if self._kept.get("stripe") != stripe:
+            from scipy.ndimage import spline_filter
+
             self._kept.clear()
             row, column = (np.arange(-MARGIN, count + MARGIN) for count in (height, self.heights.shape[1]))
             places = [index % count if self.periodic else np.clip(index, 0, count - 1)

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize_scalar
 
 
 def transition_parameter(
@@ -47,6 +46,9 @@ def pull_off_force(radius: float, work_of_adhesion: float, transition: float) ->
 
     def force_at(log_tangent: float) -> float:
         return float(curve(np.arctan(np.exp(log_tangent)), transition)[1])
+
+    # Not at the top: checks of a scene load this module, but don't need it.
+    from scipy.optimize import minimize_scalar
 
     # The curve is unimodal in log tan(theta), but flat at its ends: bracket the minimum on a coarse scan first.
     scan = np.linspace(-8, 12, 401)

@@ -1,6 +1,8 @@
 """What tests of whole processes share: an environment in which mpirun works anywhere, whatever has started the tests."""
 
 import os
+import subprocess
+import time
 from pathlib import Path
 
 LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
@@ -9,6 +11,8 @@ ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.sta
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
     "OMPI_MCA_rmaps_base_oversubscribe": "1",
     "OMP_NUM_THREADS": "1",
+    # All ranks work, also where there are fewer cores.
+    "PGFMD_ALL_RANKS": "1",
     # Shorter than in scripts/environment, for tests that end in another code than 0.
     "OMPI_MCA_odls_base_sigkill_timeout": "1",
 }
@@ -18,3 +22,11 @@ def held_at(step: int) -> dict[str, str]:
     """The environment of runs that wait at that step of theirs until a signal has come to every rank."""
     path = [str(Path(__file__).with_name("held")), *filter(None, [ENVIRONMENT.get("PYTHONPATH")])]
     return ENVIRONMENT | {"HELD_AT_STEP": str(step), "PYTHONPATH": os.pathsep.join(path)}
+
+
+def wait_for_rows(folder: Path, rows: int, process: subprocess.Popen) -> None:
+    """Until a live run has written so many lines of its curve."""
+    curve, latest = folder / "curve.csv", time.monotonic() + 60.0
+    while not curve.is_file() or curve.read_bytes().count(b"\n") < rows:
+        assert time.monotonic() < latest and process.poll() is None
+        time.sleep(0.01)

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from launching import ENVIRONMENT, held_at
+from launching import ENVIRONMENT, held_at, wait_for_rows
 
 from pgfmd.host import launch
 from pgfmd.restart.checkpoint_layout import read_head
@@ -54,13 +54,6 @@ def interrupted(run: list[str], folder: Path, number: int, rows: int = 150) -> s
     finally:
         process.kill()
     return subprocess.CompletedProcess(process.args, process.returncode, said, complaints)
-
-
-def wait_for_rows(folder: Path, rows: int, process: subprocess.Popen) -> None:
-    curve, latest = folder / "curve.csv", time.monotonic() + 60.0
-    while not curve.is_file() or curve.read_bytes().count(b"\n") < rows:
-        assert time.monotonic() < latest and process.poll() is None
-        time.sleep(0.01)
 
 
 NAMES = {signal.SIGUSR1: "USR1", signal.SIGTERM: "TERM", signal.SIGINT: "Ctrl-C"}

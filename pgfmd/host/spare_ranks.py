@@ -1,0 +1,85 @@
+"""Ranks for which their node has no core: they wait for the others, and have no part in the work.
+
+Ranks meet several times a pair of transforms. One that shares its core with another is late at each of them, and all wait
+for it: three ranks on two cores take a third longer than two, at best.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from typing import Any
+
+from pgfmd.errors import PgfmdError
+
+from .launch import RelayedError
+from .processes import cores_of
+from .streams import say
+
+ALL_RANKS = "PGFMD_ALL_RANKS"
+"""Variable of the environment that, if it is 1, gives work to all ranks."""
+_NAP = 0.02
+"""Time [s] between two looks of a rank without work at whether the others are done."""
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that a launcher passes on to all ranks; those that work answer them."""
+
+
+def on_cores(comm, action: Callable[[Any], Any]) -> Any:
+    """What `action` gives on the ranks that have a core of their own, called with a communicator of these; None on the
+    others, when it is done. Within launch.guarded(comm). Collective.
+
+    Of each node, the first ranks work, as many as there are cores that its ranks may use. An error that rank 0 has ends
+    the ranks without work too, with its exit code.
+    """
+    if comm.size == 1 or os.environ.get(ALL_RANKS) == "1":
+        return action(comm)
+    from mpi4py import MPI
+
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    works = node.rank < max(1, len(set().union(*node.allgather(cores_of()))))
+    node.Free()
+    working = comm.allgather(works)
+    if all(working):
+        return action(comm)
+    workers, channel = comm.Split(int(not works), comm.rank), comm.Dup()
+    if not works:
+        _wait(channel)
+        return None
+    if comm.rank == 0:
+        say(_told(comm.size, sum(working)))
+    spare = [rank for rank, has_work in enumerate(working) if not has_work] if comm.rank == 0 else []
+    try:
+        result = action(workers)
+    except PgfmdError as error:
+        _tell(channel, spare, error.exit_code)
+        raise
+    _tell(channel, spare, 0)
+    return result
+
+
+def _told(ranks: int, working: int) -> str:
+    others = f"{ranks - working} {'waits' if ranks - working == 1 else 'wait'}"
+    return (
+        f"note: {ranks} ranks, but cores for {working}: {working} work{'s' * (working == 1)} and {others}, which is faster. "
+        f"Start {working}, or set {ALL_RANKS}=1 to give all of them work"
+    )
+
+
+def _tell(channel, spare: list[int], code: int) -> None:
+    for rank in spare:
+        channel.Send(bytes([code]), rank)
+
+
+def _wait(channel) -> None:
+    """Until rank 0 is done. RelayedError if that was by an error."""
+    for number in _ENDING:
+        # The end of launch.guarded puts the handlers of before back.
+        signal.signal(number, signal.SIG_IGN)
+    code = bytearray(1)
+    request = channel.Irecv(code, 0)
+    while not request.Test():
+        time.sleep(_NAP)
+    if code[0]:
+        raise RelayedError("rank 0 ended with an error", code[0])
