@@ -90,9 +90,8 @@ class EnergyAudit:
         for i in range(stages):
             g = images[i]
             for j in range(i):
-                g += weights.stage_weight[i, j] * images[j]
-            np.subtract(u[i], g, out=g)
-            g /= weights.compliance[i]
+                retardation_kernels.add_stage(weights.stage_weight[i, j], images[j], g)
+            retardation_kernels.stage_of(u[i], g, weights.compliance[i], g)
         offset = self.points.offset
         retardation_kernels.advance_branches_and_energy(
             state.branches, state.images, weights.decay, f, images, weights.gain, weights.rate_decay,

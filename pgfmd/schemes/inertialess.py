@@ -116,7 +116,7 @@ class Inertialess(PathFollowing):
         for i, node in enumerate(self.tableau.nodes):
             history = self._history[i]
             for j in range(i):
-                history += weights.stage_weight[i, j] * self._f[j]
+                retardation_kernels.add_stage(weights.stage_weight[i, j], self._f[j], history)
             elapsed = state.elapsed + node * step
             trial.position = state.phase_start + phase.displacement(elapsed)
             self._predict(state, trial, i, node * step)
@@ -135,8 +135,7 @@ class Inertialess(PathFollowing):
                 return trial
             # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes
             # the images G0 phi, and with them the stored energy, those of these tractions.
-            np.subtract(self._w[i], history, out=self._f[i])
-            self._f[i] /= weights.compliance[i]
+            retardation_kernels.stage_of(self._w[i], history, weights.compliance[i], self._f[i])
         # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path
         # is.
         trial.change = self._change(state, trial, self.order + 1 if self.creep.elements else 3)

@@ -99,8 +99,6 @@ class NewtonSolver:
         u and w stay at the lowest Phi found.
         """
         trust, way, cg_count, negative, self._renewed = 1.0, 0.0, 0, False, False
-        self.cg.s[:] = 0.0
-        self.cg.t[:] = 0.0
         (pull, imbalance, potential, _), drop = self._evaluate(position, u, w, 0.0, 0.0, history, compliance), 0.0
         if not math.isfinite(potential):
             return self._outcome(False, 0, 0, pull, drop, potential, negative, way)
@@ -213,6 +211,10 @@ class NewtonSolver:
     def _outcome(
         self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved, left_over=0.0
     ) -> Outcome:  # fmt: skip
+        if not converged:
+            # The next solve begins without a move along these, 0 s and 0 t, so they must be numbers.
+            self.cg.s[:] = 0.0
+            self.cg.t[:] = 0.0
         area = self.points.grid.cell_area
         energies = drop * area, adhesive * area
         found = -pull * area, *energies, negative, moved, left_over, self._renewed

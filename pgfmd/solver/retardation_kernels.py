@@ -39,6 +39,21 @@ def weigh_branches(branches, weights, out):
 
 
 @_compile
+def add_stage(weight, stage, history):
+    """history += weight stage."""
+    for p in range(history.size):
+        history[p] += weight * stage[p]
+
+
+@_compile
+def stage_of(total, history, compliance, out):
+    """out = (total - history) / compliance: the f_i of w_i = J_i f_i + history_i, or its image G0 f_i from u_i. Out may be
+    the history's array."""
+    for p in range(out.size):
+        out[p] = (total[p] - history[p]) / compliance
+
+
+@_compile
 def advance_branches(branches, decay, stages, gain, count):
     """branches[m] = decay[m] branches[m] + sum_{j < count} gain[m, j] stages[j], with 1 or 2 stages.
 
