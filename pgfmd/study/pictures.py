@@ -198,7 +198,7 @@ def measures_figure(plan: Plan, title: str) -> Any | None:
         _x_axis(panel, plan, across, bool(numeric), done)
         overlapping = sum(counted_overlap(row.measured) for row in done)
         if measure == AT_PRELOAD.format("contact") and overlapping:
-            panel.set_title(f"without {overlapping} of an earlier version, which counted overlap", fontsize=7.0)
+            panel.set_title(f"without {overlapping} that counted overlap", fontsize=7.0)
     handles, names = panels[0].get_legend_handles_labels()
     if any(names):
         figure.legend(handles, names, loc="outside right upper")

@@ -168,7 +168,7 @@ def test_a_study_that_mixes_old_and_new_folders_says_so(study, folders, tmp_path
     assert told.startswith("preload-2mN: run by an earlier version") and "the other cases count contact" in told
     panel = measures_figure(Plan(rows, study.axes), "").axes[3]
     assert list(panel.lines[0].get_xdata()) == [1e-3]
-    assert panel.get_title() == "without 1 of an earlier version, which counted overlap"
+    assert panel.get_title() == "without 1 that counted overlap"
     # The command says it, too.
     (tmp_path / "small.toml").write_text(
         f'scene = "{SCENE[0]}"\n[set]\ngrid.n = 24\noutput.snapshots = ["1 s"]\n[axes]\n'
