@@ -15,6 +15,8 @@ from .gap_classes import class_numbers, gap_classes
 MOST_PANELS = 12
 MOST_PIXELS = 1024
 ROBUST_PERCENTILE = 99.5
+LEGEND_LINE = 0.17
+"""Height [inch] of a line of a legend."""
 
 
 def new_figure(width: float, height: float) -> Any:
@@ -127,6 +129,7 @@ def contact_figure(
         maps.draw(axis, class_numbers(maps.values(snapshot), classes), **look)
     patches = [Patch(facecolor=each.grey, edgecolor="0.25", linewidth=0.5, label=each.label) for each in classes]
     columns = len(patches) if len(maps.axes) > 2 else 2
+    maps.figure.set_figheight(maps.figure.get_figheight() + LEGEND_LINE * -(-len(patches) // columns))
     maps.figure.legend(handles=patches, loc="outside lower center", ncols=columns, handlelength=1.2, columnspacing=1.4)
     return maps.figure
 
