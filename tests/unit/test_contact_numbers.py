@@ -2,7 +2,6 @@
 
 import csv
 import json
-import math
 import shutil
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from small_runs import SCENE, run
 from synthetic_results import as_version_0_1
 from typer.testing import CliRunner
 
+from pgfmd.analysis.contact_table import Face
 from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
 from pgfmd.results import load
@@ -23,8 +23,6 @@ from pgfmd.study.pictures import Plan, measures_figure
 from pgfmd.study.standing import standing_of
 from pgfmd.study.study_file import study_from_mapping
 from pgfmd.study.table import COLUMNS, overview, rows_of, write_table
-
-FACE = math.pi * 375e-6**2
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +78,10 @@ def test_analyse_names_what_was_counted(folders):
     assert new.record["near"]["near_gap_m"] == results.near_gap and new.record["near"]["largest_near_area_m2"] > 0.0
     assert new.record["overlap"]["largest_overlap_area_m2"] == new.loop.overlap.max()
     notes = {row.key: row.note for row in new.table.sections["Contact"]}
-    assert notes["largest_area"] == f"{100 * new.loop.area.max() / FACE:.3g} % of the punch"
+    fields = results.fields["gap"]
+    points = int(np.isfinite(fields[0]).sum())
+    share = new.loop.area.max() / (points * (1.5e-3 / 24) ** 2)
+    assert notes["largest_area"] == f"{100 * share:.3g} % of the punch"
     assert "loads_at_which_sites_change" in new.record and not any("earlier" in text for text in new.table.remarks)
 
     assert old.record["overlap"] == new.record["overlap"]
@@ -94,6 +95,15 @@ def test_analyse_names_what_was_counted(folders):
     times = {age: row.note for age, found in (("new", new), ("old", old))
              for row in found.table.sections["Forces"] if row.key == "time_to_preload"}  # fmt: skip
     assert times == {"new": "from the first contact", "old": "from the first overlap"}
+
+
+def test_that_all_is_in_contact_is_said_where_no_point_is_missing():
+    face = Face(1000000, 1e-12)
+    texts = [face.share(points * 1e-12) for points in (0, 4321, 999000, 999999, 1000000)]
+    assert texts == [
+        "0 % of the punch", "0.432 % of the punch", "99.9 % of the punch",
+        "all of the punch but 1 of 1000000 points", "all of the punch",
+    ]  # fmt: skip
 
 
 def test_compare_says_which_curves_count_what(folders, tmp_path):
