@@ -61,7 +61,9 @@ def add_areas(table: Table, results: Results, found: Measures) -> None:
             continue
         section, prefix = kind.capitalize(), "" if kind == "contact" else f"{kind}_"
         if kind in gaps:
-            table.add(section, f"{kind}_gap", "gap below which points count", gaps[kind], "m")
+            less = kind == "near" and results.near_gap <= results.contact_gap
+            note = "not above that of contact: an image sees less than what is held" if less else ""
+            table.add(section, f"{kind}_gap", "gap below which points count", gaps[kind], "m", note)
         for key, name, value in (
             (f"{prefix}area_at_preload", f"{kind} area at the preload", areas.at_preload),
             (f"largest_{prefix}area", f"largest {kind} area", areas.largest),

@@ -14,9 +14,11 @@ from typer.testing import CliRunner
 from pgfmd.analysis.contact_table import Face
 from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
+from pgfmd.files.hdf5 import open_serial
 from pgfmd.results import load
 from pgfmd.results.loop import KINDS_OF_AREA, Loop
 from pgfmd.results.measures import measure
+from pgfmd.results.verify import verify
 from pgfmd.study.areas import AREAS, GAPS, remarks
 from pgfmd.study.cases import cases_of
 from pgfmd.study.pictures import Plan, measures_figure
@@ -122,6 +124,15 @@ def test_compare_says_which_curves_count_what(folders, tmp_path):
     assert "overlap" not in told(new)
     alone = told(old)
     assert "contact area" not in alone and "not contact; the areas" not in alone and "not contact" in alone
+
+
+def test_verify_compares_what_snapshots_say_of_contact(folders, tmp_path):
+    folder = shutil.copytree(folders / "new" / "preload-1mN", tmp_path / "run")
+    assert all(part.fine for part in verify(folder))
+    with open_serial(folder / "fields.h5", "r+") as file:
+        file.attrs["contact_gap_m"] = 1.01 * file.attrs["contact_gap_m"]
+    (part,) = (part for part in verify(folder) if not part.fine)
+    assert part.path.name == "fields.h5" and part.found == "changed: attribute contact_gap_m"
 
 
 @pytest.fixture
