@@ -13,7 +13,8 @@ from paper.pool import Run
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, contact_sites
 from pgfmd.plots.folder import GREY, RED, TURQUOISE
-from pgfmd.plots.maps import NEAR_LEVEL, new_figure
+from pgfmd.plots.gap_classes import NEAR_LEVEL
+from pgfmd.plots.maps import new_figure
 from pgfmd.results import Results
 
 OCHRE, VIOLET, GREEN = "#d18f00", "#6a4c93", "#4c9f38"

@@ -22,7 +22,8 @@ from paper.drawing import (
 )
 from paper.pool import Run, Runs
 from pgfmd.analysis.bulges import bulges
-from pgfmd.plots.maps import CONTACT_LEVEL, GREYS, MOST_PIXELS, NEAR_LEVEL, robust_limit
+from pgfmd.plots.gap_classes import GREYS, NEAR_LEVEL
+from pgfmd.plots.maps import MOST_PIXELS, robust_limit
 
 TRI_COLUMNS = (1.0, 1.125, 1.25)
 LAST = "distance from the axis of the last third of saddles, over all"
@@ -45,7 +46,8 @@ def draw_maps(rows: list[tuple[str, Run, list[int], str]]) -> Any:
         image = None
         for axis, (frame, values) in zip(line, arrays.items(), strict=False):
             if what == "gap":
-                values = np.where(np.isnan(values), np.nan, 1.0 * (values >= CONTACT_LEVEL) + (values >= NEAR_LEVEL))
+                held = values < run.results.contact_gap
+                values = np.where(np.isnan(values), np.nan, 2.0 - held - (held | (values < NEAR_LEVEL)))
                 axis.imshow(np.ma.masked_invalid(values), origin="lower", interpolation="nearest", **greys)
             else:
                 image = axis.imshow(1e-3 * values, origin="lower", cmap=cm.vik, vmin=-1e-3 * limit, vmax=1e-3 * limit)
