@@ -16,6 +16,7 @@ from pgfmd.errors import ResultError
 from pgfmd.files.curve_file import CURVE_COLUMNS, EARLIER_CURVE_COLUMNS, LATER_COLUMNS
 from pgfmd.files.curve_tail import CurveTail
 from pgfmd.results import load
+from pgfmd.results.reading import FieldsMapping
 from pgfmd.results.status import status_of
 from pgfmd.results.verify import verify
 from pgfmd.runner import run_scene
@@ -62,6 +63,9 @@ def test_what_a_run_has_counted_is_known(new, tmp_path):
         assert (results.contact_gap, results.near_gap, results.counts_overlap) == (reach / 2, 5e-7, False)
         told = results.fields.attrs
         assert (told["contact_gap_m"], told["near_gap_m"]) == (reach / 2, 5e-7)
+        plain = FieldsMapping(new / "fields.h5")
+        assert plain.attrs["contact_gap_m"] == reach / 2
+        plain.close()
         for k, time in enumerate(results.fields["time"].values):
             gap, row = results.frame("gap", k), curve[curve["time [s]"] == time].iloc[0]
             cell = results.scene["grid"]["n"] ** -2 * 1.5e-3**2
