@@ -1,0 +1,67 @@
+"""Where the time of a simulation's pairs goes, and what its ranks pass to each other."""
+
+from __future__ import annotations
+
+import statistics
+import time
+
+
+class Watch:
+    """Counts and times what the operators and sums of a simulation do: work in processor time, which other load disturbs
+    less, without what ranks wait for in it; a pair with all that goes with it by the clock where there are others."""
+
+    def __init__(self, simulation):
+        self.simulation, self.points = simulation, simulation.points
+        self.clock = time.process_time if self.points.comm.size == 1 else time.perf_counter
+        self.outside = 0.0
+        self.spent = {"transforms": 0.0, "sums": 0, "reductions": 0}
+        self.calls: dict[str, list[float]] = {"_rows_forward": [], "_convolve_columns": [], "_rows_backward": []}
+        for operator in simulation.scheme.solver.operators:
+            for name in self.calls:
+                setattr(operator, name, self._timed(getattr(operator, name), name))
+            transposition = operator._transposition
+            transposition.to_columns = self._left_out(transposition.to_columns)
+            transposition.to_rows = self._left_out(transposition.to_rows)
+        self.points.all_rows = self._counted(self.points.all_rows, "sums")
+        self.points.maxima_of = self._counted(self.points.maxima_of, "reductions")
+
+    def now(self) -> dict[str, float]:
+        """What there has been so far: counts, and seconds; what ranks of a node have passed to each other."""
+        found = {"pairs": self.simulation.scheme.pairs, "pair": self.clock(), **self.spent}
+        if self.points.comm.size > 1:
+            from pgfmd.solver.node import Node
+
+            node = Node.of(self.points.comm)
+            found |= {name: getattr(node, name) for name in ("waited", "meetings", "messages", "sent", "gathers")}
+        return found
+
+    def usual(self) -> dict[str, float]:
+        """Seconds of the rows and of the columns of a pair, the median of all."""
+        there, columns, back = (statistics.median(calls) for calls in self.calls.values())
+        return {"rows": there + back, "columns": columns}
+
+    def _timed(self, action, part: str):
+        def timed(*given):
+            began, before = time.process_time(), self.outside
+            found = action(*given)
+            taken = time.process_time() - began - (self.outside - before)
+            self.calls[part].append(taken)
+            self.spent["transforms"] += taken
+            return found
+
+        return timed
+
+    def _left_out(self, action):
+        def apart():
+            began = time.process_time()
+            action()
+            self.outside += time.process_time() - began
+
+        return apart
+
+    def _counted(self, action, part: str):
+        def counted(*given):
+            self.spent[part] += 1
+            return action(*given)
+
+        return counted
