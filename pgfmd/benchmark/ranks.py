@@ -56,7 +56,9 @@ def survey(sizes: Sequence[int], counts: Sequence[int], say: Callable[[str], Non
         arguments = ["-m", "pgfmd.benchmark.ranks", *map(str, sorted({TINY, *sizes}))]
         records += json.loads(on_ranks(path if count > 1 else None, arguments, count, PATIENCE))
         start[count] = min(_start_seconds(path if count > 1 else None, count) for _ in range(3))
-    profile = Profile(identity(), cores(), f"{datetime.now():%Y-%m-%d %H:%M}", start, fitted(records))
+    # Ranks that share a core tell nothing of those that don't.
+    usable = [record for record in records if record["ranks"] <= cores()]
+    profile = Profile(identity(), cores(), f"{datetime.now():%Y-%m-%d %H:%M}", start, fitted(usable))
     return profile, records
 
 
@@ -74,10 +76,11 @@ def fitted(records: Sequence[dict]) -> Costs:
     alone = {record["n"]: record for record in records if record["ranks"] == 1}
     tiny, sizes = alone[TINY], sorted(alone.keys() - {TINY})
 
-    def each(part: str, over: str) -> tuple[float, ...]:
-        # Beyond what a tiny test takes, which is overhead.
-        return tuple(max(alone[n][part] - tiny[part], 0.0) / alone[n][over] for n in sizes)
+    def each(part: str, over: str, few: int = 0) -> tuple[float, ...]:
+        # Beyond what a tiny test takes, which is overhead but for a few points.
+        return tuple(max(alone[n][part] - tiny[part], 0.0) / (alone[n][over] - few) for n in sizes)
 
+    point = each("pass", "points", tiny["points"])
     several = [record for record in records if record["ranks"] > 1]
     most = max((record["ranks"] for record in several), default=1)
     crowding = {1: 1.0} | {
@@ -89,8 +92,9 @@ def fitted(records: Sequence[dict]) -> Costs:
     looks = [(meetings[b] - meetings[a]) / (b - a) for a, b in pairwise(sorted(meetings))]
     costs = Costs(
         sizes=tuple(sizes), row=each("rows", "nb"), column=each("columns", "width"),
-        points=tuple(alone[n]["points"] for n in sizes), point=each("pass", "points"),
-        pair_overhead=tiny["rows"] + tiny["columns"], sum_overhead=tiny["pass"], adding=tiny["adding"],
+        points=tuple(alone[n]["points"] for n in sizes), point=point,
+        pair_overhead=tiny["rows"] + tiny["columns"],
+        sum_overhead=max(tiny["pass"] - tiny["points"] * point[0], 0.0), adding=tiny["adding"],
         crowding=tuple(float(np.interp(k, list(crowding), list(crowding.values()))) for k in range(1, most + 1)),
         meeting=meetings.get(fewest, 0.0), look=max(0.0, statistics.median(looks)) if looks else 0.0,
     )  # fmt: skip
