@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pgfmd.solver.grid import PunchPoints, share
+from pgfmd.solver.grid import PunchPoints, share, share_rows
 
 KINDS = 6
 """Numbers a row that a sum brings to all ranks: those of an iteration of conjugate gradients."""
@@ -47,11 +47,11 @@ class Problem:
         """So many ranks can have a row and a column each."""
         return min(self.nb, self.columns)
 
-    def largest(self, ranks: int) -> tuple[int, int, int]:
-        """Most rows, columns and points that one of these ranks has."""
-        ends = [sum(share(self.nb, ranks, rank)) for rank in range(ranks)]
-        points = int(np.diff(self.ends[ends], prepend=0).max())
-        return -(-self.nb // ranks), -(-self.columns // ranks), points
+    def shares(self, ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows, columns and points of each of these ranks, (ranks,)."""
+        edges = share_rows(self.ends, ranks)
+        columns = np.array([share(self.columns, ranks, rank)[1] for rank in range(ranks)])
+        return np.diff(edges), columns, np.diff(self.ends[edges])
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,7 @@ def traffic_of_pair(problem: Problem, nodes: Sequence[int], rank: int, itemsize:
     columns become others' rows.
     """
     ranks, here = len(nodes), np.asarray(nodes) == nodes[rank]
-    rows, columns = (
-        np.array([share(count, ranks, other)[1] for other in range(ranks)]) for count in (problem.nb, problem.columns)
-    )
+    rows, columns, _ = problem.shares(ranks)
     there, back = rows[rank] * columns, rows * columns[rank]
     mine = here.copy()
     mine[rank] = False
@@ -154,40 +152,59 @@ class Costs:
         return float(np.interp(ranks, np.arange(1, len(self.crowding) + 1), self.crowding))
 
 
-PARTS = ("rows", "columns", "pointwise", "overhead", "sums", "shared memory", "latency", "bandwidth")
-"""What the time of a pair is made of."""
+PARTS = ("rows", "columns", "pointwise", "overhead", "imbalance", "sums", "shared memory", "latency", "bandwidth")
+"""What the time of a pair is made of: work as on a rank with its fair share, and what is lost."""
+STRETCHES = ((0.5, 0.0, 0.4), (0.0, 1.0, 0.0), (0.5, 0.0, 0.1), (0.0, 0.0, 0.5))
+"""Shares of the transforms of rows, of columns, and of the pointwise work that are done from one meeting of all ranks to
+the next. Conjugate gradients turn their direction (12 vectors are read or written) before the rows are transformed, look
+at the result (3) after they have come back; all else comes with sums of its own."""
 
 
 def pair_seconds(
-    problem: Problem, ranks: int, costs: Costs, per_node: int | None = None, network: Network = Network()
-) -> dict[str, float]:
-    """Seconds of a pair with all that goes with it, by `PARTS`; per_node: ranks on a node, all of them if None."""
+    problem: Problem, ranks: int, costs: Costs, per_node: int | None = None, network: Network = Network(),
+    shares: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
+) -> dict[str, float]:  # fmt: skip
+    """Seconds of a pair with all that goes with it, by `PARTS`.
+
+    per_node: ranks on a node, all of them if None. shares: rows, columns and points of each rank, if not as a run shares
+    them out.
+    """
     per_node = min(per_node or ranks, ranks)
-    rows, columns, points = problem.largest(ranks)
-    crowd, count = costs.crowd(per_node), -(-ranks // per_node)
+    shares = shares or problem.shares(ranks)
+    each = (
+        costs.of_line(costs.row, problem.side), costs.of_line(costs.column, problem.side),
+        costs.sums * costs.of_point(int(problem.ends[-1]) // ranks),
+    )  # fmt: skip
+    work = [costs.crowd(per_node) * seconds * counts for seconds, counts in zip(each, shares, strict=True)]
+    slowest = sum(
+        float(sum(share * part for share, part in zip(stretch, work, strict=True)).max()) for stretch in STRETCHES
+    )
+    fair = [float(part.sum()) / ranks for part in work]
     nodes = nodes_of(ranks, per_node)
-    # The first rank has one row and one column more, where they don't divide.
+    # The first rank has a column more, where they don't divide, and under a round punch the most rows.
     pair, one = traffic_of_pair(problem, nodes, 0), traffic_of_sum(nodes, 0)
     meeting = costs.meeting + (per_node - 2) * costs.look if per_node > 1 else 0.0
-    sums = one.meetings * meeting + (costs.adding * problem.nb if ranks > 1 else 0.0)
-    latency = bandwidth = 0.0
-    if count > 1:
-        latency = pair.messages * network.message + 2.0 * network.latency
-        # What a node sends is received by others at the same time.
-        bandwidth = pair.sent * per_node / network.bandwidth
-        bytes_of_sum = 8.0 * KINDS * problem.nb * (count - 1) / count
-        sums += math.ceil(math.log2(count)) * network.latency + bytes_of_sum / network.bandwidth
-    return {
-        "rows": crowd * rows * costs.of_line(costs.row, problem.side),
-        "columns": crowd * columns * costs.of_line(costs.column, problem.side),
-        "pointwise": crowd * costs.sums * points * costs.of_point(points),
-        "overhead": costs.pair_overhead + costs.sums * costs.sum_overhead,
-        "sums": costs.sums * sums,
-        "shared memory": pair.shared * costs.shared + pair.meetings * meeting,
-        "latency": latency,
-        "bandwidth": bandwidth,
-    }
+    sums, latency, bandwidth = _between_nodes(problem, shares, pair, per_node, network)
+    sums += one.meetings * meeting + (costs.adding * problem.nb if ranks > 1 else 0.0)
+    found = (
+        *fair, costs.pair_overhead + costs.sums * costs.sum_overhead, slowest - sum(fair), costs.sums * sums,
+        pair.shared * costs.shared + pair.meetings * meeting, latency, bandwidth,
+    )  # fmt: skip
+    return dict(zip(PARTS, found, strict=True))
 
+
+def _between_nodes(problem: Problem, shares, pair: Traffic, per_node: int, network: Network) -> tuple[float, float, float]:
+    """Seconds of a sum, and of a pair's messages by latency and by bandwidth, that nodes take."""
+    rows, columns, _ = shares
+    count = -(-rows.size // per_node)
+    if count == 1:
+        return 0.0, 0.0, 0.0
+    # What a node sends, there and back; it receives as much at the same time.
+    rows_here, columns_here = rows[:per_node].sum(), columns[:per_node].sum()
+    sent = 16.0 * (rows_here * (columns.sum() - columns_here) + columns_here * (rows.sum() - rows_here))
+    bytes_of_sum = 8.0 * KINDS * problem.nb * (count - 1) / count
+    of_sum = math.ceil(math.log2(count)) * network.latency + bytes_of_sum / network.bandwidth
+    return of_sum, pair.messages * network.message + 2.0 * network.latency, sent / network.bandwidth
 
 
 def total_seconds(

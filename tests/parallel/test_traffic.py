@@ -54,9 +54,8 @@ def test_a_pair_and_a_sum_pass_what_the_model_counts(split, n, dtype):
     here = {id(block) for _, block, _ in convolve._transposition._remote}
     own = int(convolve.spectrum.column_count) * points.rows * convolve.complex.itemsize
     assert pair.shared == 2 * (sum(block.nbytes for *_, block in blocks if id(block) not in here) - own)
-    assert problem.largest(comm.size) == tuple(
-        max(comm.allgather(count)) for count in (points.rows, convolve.spectrum.column_count, points.size)
-    )
+    own = points.rows, convolve.spectrum.column_count, points.size
+    assert np.array_equal(problem.shares(comm.size), np.transpose(comm.allgather(own)))
     comm.Free()
 
 
@@ -65,9 +64,7 @@ def test_every_message_that_is_sent_is_received():
     nodes = [0, 0, 1, 2, 2, 2]
     sent = sum(traffic_of_pair(problem, nodes, rank).sent for rank in range(len(nodes)))
     shared = sum(traffic_of_pair(problem, nodes, rank).shared for rank in range(len(nodes)))
-    kept = sum(
-        rows * columns
-        for rows, columns in zip([4, 4, 4, 4, 4, 4], [4, 4, 4, 3, 3, 3])
-    )
+    rows, columns, _ = problem.shares(len(nodes))
+    kept = int((rows * columns).sum())
     # There and back, each row's columns go to another node, to another rank of this one, or stay.
     assert sent + shared + 2 * 16 * kept == 2 * 16 * problem.nb * problem.columns

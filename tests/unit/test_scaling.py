@@ -35,7 +35,7 @@ def test_the_time_of_one_rank_is_that_of_its_parts():
     assert parts["rows"] == pytest.approx(32 * 2e-6 / (64 * 6) * side)
     assert parts["pointwise"] == pytest.approx(3.0 * 1024 * 5e-9)
     assert parts["overhead"] == pytest.approx(7e-5)
-    assert parts["sums"] == parts["shared memory"] == parts["latency"] == parts["bandwidth"] == 0.0
+    assert parts["sums"] == parts["imbalance"] == parts["shared memory"] == parts["latency"] == parts["bandwidth"] == 0.0
 
 
 def test_latency_and_bytes_only_make_it_slower():
@@ -59,13 +59,15 @@ def test_messages_take_latency_and_bandwidth():
     assert parts["bandwidth"] == pytest.approx(2 * (2 * 6 * 16 * 16) / 1e6)
 
 
-def test_a_round_punch_is_not_shared_out_evenly():
-    problem = problem_of(256)
-    rows, columns, points = problem.largest(64)
-    assert (rows, columns) == (2, 3)
-    # The rows in the middle are as long as the block, on average they have pi/4 of that.
-    assert points == pytest.approx(2 * problem.nb, rel=0.01) and problem.ends[-1] / 64 < 0.8 * points
-    assert problem.most_ranks == 128
+def test_ranks_wait_for_the_slowest_of_each_stretch():
+    shares = np.array([20, 12]), np.array([16, 16]), np.array([400, 624])
+    parts = pair_seconds(EVEN, 2, COSTS, shares=shares)
+    row, point = COSTS.of_line(COSTS.row, 62), 3.0 * 5e-9
+    forward = max(10 * row + 160 * point, 6 * row + 0.4 * 624 * point)
+    back = max(10 * row + 40 * point, 6 * row + 62.4 * point)
+    slowest = forward + back + 312 * point
+    assert parts["imbalance"] == pytest.approx(slowest - 16 * row - 512 * point)
+    assert parts["rows"] == pytest.approx(16 * row) and parts["pointwise"] == pytest.approx(512 * point)
 
 
 def test_rows_of_one_node_go_through_its_memory():
