@@ -14,12 +14,13 @@ from pgfmd.benchmark import ranks as bench
 from pgfmd.forecast.scaling import (
     PARTS, SUMS, Costs, Network, Problem, pair_seconds, total_seconds, traffic_of_pair, traffic_of_sum,
 )  # fmt: skip
-from pgfmd.solver.grid import share
 
 LARGE, CORES = (4096, 8192, 16384, 32768), (16, 64, 256, 1024, 4096)
 """Grids and numbers of ranks that the model is printed for."""
-SHARED_BY = (2, 3, 4, 8, 16, 32, 64)
+SHARED_BY = (2, 3, 4, 8, 16, 32, 64, 256)
 """Ranks among which the rows of a round punch are shared out."""
+ROW_WORK = 0.6
+"""Work on a row beside that on its points, in rows as wide as the punch: what wins most, and near what is measured."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -203,35 +204,26 @@ def _parts(costs: Costs, network: Network, per_node: int) -> str:
     return "Where the time goes, in percent:\n\n" + table(["n", "cores", "ms", *PARTS], rows)
 
 
-def _even(problem: Problem, ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Shares of ranks that have as many rows each."""
-    edges = np.array([share(problem.nb, ranks, rank)[0] for rank in range(ranks)] + [problem.nb])
-    return np.diff(edges), problem.shares(ranks)[1], np.diff(problem.ends[edges])
-
-
-def _by_points(problem: Problem, ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Shares of ranks that have about as many points each."""
-    edges = np.rint(np.interp(np.arange(ranks + 1) / ranks * problem.ends[-1], problem.ends, np.arange(problem.nb + 1)))
-    edges = edges.astype(int)
+def _by(problem: Problem, ranks: int, row: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Shares of ranks among which rows are shared out by their points and, beside them, `row` of those of the longest."""
+    work = problem.ends + row * problem.nb * np.arange(problem.nb + 1)
+    edges = np.rint(np.interp(np.arange(ranks + 1) / ranks * work[-1], work, np.arange(problem.nb + 1))).astype(int)
     return np.diff(edges), problem.shares(ranks)[1], np.diff(problem.ends[edges])
 
 
 def _balance(costs: Costs, network: Network, per_node: int) -> str:
     rows = []
-    for n in (1024, 4096):
+    for n, ranks in ((n, ranks) for n in (1024, 4096) for ranks in SHARED_BY):
         problem = bench.problem_of(n)
-        for ranks in SHARED_BY:
-            shares = {"rows": _even(problem, ranks), "points": _by_points(problem, ranks), "work": problem.shares(ranks)}
-            seconds = {
-                by: sum(pair_seconds(problem, ranks, costs, per_node, network, found).values())
-                for by, found in shares.items()
-            }
-            fair = problem.ends[-1] / ranks
-            cells = [f"{shares[by][0].max() / (problem.nb / ranks):.2f}, {shares[by][2].max() / fair:.2f}" for by in shares]
-            gains = [f"{100 * (1 - seconds[by] / seconds['rows']):.1f} %" for by in ("points", "work")]
-            rows.append([n, ranks, *cells, *gains])
-    head = ["n", "ranks", "by rows", "by points", "by work", "won by points", "won by work"]
-    return table(head, rows)
+        shares = {"rows": problem.shares(ranks), "points": _by(problem, ranks, 0.0), "work": _by(problem, ranks, ROW_WORK)}
+        seconds = {
+            by: sum(pair_seconds(problem, ranks, costs, per_node, network, found).values()) for by, found in shares.items()
+        }
+        fair = problem.nb / ranks, problem.ends[-1] / ranks
+        cells = [f"{found[0].max() / fair[0]:.2f}, {found[2].max() / fair[1]:.2f}" for found in shares.values()]
+        gains = [f"{100 * (1 - seconds[by] / seconds['rows']):.1f} %" for by in ("points", "work")]
+        rows.append([n, ranks, *cells, *gains])
+    return table(["n", "ranks", "by rows", "by points", "by work", "won by points", "won by work"], rows)
 
 
 def _overlap(here: Costs, costs: Costs, network: Network, per_node: int) -> str:

@@ -18,7 +18,7 @@ from pgfmd.parts import (
 )  # fmt: skip
 from pgfmd.physics.heightfile import map_bytes
 from pgfmd.reference import flat_punch, hertz
-from pgfmd.solver.grid import Grid, PunchPoints, share_rows
+from pgfmd.solver.grid import Grid, PunchPoints, share
 
 PROGRAM_BYTES = 245e6
 """Python, compiled kernels and libraries on every rank: peak resident memory less the fields, with 1 and 2 ranks."""
@@ -68,7 +68,8 @@ def punch_points(scene) -> PunchPoints:
 
 def largest_share(points: PunchPoints, ranks: int) -> int:
     """Points of the rank that has most of them: under a round punch, the rows in the middle are longer."""
-    return int(np.diff(points.offset[share_rows(points.offset, ranks)]).max())
+    ends = [sum(share(points.nb, ranks, rank)) for rank in range(ranks)]
+    return int(np.diff(points.offset[ends], prepend=0).max())
 
 
 def memory_of(scene, ranks: int = 1) -> Memory:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pgfmd.solver.grid import PunchPoints, share, share_rows
+from pgfmd.solver.grid import PunchPoints, share
 
 KINDS = 6
 """Numbers a row that a sum brings to all ranks: those of an iteration of conjugate gradients."""
@@ -49,9 +49,10 @@ class Problem:
 
     def shares(self, ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows, columns and points of each of these ranks, (ranks,)."""
-        edges = share_rows(self.ends, ranks)
-        columns = np.array([share(self.columns, ranks, rank)[1] for rank in range(ranks)])
-        return np.diff(edges), columns, np.diff(self.ends[edges])
+        rows, columns = (
+            np.array([share(count, ranks, rank)[1] for rank in range(ranks)]) for count in (self.nb, self.columns)
+        )
+        return rows, columns, np.diff(self.ends[np.cumsum(rows)], prepend=0)
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,7 @@ def pair_seconds(
     )
     fair = [float(part.sum()) / ranks for part in work]
     nodes = nodes_of(ranks, per_node)
-    # The first rank has a column more, where they don't divide, and under a round punch the most rows.
+    # The first rank has a row and a column more, where they don't divide.
     pair, one = traffic_of_pair(problem, nodes, 0), traffic_of_sum(nodes, 0)
     meeting = costs.meeting + (per_node - 2) * costs.look if per_node > 1 else 0.0
     sums, latency, bandwidth = _between_nodes(problem, shares, pair, per_node, network)

@@ -3,22 +3,18 @@
 The cell is a square of side L with n x n points at x_i = (i + 1/2) h - L/2, h = L/n, centred on the punch's axis, so
 that a mirror-symmetric scene stays symmetric on the grid for even and odd n. Axis 0 is y, axis 1 is x. Only points
 under the punch carry tractions. They fill, row by row, one interval of columns: fields live in *point vectors* that
-hold these points only, in row order, the rows shared out over the ranks by the work that they make. A point vector's
-order does not depend on the number of ranks.
+hold these points only, in row order, the rows shared evenly over the ranks. A point vector's order does not depend on
+the number of ranks.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 MOST_KINDS = 12
 """Numbers a row that are brought to all ranks at a time, at most."""
-ROW_WORK = (3, 5)
-"""What the transforms of a row cost beside the work on its points: as much as 3/5 of the work on the points of a row as
-wide as the block, at n = 1024 to 4096 (scripts/ranks.py, balance). Whole numbers, so that all ranks come to the same."""
 
 
 @dataclass(frozen=True)
@@ -62,33 +58,14 @@ def share(count: int, parts: int, part: int) -> tuple[int, int]:
     return part * size + min(part, extra), size + (part < extra)
 
 
-def share_rows(ends: np.ndarray, parts: int) -> np.ndarray:
-    """Rows of the block before each part and in all, (parts + 1,): parts with about the same work, one row at least.
-
-    ends (nb + 1,): points before each row and in all. Under a round punch, parts in the middle get fewer rows.
-    """
-    nb = ends.size - 1
-    if parts >= nb:
-        return np.minimum(np.arange(parts + 1), nb)
-    row, point = ROW_WORK
-    work = point * ends.astype(np.int64) + row * nb * np.arange(nb + 1)
-    # The nearest row: twice the middles between two of them, to stay with whole numbers.
-    middles, wanted = work[:-1] + work[1:], 2 * (work[-1] * np.arange(parts + 1) // parts)
-    place, part = np.searchsorted(middles, wanted), np.arange(parts + 1)
-    place = np.maximum.accumulate(place - part) + part
-    place = np.minimum(place, nb - parts + part)
-    place[0] = 0
-    return place
-
-
 class PunchPoints:
     """The points under the punch, and this rank's share of them.
 
-    slab: this rank's rows of the whole cell, (first, count), where these and not the work decide which rows of the
+    slab: this rank's rows of the whole cell, (first, count), where these and not even shares decide which rows of the
     block it owns; it may own none.
 
     Attributes: `block_start`, `nb` (first row and column of the block in the cell, its side), `row_start`, `rows`
-    (this rank's rows within the block), `row_shares` (those of all ranks, None with slabs), `first`, `last` (rows,) the interval of columns under the punch in each local
+    (this rank's rows within the block), `first`, `last` (rows,) the interval of columns under the punch in each local
     row, `offset` (rows + 1,) where each local row begins in the point vector, `size` local points, `total` points on
     all ranks.
     """
@@ -96,16 +73,15 @@ class PunchPoints:
     def __init__(self, grid: Grid, radius: float | None, comm, slab: tuple[int, int] | None = None):
         self.grid, self.comm = grid, comm
         self.block_start, self.nb = grid.block(radius)
-        first, last = self._columns(radius)
-        self.total = int((last - first).sum())
-        counts, self.row_shares = np.concatenate(([0], np.cumsum(last - first))), None
         if slab is None:
-            self.row_shares = [(a, b - a) for a, b in pairwise(share_rows(counts, comm.size).tolist())]
-            self.row_start, self.rows = self.row_shares[comm.rank]
+            self.row_start, self.rows = share(self.nb, comm.size, comm.rank)
         else:
             ends = np.clip([slab[0] - self.block_start, sum(slab) - self.block_start], 0, self.nb)
             self.row_start, self.rows = int(ends[0]), int(ends[1] - ends[0])
         self._exchange = None
+        first, last = self._columns(radius)
+        self.total = int((last - first).sum())
+        counts = np.concatenate(([0], np.cumsum(last - first)))
         mine = slice(self.row_start, self.row_start + self.rows)
         self.first, self.last = first[mine], last[mine]
         self.offset = counts[self.row_start : self.row_start + self.rows + 1] - counts[self.row_start]

@@ -51,8 +51,9 @@ class Spectrum:
     def __init__(self, n: int, nb: int, comm):
         self.n, self.width, self.comm = n, n // 2 + 1, comm
         self.subcomm = Subcomm(comm, [0, 1])
-        # Rows shared out, columns whole, and the other way round: PunchPoints shares rows out in its own way.
-        self.columns = Pencil(self.subcomm, (nb, self.width), axis=1).pencil(0)
+        # Rows shared out, columns whole; and the other way round.
+        self.rows = Pencil(self.subcomm, (nb, self.width), axis=1)
+        self.columns = self.rows.pencil(0)
         self.first_column = self.columns.substart[1]
         self.column_count = self.columns.subshape[1]
         self.shares = [share(self.width, comm.size, rank) for rank in range(comm.size)]
@@ -82,7 +83,10 @@ class _Pruned:
         self.points, self.n, self.comm = points, n, points.comm
         self.dtype, self.complex = np.dtype(dtype), np.result_type(dtype, np.complex64)
         self.spectrum = Spectrum(n, points.nb, points.comm)
-        self._transposition = Transposition(self.comm, points.row_shares, self.spectrum.shares, self.complex)
+        pencil = self.spectrum.rows
+        assert (pencil.substart[0], pencil.subshape[0]) == (points.row_start, points.rows), "mpi4py-fft shares rows otherwise"
+        rows = [share(points.nb, self.comm.size, rank) for rank in range(self.comm.size)]
+        self._transposition = Transposition(self.comm, rows, self.spectrum.shares, self.complex)
         self._columns = self._transposition.columns
         self._plan((EFFORTS[effort],))
 

@@ -68,3 +68,20 @@ def test_every_message_that_is_sent_is_received():
     kept = int((rows * columns).sum())
     # There and back, each row's columns go to another node, to another rank of this one, or stay.
     assert sent + shared + 2 * 16 * kept == 2 * 16 * problem.nb * problem.columns
+
+
+def test_what_is_measured_counts_as_the_model_does(monkeypatch):
+    from pgfmd.benchmark import ranks
+
+    monkeypatch.setattr(ranks, "SECONDS", 0.01)
+    comm = MPI.COMM_WORLD
+    small, larger = ranks.measure(comm, [ranks.TINY, 64])
+    problem = ranks.problem_of(64)
+    assert (larger["n"], larger["ranks"], larger["nb"], larger["width"]) == (64, comm.size, problem.nb, problem.columns)
+    assert larger["points"] == problem.ends[-1] and larger["pairs"] >= ranks.FEWEST
+    for record in (small, larger):
+        assert record["sums"] >= 1.0 and all(record[part] > 0.0 for part in ("pair", "rows", "columns", "pass", "crowding"))
+        if comm.size > 1 and len(Node.of(comm).ranks) == comm.size:
+            # A meeting there, one back, and one a sum.
+            assert record["meetings"] == pytest.approx(2.0 + record["sums"])
+            assert record["messages"] == record["sent"] == record["gathers"] == 0

@@ -5,7 +5,6 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from pgfmd.commands.check import report
 from pgfmd.forecast.estimate import effort_of, memory_of
@@ -170,13 +169,8 @@ def test_memory_is_what_a_run_allocates(name, overrides):
 def test_memory_is_shared_out():
     scene = load_scene("tri-tack", ["grid.n=2048"])
     alone, four = memory_of(scene, 1), memory_of(scene, 4)
-    # the two ranks in the middle of the punch have the rows up to t radii from the axis, with half of the work of all: as
-    # much for a row as for 0.6 of the points of the longest, and their points
-    def points(t):
-        return t * math.sqrt(1.0 - t**2) + math.asin(t)
-
-    t = brentq(lambda t: 1.2 * t + points(t) - 0.5 * (1.2 + points(1.0)), 0.0, 1.0)
-    assert four.points == pytest.approx(alone.points * points(t) / math.pi, rel=4e-3)
+    # the two ranks in the middle of the punch have sin 60 + 60 in radians of its 180 degrees
+    assert four.points == pytest.approx(alone.points * (math.sin(math.pi / 3) + math.pi / 3) / math.tau, rel=2e-3)
     # on several ranks the rows exist twice, once whole in x and once whole in y
     assert alone.transform < 4 * four.transform < 2 * alone.transform
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pgfmd.solver.grid import ROW_WORK, Grid, PunchPoints, share, share_rows
+from pgfmd.solver.grid import Grid, PunchPoints, share
 
 
 @dataclass
@@ -85,28 +85,6 @@ def test_shares_are_contiguous_even_and_complete(count, parts):
     assert ends[-1] == count
     sizes = [size for _, size in shares]
     assert max(sizes) - min(sizes) <= 1 and sizes == sorted(sizes, reverse=True)
-
-
-@pytest.mark.parametrize("parts", [1, 2, 3, 7, 16, 40, 100])
-@pytest.mark.parametrize("lengths", [[], [5], [4] * 33, range(1, 65), [0, 3, 9, 9, 3, 0], [1] * 50 + [50] * 50], ids=str)
-def test_parts_of_rows_have_about_the_same_work(lengths, parts):
-    lengths = np.array(lengths, dtype=np.int64)
-    nb, work = lengths.size, lengths + ROW_WORK[0] / ROW_WORK[1] * lengths.size
-    edges = share_rows(np.concatenate(([0], np.cumsum(lengths))), parts)
-    assert edges[0] == 0 and edges[-1] == nb and edges.size == parts + 1
-    if parts >= nb:
-        assert np.array_equal(np.diff(edges), np.arange(parts) < nb)
-        return
-    assert (np.diff(edges) >= 1).all()
-    # No edge could be nearer to its place but by a row, at either end.
-    found = np.add.reduceat(work, edges[:-1])
-    assert np.abs(found - work.sum() / parts).max() <= work.max() * (1 + 1e-9)
-
-
-def test_rows_in_the_middle_of_a_round_punch_are_shared_by_more_ranks():
-    rows = [points.rows for points in ranks_of(Grid(400, 1.0), 0.25, 16)]
-    assert rows == rows[::-1] and sum(rows) == 200 and rows[0] > 1.4 * rows[8]
-    assert {points.rows for points in ranks_of(Grid(400, 1.0), None, 16)} == {25}
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 20, 130])

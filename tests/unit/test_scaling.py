@@ -238,3 +238,64 @@ def test_check_does_not_model_ranks_that_share_cores(cache, monkeypatch):
     times, said = lines_of(5)
     assert "expected time on 5 ranks" not in times
     assert "this process may use 2 cores: more ranks than that wait for each other" in said
+
+
+# bench ranks ---------------------------------------------------------------------------------------------------------
+def bench_ranks(*arguments):
+    from pgfmd import cli
+
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["bench", "ranks", *arguments])
+    return ended.value.code
+
+
+@pytest.fixture
+def surveyed(cache, monkeypatch):
+    """A machine that has been measured at once; the sizes and numbers of ranks that it was asked for."""
+    from pgfmd.benchmark import ranks
+
+    asked = []
+
+    def survey(sizes, counts, say):
+        asked.append((list(sizes), list(counts)))
+        machine = profile(crowding=(1.0, 1.25))
+        return machine, records_of(machine.costs, counts, (TINY, *sizes))
+
+    monkeypatch.setattr(ranks, "survey", survey)
+    monkeypatch.setattr("pgfmd.host.processes.cores", lambda: 2)
+    monkeypatch.setattr("pgfmd.host.ranks.launcher", lambda: "mpirun")
+    return asked
+
+
+def test_bench_prints_a_table_and_keeps_the_profile(surveyed, capsys):
+    assert bench_ranks("512", "128", "512") == 0
+    assert surveyed == [([128, 512], [1, 2])]
+    shown = capsys.readouterr()
+    lines = [line.split() for line in shown.out.splitlines()]
+    assert ["2", "1.50", "25", "%"] in lines
+    # The sizes that the profile knows; ranks and seconds for 100, 1000 and 10000 pairs.
+    machine, row = machine_profile.read(), lines[-1]
+    assert row[0] == "128" and row[3::3] == ["s"] * 3
+    for column, pairs in zip((1, 4, 7), (100, 1000, 10_000)):
+        best = machine.best_ranks(problem_of(128), pairs)
+        assert int(row[column]) == best
+        assert float(row[column + 1]) == pytest.approx(machine.run_seconds(problem_of(128), pairs, best), rel=5e-3)
+    assert f"kept for `pgfmd check`: {machine_profile.place()}" in shown.err
+
+
+def test_bench_prints_json(surveyed, capsys):
+    assert bench_ranks("128", "--most", "1", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert surveyed == [([128], [1])] and [record["n"] for record in found["pairs"]] == [TINY, 128]
+
+
+def test_bench_starts_its_own_ranks(surveyed, monkeypatch, capsys):
+    monkeypatch.setattr("pgfmd.host.launch.launched", lambda: (2, 0))
+    assert bench_ranks("128") == 5 and not surveyed
+    assert "start it without mpirun" in capsys.readouterr().err
+
+
+def test_a_profile_that_can_not_be_kept_is_told(surveyed, cache, capsys):
+    (cache / "pgfmd").write_text("in the way")
+    assert bench_ranks("128") == 4
+    assert "the profile of this machine can't be kept" in capsys.readouterr().err
