@@ -235,8 +235,8 @@ def _overlap(here: Costs, costs: Costs, network: Network, per_node: int) -> str:
         parts = pair_seconds(bench.problem_of(n), ranks, of, each, network)
         total = sum(parts.values())
         moved = {name: 100 * parts[name] / total for name in ("shared memory", "latency", "bandwidth")}
-        # A batch of columns can be worked on while the next is on its way: both at once take as long as the longer.
-        hidden = min(parts["columns"], parts["bandwidth"])
+        # A batch of rows or columns can be worked on while the last is on its way: both take as long as the longer.
+        hidden = min(parts["rows"] + parts["columns"], parts["bandwidth"])
         rows.append([n, ranks, *(f"{value:.1f}" for value in moved.values()), f"{100 * hidden / total:.1f}"])
     head = ["n", "ranks", "shared memory (%)", "latency (%)", "bandwidth (%)", "could be hidden, at most (%)"]
     return table(head, rows)
