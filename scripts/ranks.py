@@ -7,7 +7,7 @@
     mpirun -n 2 python scripts/ranks.py latency          what a meeting of the ranks costs
 
 `speed` runs `pgfmd run` as a process of its own, start included; the numbers of ranks take turns, and the best of several
-rounds counts. `shares --page` and `model --page` write their tables into docs/ranks.md. Use an idle machine.
+rounds counts. `--page` writes the tables of `speed`, `shares` and `model` into docs/ranks.md. Use an idle machine.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from itertools import pairwise
 from pathlib import Path
 
 from marked_page import fill
@@ -28,8 +29,8 @@ from ranks_model import arguments, blocks, busy, table
 from pgfmd.host import launch
 
 PAGE = Path(__file__).parent.parent / "docs" / "ranks.md"
-TESTS = {512: ["drive.speed=1 um/s"], 1024: ["drive.speed=25 um/s"], 2048: ["drive.speed=25 um/s", "drive.preload=5 mN"]}
-"""Scenes by n: some 3400, 500 and 200 pairs of transforms."""
+TESTS = {256: ["drive.speed=1 um/s"], 512: ["drive.speed=1 um/s"], 1024: ["drive.speed=25 um/s"], 2048: ["drive.speed=25 um/s", "drive.preload=5 mN"]}
+"""Scenes by n: some 2300, 3400, 500 and 200 pairs of transforms."""
 
 
 def main() -> None:
@@ -40,7 +41,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3, help="for speed (default: %(default)s)")
     parser.add_argument("--busy", action="store_true", help="for speed: a process that computes on each core")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="further changes of the scene")
-    parser.add_argument("--page", action="store_true", help="for shares and model: write the tables into docs/ranks.md")
+    parser.add_argument("--page", action="store_true", help="write the tables into docs/ranks.md")
     arguments(parser.add_argument_group("assumptions of the model"))
     options = parser.parse_args()
     if options.what != "latency":
@@ -54,6 +55,7 @@ def main() -> None:
 def speed(options: argparse.Namespace) -> None:
     """Prints the best times of whole runs, and their ratios."""
     others = [_busy() for _ in range(os.cpu_count() or 1)] if options.busy else []
+    rows = []
     try:
         print(f"{'n':>6} {'ranks':>6} {'best s':>8} {'over 1 rank':>12}   all rounds [s]")
         for n in options.n:
@@ -65,9 +67,17 @@ def speed(options: argparse.Namespace) -> None:
             for ranks, taken in times.items():
                 each = " ".join(f"{seconds:.2f}" for seconds in taken)
                 print(f"{n:6d} {ranks:6d} {min(taken):8.2f} {min(taken) / first:12.2f}   {each}", flush=True)
+            best = [min(taken) for taken in times.values()]
+            ratios = [f"{later / earlier:.2f}" for earlier, later in pairwise(best)]
+            rows.append([f"n = {n}, {', '.join(TESTS.get(n, TESTS[1024]))}", *(f"{seconds:.2f} s" for seconds in best), *ratios])
     finally:
         for other in others:
             other.kill()
+    if options.page and not options.busy:
+        head = ["tri-tack", *(f"{ranks} rank{'s' * (ranks > 1)}" for ranks in options.ranks)]
+        head += [f"{later} over {earlier}" for earlier, later in pairwise(options.ranks)]
+        about = f"The best of {options.rounds} rounds, on {os.cpu_count()} cores."
+        fill(PAGE, "speed", lambda name: "\n\n".join(filter(None, (about, table(head, rows), busy()))))
 
 
 def _busy() -> subprocess.Popen:

@@ -26,7 +26,7 @@ from pgfmd.host.ranks import launcher, on_ranks
 
 from .watch import Watch
 
-SCENE = ("tri-tack", "drive.speed=25 um/s", "drive.preload=5 mN")
+SCENE = ("tri-tack", "drive.speed=25 um/s", "drive.preload=5 mN", "solver.scheme=inertialess", "solver.precision=double")
 """The test whose steps are timed."""
 TINY = 32
 """Points a side of a test that is all overhead."""
