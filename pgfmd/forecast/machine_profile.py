@@ -12,6 +12,7 @@ import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
 import platformdirs
 
 import pgfmd
@@ -43,23 +44,22 @@ class Profile:
     costs: Costs
 
     def start_seconds(self, ranks: int) -> float:
-        """Seconds from the command to the first step; between the numbers of ranks that were measured, and beyond them
-        along the last line."""
+        """Seconds from the command to the first step; along a line between the numbers of ranks that were measured."""
         known = sorted(self.start)
-        if ranks in self.start or len(known) == 1:
-            return self.start.get(ranks, self.start[known[0]])
-        upper = next((index for index, count in enumerate(known) if count > ranks), len(known) - 1)
-        low, high = known[max(upper, 1) - 1], known[max(upper, 1)]
-        slope = (self.start[high] - self.start[low]) / (high - low)
-        return max(self.start[low] + slope * (ranks - low), 0.0)
+        return float(np.interp(ranks, known, [self.start[count] for count in known]))
 
     def run_seconds(self, problem: Problem, pairs: float, ranks: int) -> float:
         """Seconds of a run of so many pairs of transforms, start included."""
         return self.start_seconds(ranks) + pairs * total_seconds(problem, ranks, self.costs)
 
+    @property
+    def most_ranks(self) -> int:
+        """The most ranks that were measured; of more, nothing is known."""
+        return max(self.start)
+
     def best_ranks(self, problem: Problem, pairs: float, cores: int | None = None) -> int:
-        """The fewest ranks that are `NEARLY` the fastest, out of one to `cores`, those of the profile if None."""
-        most = min(cores or self.cores, problem.most_ranks)
+        """The fewest ranks that are `NEARLY` the fastest, out of one to the most that were measured, or to `cores`."""
+        most = min(cores or self.most_ranks, self.most_ranks, problem.most_ranks)
         seconds = {ranks: self.run_seconds(problem, pairs, ranks) for ranks in range(1, most + 1)}
         fastest = min(seconds.values())
         return min(ranks for ranks, taken in seconds.items() if taken <= NEARLY * fastest)

@@ -48,16 +48,18 @@ def _not_measured(scene) -> str:
 
 
 def _by_profile(scene, profile: Profile, effort: Effort, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
-    points, usable = punch_points(scene), cores()
+    points, usable = punch_points(scene), min(cores(), profile.most_ranks)
     problem, pairs = Problem.of(points, transform_side(scene, points.nb)), effort.pairs
     best = profile.best_ranks(problem, pairs, usable)
     fastest = profile.run_seconds(problem, pairs, best)
     note = f"as measured here on {profile.measured}; as good as the number of pairs"
-    most = f"the best number of ranks for it on this machine, with {usable} core{'s' * (usable > 1)} to use"
+    most = f"the best number of ranks for it on this machine, out of 1 to {usable}"
     if ranks > usable:
-        # The model knows of no ranks that share cores.
-        text = f"this process may use {usable} core{'s' * (usable > 1)}: more ranks than that wait for each other"
-        return [(best, fastest, f"{most}; {note}")], [f"{text}; {ranks_of(best)} would do best here"]
+        # The model knows of no ranks that share cores, and of none that were not measured.
+        own = f"this process may use {cores()} core{'s' * (cores() > 1)}, and more ranks than that wait for each other"
+        if ranks <= cores():
+            own = f"what {ranks_of(ranks)} would take is not known, this machine was measured with {profile.most_ranks} at most"
+        return [(best, fastest, f"{most}; {note}")], [f"{own}; {ranks_of(best)} would do best here"]
     if ranks == best:
         return [(best, fastest, f"{most}; {note}")], []
     taken = profile.run_seconds(problem, pairs, ranks)

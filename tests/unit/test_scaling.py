@@ -80,7 +80,7 @@ def test_rows_of_one_node_go_through_its_memory():
 
 
 # The number of ranks -------------------------------------------------------------------------------------------------
-def profile(start=(1.0, 1.5), **changes):
+def profile(start=(1.0, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0, 2.1), **changes):
     costs = replace(COSTS, pair_overhead=1e-5, sum_overhead=3e-5, meeting=1e-6, **changes)
     return Profile(identity(), 8, "2026-01-01 12:00", dict(enumerate(start, 1)), costs)
 
@@ -96,8 +96,11 @@ def test_short_tests_deserve_one_rank_and_long_ones_more():
 def test_no_more_ranks_than_cores_or_rows():
     machine = profile()
     assert machine.best_ranks(problem_of(1024), 1e6, 3) == 3
-    assert profile(start=(1.0,)).best_ranks(EVEN, 1e9, 100) <= 32
-    assert machine.best_ranks(problem_of(1024), 1e6) == 8
+    assert machine.best_ranks(problem_of(1024), 1e6, 100) == machine.best_ranks(problem_of(1024), 1e6) == 8
+    assert machine.best_ranks(Problem(8, 3, 3 * np.arange(4)), 1e9) <= 3
+    # Nothing is known of more ranks than were measured.
+    assert profile(start=(1.0, 1.5)).best_ranks(problem_of(1024), 1e6, 8) == 2
+    assert profile(start=(1.0,)).best_ranks(problem_of(1024), 1e6, 8) == 1
 
 
 def test_cores_that_bring_hardly_anything_are_left_to_others():
@@ -108,7 +111,7 @@ def test_cores_that_bring_hardly_anything_are_left_to_others():
 
 def test_the_start_follows_what_was_measured():
     machine = Profile(identity(), 8, "", {1: 1.0, 2: 2.0, 4: 3.0}, COSTS)
-    assert [machine.start_seconds(ranks) for ranks in (1, 2, 3, 4, 8)] == [1.0, 2.0, 2.5, 3.0, 5.0]
+    assert [machine.start_seconds(ranks) for ranks in (1, 2, 3, 4, 8)] == [1.0, 2.0, 2.5, 3.0, 3.0]
     assert Profile(identity(), 8, "", {1: 1.0}, COSTS).start_seconds(5) == 1.0
     assert machine.run_seconds(EVEN, 0, 3) == 2.5
 
@@ -237,7 +240,11 @@ def test_check_does_not_model_ranks_that_share_cores(cache, monkeypatch):
     machine_profile.write(profile())
     times, said = lines_of(5)
     assert "expected time on 5 ranks" not in times
-    assert "this process may use 2 cores: more ranks than that wait for each other" in said
+    assert "this process may use 2 cores, and more ranks than that wait for each other" in said
+    machine_profile.write(profile(start=(1.0,)))
+    times, said = lines_of(2, "grid.n=512")
+    assert list(times) == ["expected time on 1 rank"]
+    assert "what 2 ranks would take is not known, this machine was measured with 1 at most" in said
 
 
 # bench ranks ---------------------------------------------------------------------------------------------------------
