@@ -2,11 +2,12 @@
 
     python scripts/ranks.py speed                        tri-tack at n = 512, 1024, 2048 on 1, 2 and 3 ranks
     python scripts/ranks.py speed --busy --n 1024        the same beside a process on each core
-    mpirun -n 2 python scripts/ranks.py shares --n 1024  where the time of a step goes
-    mpirun -n 2 python scripts/ranks.py latency          what a meeting of the ranks costs, and memory's speed
+    python scripts/ranks.py shares --ranks 1 2           where the time of whole runs goes
+    python scripts/ranks.py model                        what ranks pass to each other, and a model of the time on many cores
+    mpirun -n 2 python scripts/ranks.py latency          what a meeting of the ranks costs
 
 `speed` runs `pgfmd run` as a process of its own, start included; the numbers of ranks take turns, and the best of several
-rounds counts. Use an idle machine: ratios are what matters.
+rounds counts. `--page` writes the tables of `speed`, `shares` and `model` into docs/ranks.md. Use an idle machine.
 """
 
 from __future__ import annotations
@@ -19,34 +20,42 @@ import subprocess
 import sys
 import tempfile
 import time
+from itertools import pairwise
 from pathlib import Path
+
+from marked_page import fill
+from ranks_model import arguments, blocks, busy, table
 
 from pgfmd.host import launch
 
-TESTS = {512: ["drive.speed=1 um/s"], 1024: ["drive.speed=25 um/s"], 2048: ["drive.speed=25 um/s", "drive.preload=5 mN"]}
-"""Scenes by n: some 3400, 500 and 200 pairs of transforms."""
+PAGE = Path(__file__).parent.parent / "docs" / "ranks.md"
+TESTS = {256: ["drive.speed=1 um/s"], 512: ["drive.speed=1 um/s"], 1024: ["drive.speed=25 um/s"], 2048: ["drive.speed=25 um/s", "drive.preload=5 mN"]}
+"""Scenes by n: some 2300, 3400, 500 and 200 pairs of transforms."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("speed", "shares", "latency"))
+    parser.add_argument("what", choices=("speed", "shares", "model", "latency"))
     parser.add_argument("--n", type=int, nargs="+", default=[512, 1024, 2048], help="grid points a side")
-    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 3], help="for speed: numbers of ranks")
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 3], help="numbers of ranks")
     parser.add_argument("--rounds", type=int, default=3, help="for speed (default: %(default)s)")
     parser.add_argument("--busy", action="store_true", help="for speed: a process that computes on each core")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="further changes of the scene")
+    parser.add_argument("--page", action="store_true", help="write the tables into docs/ranks.md")
+    arguments(parser.add_argument_group("assumptions of the model"))
     options = parser.parse_args()
-    if options.what == "speed":
-        speed(options)
+    if options.what != "latency":
+        {"speed": speed, "shares": shares, "model": model}[options.what](options)
         return
     comm = launch.world()
     with launch.guarded(comm):
-        {"shares": shares, "latency": latency}[options.what](comm, options)
+        latency(comm)
 
 
 def speed(options: argparse.Namespace) -> None:
     """Prints the best times of whole runs, and their ratios."""
     others = [_busy() for _ in range(os.cpu_count() or 1)] if options.busy else []
+    rows = []
     try:
         print(f"{'n':>6} {'ranks':>6} {'best s':>8} {'over 1 rank':>12}   all rounds [s]")
         for n in options.n:
@@ -58,9 +67,17 @@ def speed(options: argparse.Namespace) -> None:
             for ranks, taken in times.items():
                 each = " ".join(f"{seconds:.2f}" for seconds in taken)
                 print(f"{n:6d} {ranks:6d} {min(taken):8.2f} {min(taken) / first:12.2f}   {each}", flush=True)
+            best = [min(taken) for taken in times.values()]
+            ratios = [f"{later / earlier:.2f}" for earlier, later in pairwise(best)]
+            rows.append([f"n = {n}, {', '.join(TESTS.get(n, TESTS[1024]))}", *(f"{seconds:.2f} s" for seconds in best), *ratios])
     finally:
         for other in others:
             other.kill()
+    if options.page and not options.busy:
+        head = ["tri-tack", *(f"{ranks} rank{'s' * (ranks > 1)}" for ranks in options.ranks)]
+        head += [f"{later} over {earlier}" for earlier, later in pairwise(options.ranks)]
+        about = f"The best of {options.rounds} rounds, on {os.cpu_count()} cores."
+        fill(PAGE, "speed", lambda name: "\n\n".join(filter(None, (about, table(head, rows), busy()))))
 
 
 def _busy() -> subprocess.Popen:
@@ -89,65 +106,57 @@ def _run(n: int, ranks: int, changes: list[str]) -> float:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def shares(comm, options: argparse.Namespace) -> None:
-    """Prints where the time of a tack test's steps goes, on the slowest rank of each part. Collective."""
-    from pgfmd.assemble import assemble
-    from pgfmd.scene import load_scene
-    from pgfmd.solver.node import Node
+BEFORE = {
+    "start: launch and imports": (1.7, 1.5), "start: kernels": (0.0, 1.2), "transforms of columns": (6.5, 3.2),
+    "transforms of rows": (2.8, 1.5), "transposes": (0.0, 1.6), "waits for sums": (0.0, 0.95),
+    "curve, snapshots, checkpoints": (1.1, 0.8), "pointwise and the rest": (3.5, 1.15), "whole": (15.6, 11.9),
+}  # fmt: skip
+"""Seconds of the first rank, on 1 and 2 ranks, of the test at n = 2048 with pgfmd 0.1, on an idle machine of the same kind."""
 
-    def simulate(n: int) -> dict[str, float]:
-        scene = load_scene("tri-tack", [f"grid.n={n}", *TESTS.get(n, TESTS[1024]), *options.set])
-        began = time.perf_counter()
-        simulation = assemble(scene, comm)
-        node = Node.of(comm) if comm.size > 1 else None
-        inside = _watched(simulation.scheme.solver.operators, node)
-        start = time.perf_counter()
-        before = (node.waited, node.meetings) if node else (0.0, 0)
-        simulation.run()
-        wall = time.perf_counter() - start
-        waited, meetings = (node.waited - before[0], node.meetings - before[1]) if node else (0.0, 0)
-        transforms = simulation.scheme.transform_seconds
-        return {
-            "assembling (s)": start - began,
-            "steps (s)": wall,
-            "transforms but waits (%)": 100.0 * (transforms - inside["waited"]) / wall,
-            "waits within transforms (%)": 100.0 * inside["waited"] / wall,
-            "waits for sums (%)": 100.0 * (waited - inside["waited"]) / wall,
-            "pointwise and the rest (%)": 100.0 * (wall - transforms - (waited - inside["waited"])) / wall,
-            "pairs": simulation.scheme.pairs,
-            "meetings a pair": meetings / simulation.scheme.pairs,
-        }
 
-    simulate(48)
+def shares(options: argparse.Namespace) -> None:
+    """Prints where the time of whole runs goes, in seconds of the first rank; fills the page if asked to."""
+    from ranks_shares import PARTS
+
+    tables = []
     for n in options.n:
-        found = simulate(n)
-        everywhere = comm.gather(found)
-        if comm.rank == 0:
-            print(f"n = {n}, {comm.size} rank{'s' * (comm.size > 1)}")
-            for name in found:
-                values = [each[name] for each in everywhere]
-                print(f"  {name:32s} " + " ".join(f"{value:9.4g}" for value in values), flush=True)
+        found = {ranks: _profile(n, ranks, options.set) for ranks in options.ranks}
+        head = [f"n = {n}, {found[options.ranks[0]]['pairs']} pairs", *(f"{k} rank{'s' * (k > 1)} (s)" for k in found)]
+        head, rows = [*head, *(f"{k} (%)" for k in found)], []
+        for part in (*PARTS, "whole"):
+            seconds = [each[part] for each in found.values()]
+            percent = [100.0 * each[part] / each["whole"] for each in found.values()]
+            rows.append([part, *(f"{value:.2f}" for value in seconds), *(f"{value:.1f}" for value in percent)])
+        for count in ("sums a pair", "meetings a pair"):
+            rows.append([count, *(f"{each[count]:.2f}" for each in found.values()), *("" for _ in found)])
+        tables.append(table(head, rows))
+        print(f"\n{tables[-1]}", flush=True)
+    if options.page:
+        rows = [[part, *(f"{value:.2f}" for value in values)] for part, values in BEFORE.items()]
+        blocks = {"after": "\n\n".join([*tables, busy()]), "before": table(["n = 2048, 220 pairs", "1 rank (s)", "2 ranks (s)"], rows)}
+        fill(PAGE, "shares", blocks.__getitem__)
 
 
-def _watched(operators, node) -> dict[str, float]:
-    """Counts the time that ranks wait for each other within transforms."""
-    inside = {"waited": 0.0}
-
-    def watch(operator):
-        def meet(original=operator._transposition.meet):
-            before = node.waited
-            original()
-            inside["waited"] += node.waited - before
-
-        operator._transposition.meet = meet
-
-    if node is not None:
-        for operator in operators:
-            watch(getattr(operator, "convolve", operator))
-    return inside
+def _profile(n: int, ranks: int, changes: list[str]) -> dict[str, float]:
+    """Where the time of a run's first rank goes (ranks_shares.py)."""
+    scene = ["tri-tack", f"grid.n={n}", *TESTS.get(n, TESTS[1024]), *changes]
+    command = [sys.executable, str(Path(__file__).with_name("ranks_shares.py")), f"{time.time():.6f}", *scene]
+    if ranks > 1:
+        command = ["mpirun", "-n", str(ranks), *command]
+    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)[0]
 
 
-def latency(comm, options: argparse.Namespace) -> None:
+def model(options: argparse.Namespace) -> None:
+    """Measures this machine, and prints what the model makes of it; fills the page if asked to."""
+    found = blocks(options)
+    found["measured"] = "\n\n".join(filter(None, (found["measured"], busy())))
+    for name, text in found.items():
+        print(f"\n{name}\n\n{text}", flush=True)
+    if options.page:
+        fill(PAGE, "model", found.__getitem__)
+
+
+def latency(comm) -> None:
     """Prints what a meeting of all ranks costs when all come at once, and an Allreduce beside it. Collective."""
     import numpy as np
 

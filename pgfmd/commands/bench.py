@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from enum import StrEnum
 from typing import Annotated
 
 import typer
 
+from pgfmd.errors import ResultError
 from pgfmd.host import launch
 
 from .printing import print_json
@@ -63,3 +65,68 @@ def transform(
             else:
                 for name, value in record.items():
                     print(f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}")
+
+
+BUSY = 0.5
+"""Processes that run at a time, on average, from which on a machine is not idle."""
+TESTS = (100, 1000, 10_000)
+"""Pairs of transforms of a short, a usual and a long test."""
+
+
+@app.command()
+def ranks(
+    n: Annotated[list[int] | None, typer.Argument(metavar="[N]...", min=64, help="Points a side, 256 512 1024 2048.")] = None,
+    most: Annotated[int | None, typer.Option("--most", min=1, help="Most ranks that are tried; all cores.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Measure how many ranks this machine deserves, in a minute or two, and keep that for `pgfmd check`. It starts its own
+    ranks."""
+    from pgfmd.benchmark.ranks import SIZES, counts_to_measure, survey
+    from pgfmd.forecast import machine_profile
+    from pgfmd.host.processes import cores
+    from pgfmd.host.ranks import Trouble, launcher
+
+    if launch.launched()[0] > 1:
+        raise launch.LaunchError("bench ranks: start it without mpirun, it starts its own ranks")
+    if os.getloadavg()[0] > BUSY:
+        launch.complain("warning: this machine is busy, and what is measured now will be too slow; measure it when it is idle")
+    sizes = sorted(set(n or SIZES))
+    counts = counts_to_measure(min(most or cores(), cores())) if launcher() else [1]
+    try:
+        profile, records = survey(sizes, counts, launch.complain)
+    except Trouble as trouble:
+        raise launch.LaunchError(f"bench ranks: {trouble}; {trouble.cure}") from None
+    if as_json:
+        print_json({"start_s": profile.start, "pairs": records})
+    else:
+        _show_ranks(profile, records, counts)
+    if not launcher():
+        launch.complain("note: neither mpirun nor mpiexec is on PATH: measured on one rank only")
+    try:
+        launch.complain(f"kept for `pgfmd check`: {machine_profile.write(profile)}")
+    except machine_profile.NoProfile as problem:
+        raise ResultError(str(problem)) from None
+
+
+def _show_ranks(profile, records, counts) -> None:
+    """Prints what was measured, what the model makes of it, and how many ranks tests of several lengths deserve."""
+    from pgfmd.benchmark.ranks import TINY, problem_of
+    from pgfmd.forecast.scaling import total_seconds
+
+    print(f"{profile.machine}; {profile.cores} for this process")
+    print(f"\n{'ranks':>6} {'start s':>8} {'work side by side takes longer by':>34}")
+    for count in counts:
+        print(f"{count:6d} {profile.start[count]:8.2f} {100 * (profile.costs.crowd(count) - 1):32.0f} %")
+    print(f"\n{'n':>6} {'ranks':>6} {'pair ms':>9} {'model ms':>9}   a pair of transforms with all that goes with it")
+    for record in sorted(records, key=lambda record: (record["n"], record["ranks"])):
+        if record["n"] != TINY:
+            expected = total_seconds(problem_of(record["n"]), record["ranks"], profile.costs, sums=record["sums"])
+            print(f"{record['n']:6d} {record['ranks']:6d} {1e3 * record['pair']:9.3g} {1e3 * expected:9.3g}")
+    print(f"\n{'':>6} ranks that a test deserves of so many pairs, and its time on them")
+    print(f"{'n':>6} " + " ".join(f"{pairs:>16d}" for pairs in TESTS))
+    for n in profile.costs.sizes:
+        problem, cells = problem_of(n), []
+        for pairs in TESTS:
+            best = profile.best_ranks(problem, pairs)
+            cells.append(f"{best:4d} {profile.run_seconds(problem, pairs, best):9.3g} s")
+        print(f"{n:6d} " + " ".join(f"{cell:>16}" for cell in cells))

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pgfmd.forecast.advice import automatic_range, remarks, warnings
 from pgfmd.forecast.estimate import PROGRAM_BYTES, effort_of, memory_of, punch_points
 from pgfmd.forecast.plausibility import face_of
+from pgfmd.forecast.run_times import ranks_of as _ranks
+from pgfmd.forecast.run_times import run_times
 from pgfmd.parts import compliance_of, inertia_of_scene, law_of, series_of, topography_of
 from pgfmd.physics.inertia import contact_stiffness
 from pgfmd.reference import corrugation, tabor
@@ -54,7 +56,9 @@ def report(scene, ranks: int = 1) -> Report:
         "Rheology": list(_rheology(scene)),
         "Cost": list(_cost(scene, ranks)),
     }
-    return Report(scene.title, sections, list(warnings(scene, ranks)), list(remarks(scene)))
+    times, advice = run_times(scene, ranks)
+    sections["Cost"] += [Line(f"expected time on {_ranks(count)}", seconds, "s", note) for count, seconds, note in times]
+    return Report(scene.title, sections, list(warnings(scene, ranks)), [*remarks(scene), *advice])
 
 
 def cohesive_zone(scene) -> float:
@@ -163,12 +167,6 @@ def _cost(scene, ranks: int) -> Iterator[Line]:
     note = "an estimate, within a factor of 3"
     yield Line("expected steps", _rounded(effort.steps), "", note)
     yield Line("expected transform pairs", _rounded(effort.pairs), "", note)
-    note = "a rough guess; `pgfmd bench transform` measures a pair"
-    yield Line("expected time on one rank", effort.seconds, "s", note)
-
-
-def _ranks(count: int) -> str:
-    return "1 rank" if count == 1 else f"{count} ranks"
 
 
 def _rounded(value: float) -> int:

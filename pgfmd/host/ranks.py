@@ -72,33 +72,39 @@ def maker_of(text: str) -> str:
     return next((maker for maker, words in _MAKERS.items() if any(word in text for word in words)), "")
 
 
-def on_ranks(path: str | None, arguments: list[str]) -> str:
-    """Standard output of Python on two ranks under this mpirun, on one without. Raises Trouble if that fails or takes
-    too long. Python does not look for modules in the current folder: a numpy.py there is no matter of ours."""
+def on_ranks(path: str | None, arguments: list[str], count: int = 2, limit: float = TIME_LIMIT) -> str:
+    """Standard output of Python on `count` ranks under this mpirun, on one without. Raises Trouble if that fails or takes
+    longer than `limit` [s]. Python does not look for modules in the current folder: a numpy.py there is no matter of
+    ours."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith(_LAUNCHER_PREFIXES)}
     # A user's own settings of Open MPI count; what a surrounding mpirun left behind does not.
-    environment |= {name: value for name, value in os.environ.items() if name.startswith("OMPI_MCA_rmaps")}
+    own = "OMPI_MCA_rmaps" if "OMPI_COMM_WORLD_SIZE" in os.environ else "OMPI_MCA_"
+    environment |= {name: value for name, value in os.environ.items() if name.startswith(own)}
     environment |= {
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         "OMPI_MCA_rmaps_base_oversubscribe": "1",
         "OMP_NUM_THREADS": "1",
     }
-    start = [path, "-n", "2"] if path else []
-    ranks = f"{path}: two ranks" if path else "one rank"
+    start = [path, "-n", str(count)] if path else []
+    ranks = f"{path}: {'two' if count == 2 else count} ranks" if path else "one rank"
     command = [*start, sys.executable, "-P", *arguments]
     with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as complaints:
         process = subprocess.Popen(
             command, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=complaints, start_new_session=True
         )
         try:
-            code = process.wait(timeout=TIME_LIMIT)
+            code = process.wait(timeout=limit)
         except subprocess.TimeoutExpired:
             _end(process)
             raise Trouble(
-                f"{ranks} did not finish within {TIME_LIMIT:.0f} s",
+                f"{ranks} did not finish within {limit:.0f} s",
                 "check mpirun's network settings and host names",
             ) from None
+        except BaseException:
+            # In a session of its own, it does not hear of Ctrl-C.
+            _end(process)
+            raise
         output.seek(0)
         complaints.seek(0)
         if code:

@@ -54,7 +54,8 @@ class Node:
     """The ranks of a communicator that share memory with this one, and where they meet.
 
     `ranks`: their ranks in the communicator, this one's among them. `meetings`, `waited` [s]: how many there were, and the
-    time spent in them. Made once for a communicator, by `Node.of`.
+    time spent in them. `messages`, `sent` [bytes], `gathers`: what this rank has passed to other nodes. Made once for a
+    communicator, by `Node.of`.
     """
 
     _key: int | None = None
@@ -65,6 +66,7 @@ class Node:
         shared = comm.Split_type(MPI.COMM_TYPE_SHARED)
         self.local = shared if colour is None else shared.Split(colour, comm.rank)
         self.meetings, self.waited = 0, 0.0
+        self.messages = self.sent = self.gathers = 0
         # Memory [bytes] that this rank has given to share: now, and the most so far.
         self.held = self.most_held = 0
         self._pieces: list[_Piece] = []
@@ -224,6 +226,7 @@ class RowExchange:
             self.node.meet()
         if self.node.count > 1:
             if self.node.local.rank == 0:
+                self.node.gathers += 1
                 gathered = np.empty((len(self._there), kinds))
                 self.node.leaders.Allgatherv(np.ascontiguousarray(rows[:, self._here].T), [gathered, self._counts * kinds])
                 rows[:, self._there] = gathered.T
@@ -288,4 +291,6 @@ class Transposition:
             return
         receive = [self.comm.Irecv(target, peer) for peer, _, target in pairs if target.size]
         send = [self.comm.Isend(source, peer) for peer, source, _ in pairs if source.size]
+        self._node.messages += len(send)
+        self._node.sent += sum(source.nbytes for _, source, _ in pairs)
         _mpi().Request.Waitall(receive + send)

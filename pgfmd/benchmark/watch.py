@@ -1,0 +1,72 @@
+"""Where the time of a simulation's pairs goes, and what its ranks pass to each other."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+
+
+class Watch:
+    """Counts and times what the operators and sums of a simulation do, on this rank.
+
+    clock: of the work in `calls`, without `outside`, what ranks wait for in it; processor time unless told otherwise, which
+    other load disturbs less. A pair with all that goes with it is timed in the same way on one rank, and where there are
+    others by the time of day.
+    """
+
+    def __init__(self, simulation, clock: Callable[[], float] = time.process_time):
+        self.simulation, self.points, self.work_clock = simulation, simulation.points, clock
+        self.clock = clock if self.points.comm.size == 1 else time.perf_counter
+        self.outside = 0.0
+        self.spent = {"transforms": 0.0, "sums": 0, "reductions": 0}
+        self.calls: dict[str, list[float]] = {"_rows_forward": [], "_convolve_columns": [], "_rows_backward": []}
+        for operator in simulation.scheme.solver.operators:
+            for name in self.calls:
+                setattr(operator, name, self._timed(getattr(operator, name), name))
+            transposition = operator._transposition
+            transposition.to_columns = self._left_out(transposition.to_columns)
+            transposition.to_rows = self._left_out(transposition.to_rows)
+        self.points.all_rows = self._counted(self.points.all_rows, "sums")
+        self.points.maxima_of = self._counted(self.points.maxima_of, "reductions")
+
+    def now(self) -> dict[str, float]:
+        """What there has been so far: counts, and seconds; what ranks of a node have passed to each other."""
+        found = {"pairs": self.simulation.scheme.pairs, "pair": self.clock(), **self.spent}
+        if self.points.comm.size > 1:
+            from pgfmd.solver.node import Node
+
+            node = Node.of(self.points.comm)
+            found |= {name: getattr(node, name) for name in ("waited", "meetings", "messages", "sent", "gathers")}
+        return found
+
+    def usual(self) -> dict[str, float]:
+        """Seconds of the rows and of the columns of a pair, the median of all."""
+        there, columns, back = (statistics.median(calls) for calls in self.calls.values())
+        return {"rows": there + back, "columns": columns}
+
+    def _timed(self, action, part: str):
+        def timed(*given):
+            began, before = self.work_clock(), self.outside
+            found = action(*given)
+            taken = self.work_clock() - began - (self.outside - before)
+            self.calls[part].append(taken)
+            self.spent["transforms"] += taken
+            return found
+
+        return timed
+
+    def _left_out(self, action):
+        def apart():
+            began = self.work_clock()
+            action()
+            self.outside += self.work_clock() - began
+
+        return apart
+
+    def _counted(self, action, part: str):
+        def counted(*given):
+            self.spent[part] += 1
+            return action(*given)
+
+        return counted

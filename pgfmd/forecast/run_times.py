@@ -1,0 +1,71 @@
+"""How long a scene's run is going to take on some ranks of this machine, and whether others would be better. No MPI."""
+
+from __future__ import annotations
+
+from pgfmd.host.processes import cores
+from pgfmd.parts import transform_side
+
+from .estimate import Effort, effort_of, punch_points
+from .machine_profile import NoProfile, Profile, read
+from .scaling import Problem
+
+WORTH_TELLING = 1.1
+"""Another number of ranks is named where a run takes more than so many times as long as on that."""
+ROUGH = "a rough guess; `pgfmd bench ranks` measures this machine"
+
+
+def ranks_of(count: int) -> str:
+    """So many ranks, as a text."""
+    return "1 rank" if count == 1 else f"{count} ranks"
+
+
+def run_times(scene, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
+    """(times, advice): times as (ranks, seconds, what is to be said of it), and remarks on the number of ranks.
+
+    From the profile of this machine; where it has none, or not for such a scene, a guess for one rank alone.
+    """
+    effort = effort_of(scene)
+    rough = [(1, effort.seconds, ROUGH)]
+    try:
+        profile = read()
+    except NoProfile as problem:
+        unknown = f"what {ranks_of(ranks)} would take is not known: {problem}"
+        return rough, [unknown] if ranks > 1 else []
+    other = _not_measured(scene)
+    if other:
+        rough = [(1, effort.seconds, f"a rough guess, {other}")]
+        return rough, [f"what {ranks_of(ranks)} would take is not known: {other}"] if ranks > 1 else []
+    return _by_profile(scene, profile, effort, ranks)
+
+
+def _not_measured(scene) -> str:
+    """Why a profile tells nothing of such a scene; empty where it does."""
+    if scene.solver.scheme == "gfmd":
+        return "the machine is measured with implicit schemes only"
+    if scene.solver.precision != "double":
+        return "the machine is measured in double precision only"
+    return ""
+
+
+def _by_profile(scene, profile: Profile, effort: Effort, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
+    points, usable = punch_points(scene), min(cores(), profile.most_ranks)
+    problem, pairs = Problem.of(points, transform_side(scene, points.nb)), effort.pairs
+    best = profile.best_ranks(problem, pairs, usable)
+    fastest = profile.run_seconds(problem, pairs, best)
+    note = f"as measured here on {profile.measured}; as good as the number of pairs"
+    most = f"the best number of ranks for it on this machine, out of 1 to {usable}"
+    if ranks > usable:
+        # The model knows of no ranks that share cores, and of none that were not measured.
+        own = f"this process may use {cores()} core{'s' * (cores() > 1)}, and more ranks than that wait for each other"
+        if ranks <= cores():
+            own = f"what {ranks_of(ranks)} would take is not known, this machine was measured with {profile.most_ranks} at most"
+        return [(best, fastest, f"{most}; {note}")], [f"{own}; {ranks_of(best)} would do best here"]
+    if ranks == best:
+        return [(best, fastest, f"{most}; {note}")], []
+    taken = profile.run_seconds(problem, pairs, ranks)
+    times = [(ranks, taken, note), (best, fastest, most)]
+    if taken > WORTH_TELLING * fastest:
+        return times, [f"{ranks_of(best)} would take about {fastest / taken:.2g} times as long as {ranks_of(ranks)} here"]
+    if best < ranks:
+        return times, [f"{ranks_of(best)} would take hardly longer than {ranks_of(ranks)} here, and leave cores to others"]
+    return times, []

@@ -1,0 +1,217 @@
+"""What more ranks make of a pair of transforms and of the work that goes with it: exact counts of what ranks pass to each
+other, and a model of the time. No MPI.
+
+A step is made of pairs (transform.py) and, beside each, of pointwise work and of sums over all rows (grid.py). Between two
+meetings every rank waits for the slowest, so each part takes as long as on the rank with the largest share of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pgfmd.solver.grid import PunchPoints, share
+
+KINDS = 6
+"""Numbers a row that a sum brings to all ranks: those of an iteration of conjugate gradients."""
+
+SUMS = 3.0
+"""Sums over all rows that a run makes for each pair: 2.6 to 3.8 in tests of the shipped scenes, more of them where steps
+are short."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is shared out: `side` points a side of the transform, `nb` rows and columns under the punch, and `ends`
+    (nb + 1,), how many points there are before each of these rows, and in all."""
+
+    side: int
+    nb: int
+    ends: np.ndarray
+
+    @classmethod
+    def of(cls, points: PunchPoints, side: int) -> Problem:
+        """That of the points under a punch, as a single rank has them."""
+        return cls(side, points.nb, points.offset)
+
+    @property
+    def columns(self) -> int:
+        """Columns of the half spectrum."""
+        return self.side // 2 + 1
+
+    @property
+    def most_ranks(self) -> int:
+        """So many ranks can have a row and a column each."""
+        return min(self.nb, self.columns)
+
+    def shares(self, ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows, columns and points of each of these ranks, (ranks,)."""
+        rows, columns = (
+            np.array([share(count, ranks, rank)[1] for rank in range(ranks)]) for count in (self.nb, self.columns)
+        )
+        return rows, columns, np.diff(self.ends[np.cumsum(rows)], prepend=0)
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """What a rank passes to others.
+
+    shared: bytes that it writes into the memory of other ranks of its node, or reads there. sent: bytes in messages to
+    other nodes, and how many `messages`. meetings: of the ranks of its node. gathers: collective calls in which one rank
+    a node takes part.
+    """
+
+    shared: int = 0
+    sent: int = 0
+    messages: int = 0
+    meetings: int = 0
+    gathers: int = 0
+
+
+def nodes_of(ranks: int, per_node: int) -> list[int]:
+    """The node of each rank, where nodes are filled one after another."""
+    return [rank // per_node for rank in range(ranks)]
+
+
+def traffic_of_pair(problem: Problem, nodes: Sequence[int], rank: int, itemsize: int = 16) -> Traffic:
+    """What a rank passes to others for one pair of transforms (node.Transposition).
+
+    nodes: that of each rank; itemsize: bytes of a complex number. There, its rows become others' columns; back, its
+    columns become others' rows.
+    """
+    ranks, here = len(nodes), np.asarray(nodes) == nodes[rank]
+    rows, columns, _ = problem.shares(ranks)
+    there, back = rows[rank] * columns, rows * columns[rank]
+    mine = here.copy()
+    mine[rank] = False
+    # In shared memory both ways are the rank's own: it writes its rows there, and reads them again.
+    shared = 2 * int(there[mine].sum()) * itemsize
+    sent = int(there[~here].sum() + back[~here].sum()) * itemsize
+    messages = int((there[~here] > 0).sum() + (back[~here] > 0).sum())
+    return Traffic(shared, sent, messages, 2 if here.sum() > 1 else 0)
+
+
+def traffic_of_sum(nodes: Sequence[int], rank: int) -> Traffic:
+    """What a rank passes to others for one sum over all rows (node.RowExchange), bytes left out: they are few."""
+    here, several = sum(node == nodes[rank] for node in nodes), len(set(nodes)) > 1
+    leads = rank == min(other for other, node in enumerate(nodes) if node == nodes[rank])
+    meetings = (1 + several) if here > 1 else 0
+    return Traffic(meetings=meetings, gathers=int(several and leads))
+
+
+@dataclass(frozen=True)
+class Network:
+    """Between nodes. latency [s]: of a message. message [s]: of a rank's own time for each. bandwidth [bytes/s]: of a
+    node, which its ranks share."""
+
+    latency: float = 1.5e-6
+    message: float = 0.3e-6
+    bandwidth: float = 12e9
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What the work costs on a machine, measured by benchmark/ranks.py.
+
+    sizes: points a side, rising, for which one rank has been measured: `row` and `column`, seconds of the transforms of
+    one, both ways; and, with as many `points` on the rank, `point`, seconds for each point of the passes over the fields
+    that come with a sum. pair_overhead, sum_overhead [s]: of a pair's transforms, and of a sum with its passes, what no rank
+    takes off another. sums: over all rows, a pair. adding [s]: for each row in all and sum. crowding: by which factor work
+    takes longer where 1, 2, ... ranks of a node work side by side. meeting [s]: of two ranks; look [s]: for each further
+    rank. shared [s]: for each byte in the memory of another rank.
+    """
+
+    sizes: tuple[int, ...]
+    row: tuple[float, ...]
+    column: tuple[float, ...]
+    points: tuple[int, ...]
+    point: tuple[float, ...]
+    pair_overhead: float
+    sum_overhead: float
+    sums: float = SUMS
+    adding: float = 0.0
+    crowding: tuple[float, ...] = (1.0,)
+    meeting: float = 0.0
+    look: float = 0.0
+    shared: float = 0.0
+
+    def of_line(self, measured: tuple[float, ...], side: int) -> float:
+        """Seconds of a row's or column's transforms of this length: n log n between and beyond those measured."""
+        lengths = np.array(self.sizes, dtype=float)
+        factors = np.array(measured) / (lengths * np.log2(lengths))
+        return float(np.interp(math.log(side), np.log(lengths), factors)) * side * math.log2(side)
+
+    def of_point(self, points: int) -> float:
+        """Seconds for each of so many points on a rank, a sum."""
+        return float(np.interp(math.log(max(points, 1)), np.log(self.points), self.point))
+
+    def crowd(self, ranks: int) -> float:
+        """The factor of so many ranks on a node: between those measured, and beyond them that of the most."""
+        return float(np.interp(ranks, np.arange(1, len(self.crowding) + 1), self.crowding))
+
+
+PARTS = ("rows", "columns", "pointwise", "overhead", "imbalance", "sums", "shared memory", "latency", "bandwidth")
+"""What the time of a pair is made of: work as on a rank with its fair share, and what is lost."""
+STRETCHES = ((0.5, 0.0, 0.4), (0.0, 1.0, 0.0), (0.5, 0.0, 0.1), (0.0, 0.0, 0.5))
+"""Shares of the transforms of rows, of columns, and of the pointwise work that are done from one meeting of all ranks to
+the next. Conjugate gradients turn their direction (12 vectors are read or written) before the rows are transformed, look
+at the result (3) after they have come back; all else comes with sums of its own."""
+
+
+def pair_seconds(
+    problem: Problem, ranks: int, costs: Costs, per_node: int | None = None, network: Network = Network(),
+    shares: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
+) -> dict[str, float]:  # fmt: skip
+    """Seconds of a pair with all that goes with it, by `PARTS`.
+
+    per_node: ranks on a node, all of them if None. shares: rows, columns and points of each rank, if not as a run shares
+    them out.
+    """
+    per_node = min(per_node or ranks, ranks)
+    shares = shares or problem.shares(ranks)
+    each = (
+        costs.of_line(costs.row, problem.side), costs.of_line(costs.column, problem.side),
+        costs.sums * costs.of_point(int(problem.ends[-1]) // ranks),
+    )  # fmt: skip
+    work = [costs.crowd(per_node) * seconds * counts for seconds, counts in zip(each, shares, strict=True)]
+    slowest = sum(
+        float(sum(share * part for share, part in zip(stretch, work, strict=True)).max()) for stretch in STRETCHES
+    )
+    fair = [float(part.sum()) / ranks for part in work]
+    nodes = nodes_of(ranks, per_node)
+    # The first rank has a row and a column more, where they don't divide.
+    pair, one = traffic_of_pair(problem, nodes, 0), traffic_of_sum(nodes, 0)
+    meeting = costs.meeting + (per_node - 2) * costs.look if per_node > 1 else 0.0
+    sums, latency, bandwidth = _between_nodes(problem, shares, pair, per_node, network)
+    sums += one.meetings * meeting + (costs.adding * problem.nb if ranks > 1 else 0.0)
+    found = (
+        *fair, costs.pair_overhead + costs.sums * costs.sum_overhead, slowest - sum(fair), costs.sums * sums,
+        pair.shared * costs.shared + pair.meetings * meeting, latency, bandwidth,
+    )  # fmt: skip
+    return dict(zip(PARTS, found, strict=True))
+
+
+def _between_nodes(problem: Problem, shares, pair: Traffic, per_node: int, network: Network) -> tuple[float, float, float]:
+    """Seconds of a sum, and of a pair's messages by latency and by bandwidth, that nodes take."""
+    rows, columns, _ = shares
+    count = -(-rows.size // per_node)
+    if count == 1:
+        return 0.0, 0.0, 0.0
+    # What a node sends, there and back; it receives as much at the same time.
+    rows_here, columns_here = rows[:per_node].sum(), columns[:per_node].sum()
+    sent = 16.0 * (rows_here * (columns.sum() - columns_here) + columns_here * (rows.sum() - rows_here))
+    bytes_of_sum = 8.0 * KINDS * problem.nb * (count - 1) / count
+    of_sum = math.ceil(math.log2(count)) * network.latency + bytes_of_sum / network.bandwidth
+    return of_sum, pair.messages * network.message + 2.0 * network.latency, sent / network.bandwidth
+
+
+def total_seconds(
+    problem: Problem, ranks: int, costs: Costs, per_node: int | None = None, network: Network = Network(),
+    sums: float | None = None,
+) -> float:  # fmt: skip
+    """Seconds of a pair in all. sums: over all rows that go with it, if not those of the costs."""
+    costs = costs if sums is None else replace(costs, sums=sums)
+    return sum(pair_seconds(problem, ranks, costs, per_node, network).values())
