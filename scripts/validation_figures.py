@@ -42,6 +42,7 @@ FIGURES: dict[str, Callable] = {
     "maugis": spheres.maugis_figure,
     "contact-definition": radii.definition,
     "contact-radius": radii.loops,
+    "contact-error": radii.errors,
     "contact-time": full_contact.crack_in_time,
     "flat-stiffness": flat.stiffness,
     "kendall": flat.kendall,

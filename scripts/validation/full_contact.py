@@ -40,9 +40,9 @@ def crack_in_time(quick: bool):
     depth = float(paths[1].depth[paths[1].within(*closing)][-1])
     rest = _at_depth(depth, law)
     left.axhline(rest * MICRO, color="black", lw=1.0, label="relaxed, by rings")
-    left.set(xscale="log", xlabel="time held [s]", ylabel="contact radius [µm]")
+    left.set(xscale="log", xlabel="time held [s]", ylabel="contact radius [µm]", ylim=(140, 330))
     left.set_title("held: the crack closes")
-    left.legend(loc="lower right")
+    left.legend(loc="upper left")
     right.set(xlabel="time since the punch moves back [ms]", ylabel="contact radius [µm]")
     right.set_title("pulled off at 10 µm/s: it opens")
     right.legend()
@@ -82,16 +82,16 @@ def _wave(axis, n: int) -> list[Line]:
     back = path.within("turn", "retract")
     full = back & (path.contact == path.covered)
     axis_of = np.linspace(-1, 1, 200)
-    closed(axis, axis_of, np.arccos(-axis_of) / math.pi, color="black", label="pressed part, closed form")
-    some = np.flatnonzero(back)[: int(full.sum()) + 25]
-    few = some[chosen(np.arange(some.size), 60)]
+    closed(axis, axis_of, np.arccos(-axis_of) / math.pi, color="black", label="pressed part")
+    some = np.flatnonzero(full)
+    few = some[chosen(-pressure[some], 24)]
     for index, (area, label) in enumerate((("contact", "contact"), ("overlap", "gap < 0"))):
         ours(axis, pressure[few], getattr(path, area)[few] / path.covered, index, ms=3.5, label=label)
     tears = 1 - path.law.strength / amplitude
     axis.axvline(tears, color=GREY, lw=0.8, ls=":")
     axis.set(xlabel=r"mean pressure / $\frac{1}{2}E^*qA$", ylabel="share of the area", ylim=(-0.05, 1.05))
-    axis.set_title("sticky wave on the way back")
-    axis.legend(loc="center left")
+    axis.set_title("sticky wave on the way back, till it is torn off")
+    axis.legend(loc="lower right")
     pressed = full & (np.abs(pressure) < 0.95)
     apart = path.overlap[pressed] / path.covered - np.arccos(-pressure[pressed]) / math.pi
     settings = f"n = {n}, range {REACH * MICRO:g} µm"

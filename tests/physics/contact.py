@@ -129,7 +129,7 @@ def sticky_wave(n: int, reach: float, *overrides: str) -> Path:
     """Quasi-static loop of a wave of 1 um and 100 um length in a periodic cell, with a range [m], pressed flat."""
     return path_of(
         SINUSOID, "adhesion.law=cosine", f"adhesion.range={reach!r} m", f"grid.n={n}", "solver.scheme=quasistatic",
-        "solver.accuracy=0.1", "drive.preload=0.5 mN", *overrides,
+        "solver.accuracy=0.03", "drive.preload=0.7 mN", *overrides,
     )  # fmt: skip
 
 
