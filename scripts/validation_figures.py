@@ -8,7 +8,7 @@
 
 Into docs/figures/validation: a PNG a figure, and errors.csv. The tables of docs/validation.md, between its lines
 `<!-- errors NAME -->` and `<!-- end -->`, are written anew from errors.csv, and so is the table of docs/model.md, between
-`<!-- radii NAME -->` and `<!-- end -->`.
+`<!-- contact radius -->` and `<!-- end -->`.
 """
 
 from __future__ import annotations
@@ -99,9 +99,9 @@ def table_of(figure: str, rows: list[dict[str, str]]) -> str:
     return table([row for row in rows if row["figure"] == figure])
 
 
-def table_of_radii(figure: str, rows: list[dict[str, str]]) -> str:
-    """The rows of a figure as a wide table: a line a state, a column a count, its error behind it."""
-    own = [row for row in rows if row["figure"] == figure]
+def table_of_contact(rows: list[dict[str, str]]) -> str:
+    """The rows of what counts as contact as a wide table: a line a state, a column a count, its error behind it."""
+    own = [row for row in rows if row["figure"] == "contact-definition"]
     counts = list(dict.fromkeys(row["what"] for row in own))
     text = ["| force | JKR [µm] | " + " | ".join(counts) + " |", "| --- " * (len(counts) + 2) + "|"]
     for state in dict.fromkeys(row["settings"] for row in own):
@@ -136,7 +136,7 @@ def main() -> None:
     if not quick:
         rows = read_rows(folder)
         fill(PAGE, "errors", lambda name: table_of(name, rows))
-        fill(MODEL_PAGE, "radii", lambda name: table_of_radii(name, rows))
+        fill(MODEL_PAGE, "contact", lambda name: table_of_contact(rows))
 
 
 if __name__ == "__main__":

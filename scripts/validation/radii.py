@@ -66,7 +66,8 @@ def loops(quick: bool):
     tabors = tuple(QUICK) if quick else (1.0, 1.8)
     for axis, tabor in zip(axes, tabors, strict=True):
         _draw_loop(axis, _loop(tabor, quick), tabor)
-    return figure, [line for tabor in (QUICK if quick else LOOPS) for line in _compared(_loop(tabor, quick), tabor)]
+    lines = [line for tabor in (QUICK if quick else LOOPS) for line in _compared(_loop(tabor, quick), tabor)]
+    return figure, lines + _images(quick)
 
 
 def errors(quick: bool):
@@ -145,6 +146,25 @@ def _compared(path: Path, tabor: float) -> list[Line]:
         apart = path.radius()[some] / np.interp(path.depth[some], depth, radius) - 1
         what = f"radius against rings, {name}: root mean square"
         lines.append(Line(what, f"{text}{n}", 0.0, float(np.sqrt(np.mean(apart**2)))))
+    return lines
+
+
+def _images(quick: bool) -> list[Line]:
+    """What the images of a periodic cell of four punch radii do to the radius on the way back, at Tabor number 1."""
+    tabor = 1.0
+    depth, force, radius = _ring_curve(tabor)
+    # From the largest tension on, force and height grow with the radius.
+    last = int(np.argmin(force))
+    lines = []
+    for boundary in ("free", "periodic"):
+        path = _loop(tabor, quick, *(() if boundary == "free" else ("substrate.boundary=periodic",)))
+        some = _held(path, UNLOADING, tabor)
+        some = some[(path.radius()[some] > radius[last]) & (path.force[some] > 0.98 * force[last])]
+        settings = f"Tabor number {tabor:g}, n = {path.scene.grid.n}, {boundary}"
+        for name, given, curve in (("force", path.force, force), ("height", path.depth, depth)):
+            apart = path.radius()[some] / np.interp(given[some], curve[last:], radius[last:]) - 1
+            what = f"radius against rings, same {name}: root mean square"
+            lines.append(Line(what, settings, 0.0, float(np.sqrt(np.mean(apart**2)))))
     return lines
 
 
