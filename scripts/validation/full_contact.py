@@ -40,7 +40,7 @@ def crack_in_time(quick: bool):
     depth = float(paths[1].depth[paths[1].within(*closing)][-1])
     rest = _at_depth(depth, law)
     left.axhline(rest * MICRO, color="black", lw=1.0, label="relaxed, by rings")
-    left.set(xscale="log", xlabel="time held [s]", ylabel="contact radius [µm]", ylim=(140, 330))
+    left.set(xscale="log", xlabel="time held [s]", ylabel="contact radius [µm]", ylim=(140, 350))
     left.set_title("held: the crack closes")
     left.legend(loc="upper left")
     right.set(xlabel="time since the punch moves back [ms]", ylabel="contact radius [µm]")
