@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Makes the figures, the table of errors and the tables of the page of docs/validation.md, from real runs.
+"""Makes the figures, the table of errors and the tables of docs/validation.md, and the one of contact in docs/model.md.
 
     .venv/bin/python scripts/validation_figures.py               everything; some minutes on one core
     .venv/bin/python scripts/validation_figures.py hertz jkr     some figures; rows of the others are kept
@@ -7,7 +7,8 @@
     .venv/bin/python scripts/validation_figures.py --list
 
 Into docs/figures/validation: a PNG a figure, and errors.csv. The tables of docs/validation.md, between its lines
-`<!-- errors NAME -->` and `<!-- end -->`, are written anew from errors.csv.
+`<!-- errors NAME -->` and `<!-- end -->`, are written anew from errors.csv, and so is the table of docs/model.md, between
+`<!-- contact radius -->` and `<!-- end -->`.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from pathlib import Path
 
 from marked_page import fill
 from matplotlib import rc_context
-from validation import ROOT, flat, numbers, response, schemes, spheres, waves
+from validation import ROOT, flat, full_contact, numbers, radii, response, schemes, spheres, waves
 from validation.choice import chosen
 from validation.drawing import Line, number, shown
 
 from pgfmd.plots.drawing import STYLE
 
 PAGE = ROOT / "docs" / "validation.md"
+MODEL_PAGE = ROOT / "docs" / "model.md"
 FOLDER = ROOT / "docs" / "figures" / "validation"
 COLUMNS = ("figure", "what", "settings", "closed form", "ours", "error")
 
@@ -38,12 +40,17 @@ FIGURES: dict[str, Callable] = {
     "lee-radok": spheres.lee_radok,
     "jkr": spheres.jkr_figure,
     "maugis": spheres.maugis_figure,
+    "contact-definition": radii.definition,
+    "contact-radius": radii.loops,
+    "contact-error": radii.errors,
+    "contact-time": full_contact.crack_in_time,
     "flat-stiffness": flat.stiffness,
     "kendall": flat.kendall,
     "separation": flat.separation,
     "film": flat.film_figure,
     "westergaard": waves.westergaard,
     "johnson": waves.johnson,
+    "full-contact": full_contact.closing,
     "corrugation": waves.corrugation_energy,
     "paper": numbers.paper,
     "gfmd-limit": schemes.inertia_vanishes,
@@ -92,6 +99,18 @@ def table_of(figure: str, rows: list[dict[str, str]]) -> str:
     return table([row for row in rows if row["figure"] == figure])
 
 
+def table_of_contact(rows: list[dict[str, str]]) -> str:
+    """The rows of what counts as contact as a wide table: a line a state, a column a count, its error behind it."""
+    own = [row for row in rows if row["figure"] == "contact-definition"]
+    counts = list(dict.fromkeys(row["what"] for row in own))
+    text = ["| force | JKR [µm] | " + " | ".join(counts) + " |", "| --- " * (len(counts) + 2) + "|"]
+    for state in dict.fromkeys(row["settings"] for row in own):
+        found = [row for row in own if row["settings"] == state]
+        cells = [f"{number(float(row['ours']), 4)} ({shown(1.0, float(row['error']))})" for row in found]
+        text.append(f"| {state} | {number(float(found[0]['closed form']), 4)} | {' | '.join(cells)} |")
+    return "\n".join(text)
+
+
 def make(name: str, quick: bool, folder: Path) -> list[dict[str, str]]:
     """Makes a figure and gives back its rows."""
     start = time.perf_counter()
@@ -117,6 +136,7 @@ def main() -> None:
     if not quick:
         rows = read_rows(folder)
         fill(PAGE, "errors", lambda name: table_of(name, rows))
+        fill(MODEL_PAGE, "contact", lambda name: table_of_contact(rows))
 
 
 if __name__ == "__main__":

@@ -5,9 +5,24 @@ an indentation is positive when the punch is pushed in, a traction on the elasto
 `contact_modulus` is E* = E/(1 - nu^2), `work_of_adhesion` is the paper's gamma (J/m^2).
 """
 
-from . import corrugation, film, flat_punch, hertz, jkr, maugis, power_law, prony, sinusoid, tabor, ting, wavy
+from . import (
+    cohesive_sphere,
+    corrugation,
+    film,
+    flat_punch,
+    hertz,
+    jkr,
+    maugis,
+    power_law,
+    prony,
+    sinusoid,
+    tabor,
+    ting,
+    wavy,
+)
 
 __all__ = [
+    "cohesive_sphere",
     "corrugation",
     "film",
     "flat_punch",

@@ -136,15 +136,16 @@ def johnson(quick: bool):
                 ],
             ),
             measure=lambda simulation: (
-                np.mean(simulation.state.traction < 0), np.mean(simulation.state.traction != 0)
+                np.mean(simulation.state.traction < 0), np.mean(simulation.state.traction != 0),
+                simulation.state.contact_points / simulation.points.total,
             ),
         )  # fmt: skip
         simulation, state, rows, phases = result
-        back = (phases == "retract") & (rows[:, 3] > 0)
-        pressure, overlapping, reached = rows[back, 2] / CELL / closing, rows[back, 3], rows[back, 4]
+        back = (phases == "retract") & (rows[:, 5] > 0)
+        pressure, (overlapping, reached, contact) = rows[back, 2] / CELL / closing, rows[back, 3:6].T
         reach = simulation.scheme.solver.law.range * 1e6
         some = chosen(-pressure, 16)
-        ours(left, pressure[some], 0.5 * (overlapping + reached)[some], index, label=f"range {reach:.2f} µm")
+        ours(left, pressure[some], contact[some], index, label=f"range {reach:.2f} µm")
         left.vlines(pressure[some], overlapping[some], reached[some], color=GREY, lw=0.6, zorder=0)
         ranges.append(reach)
         errors.append(state.pull_off_force / CELL / closing / pull_off - 1)

@@ -17,12 +17,15 @@ from validation.drawing import Line, number  # noqa: E402
 
 PAGE = script.PAGE.read_text(encoding="utf-8")
 ROWS = script.read_rows(script.FOLDER)
-SHOWN = re.findall(r"!\[[^\]]+\]\(figures/validation/([\w-]+)\.png\)", PAGE)
+MODEL_PAGE = script.MODEL_PAGE.read_text(encoding="utf-8")
+SHOWN, SHOWN_OF_MODEL = (
+    re.findall(r"!\[[^\]]+\]\(figures/validation/([\w-]+)\.png\)", page) for page in (PAGE, MODEL_PAGE)
+)
 
 
-def test_every_figure_of_the_page_exists_and_has_a_maker():
-    assert sorted(SHOWN) == sorted(script.FIGURES)
-    for name in SHOWN:
+def test_every_figure_of_the_pages_exists_and_has_a_maker():
+    assert sorted(SHOWN + SHOWN_OF_MODEL) == sorted(script.FIGURES)
+    for name in SHOWN + SHOWN_OF_MODEL:
         content = (script.FOLDER / f"{name}.png").read_bytes()
         assert content.startswith(b"\x89PNG")
         assert len(content) <= 120_000
@@ -42,7 +45,7 @@ def tables():
 
 def test_numbers_of_the_page_are_those_of_the_csv():
     shown = list(tables())
-    assert len(shown) == len(ROWS) > len(script.FIGURES)
+    assert len(shown) == len([row for row in ROWS if row["figure"] in SHOWN]) > len(SHOWN)
     by_figure = {name: iter([row for row in ROWS if row["figure"] == name]) for name in script.FIGURES}
     for name, (what, settings, closed, ours, error) in shown:
         row = next(by_figure[name])
@@ -57,6 +60,21 @@ def test_numbers_of_the_page_are_those_of_the_csv():
         elif error:
             assert value(error) == pytest.approx(float(row["error"]), rel=5e-3, abs=1e-300)
         assert bool(error) != math.isnan(float(row["closed form"]))
+
+
+def test_the_table_of_contact_is_that_of_the_csv():
+    """Each state of the page of the model, with its three radii and their errors, is a row of errors.csv a radius."""
+    (figure,) = SHOWN_OF_MODEL
+    body = re.search(r"<!-- contact radius -->\n(.*?)<!-- end -->", MODEL_PAGE, flags=re.DOTALL)[1]
+    header, _, *lines = ([cell.strip() for cell in text.strip("|").split(" | ")] for text in body.strip().splitlines())
+    rows = {(row["settings"], row["what"]): row for row in ROWS if row["figure"] == figure}
+    assert len(rows) == len(lines) * (len(header) - 2) > 0
+    for state, closed, *cells in lines:
+        for what, cell in zip(header[2:], cells, strict=True):
+            row, (ours, error) = rows[state, what], re.fullmatch(r"([\d.]+) \((.+).%\)", cell).groups()
+            assert value(closed) == pytest.approx(float(row["closed form"]), rel=1e-3)
+            assert value(ours) == pytest.approx(float(row["ours"]), rel=1e-3)
+            assert value(error) / 100 == pytest.approx(float(row["error"]), rel=0.05)
 
 
 def value(text):
