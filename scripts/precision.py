@@ -66,7 +66,7 @@ def _geometric(elements: int, ratio: float, shortest: str = "40 us", step: float
 CASES = (
     Case("tri, 10 µm/s, n = 128", "tri-tack", ("grid.n=128", "drive.speed=10 um/s")),
     Case("tri, 1 µm/s, n = 64", "tri-tack", ("grid.n=64", "drive.preload=10 mN")),
-    Case("tri, 0.01 µm/s, n = 64", "tri-tack", ("grid.n=64", "drive.speed=0.01 um/s"), COARSE, 1e-4),
+    Case("tri, 0.1 µm/s, n = 64", "tri-tack", ("grid.n=64", "drive.speed=0.1 um/s", "drive.preload=10 mN"), COARSE, 1e-4),
     Case("tri, 1 mm/s, n = 128", "tri-tack", ("grid.n=128", "drive.speed=1 mm/s")),
     Case("tri, 0.1 m/s, n = 64", "tri-tack", ("grid.n=64", "drive.speed=0.1 m/s")),
     Case("tri, first order, n = 64", "tri-tack", ("grid.n=64", "drive.speed=20 um/s", "solver.order=1"), COARSE, 1e-5),
