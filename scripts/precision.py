@@ -24,6 +24,8 @@ from dataclasses import asdict, dataclass, fields
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+from marked_page import fill
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble
@@ -201,17 +203,11 @@ def outcome(scene: str, overrides: tuple[str, ...]) -> Outcome:
         ended = f"failed: {' '.join(str(error).split())}"
     spent, state = time.process_time() - began, simulation.state
     curve = Curve(
-        *(_array(column) for column in (recorder.time, recorder.force, recorder.area)),
+        *(np.array(column) for column in (recorder.time, recorder.force, recorder.area)),
         simulation.scheme.solver.force_scale, -state.pull_off_force, state.energies.work_of_separation,
     )  # fmt: skip
     energies = state.energies.work, recorder.largest, state.energies.largest_residual
     return Outcome(curve, *energies, simulation.scheme.pairs, state.counters.steps, spent, ended)
-
-
-def _array(column):
-    import numpy as np
-
-    return np.array(column)
 
 
 def errors_of(case: Case, known: set, say):
@@ -284,6 +280,71 @@ class Table:
             csv.DictWriter(file, self.columns, lineterminator="\n").writerow(short)
 
 
+GROUPS = {"viscoelastic": "", "elastic, with jumps": "rheology.model=elastic", "quasi-static": "solver.scheme=quasistatic"}
+"""Lines of the summary, and the override that makes a scene belong there."""
+MEASURES = {"force": "force curve", "pull_off": "pull-off force", "loop": "loop", "residual": "audit"}
+
+
+def group_of(case: Case) -> str:
+    """The line of the summary that a scene belongs to."""
+    if case.scene == "hertz" and SPHERE[2] not in case.overrides:
+        # It is elastic unless it is told otherwise.
+        return "elastic, with jumps"
+    return next((name for name, word in reversed(GROUPS.items()) if word in case.overrides), "viscoelastic")
+
+
+def pairs_of_rows(rows: list[Row]) -> list[tuple[Case, Row, Row]]:
+    """(scene, row in double, row in mixed precision) of every setting, in the order of the scenes."""
+    found = {(row.case, row.setting, row.precision): row for row in rows if row.part == "errors"}
+    return [
+        (case, *(found[case.name, f"{accuracy:g}", precision] for precision in PRECISIONS))
+        for case in CASES for accuracy in case.accuracies if (case.name, f"{accuracy:g}", "mixed") in found
+    ]  # fmt: skip
+
+
+def summary(rows: list[Row]) -> str:
+    """Ratios of the errors in mixed precision to those in double, by kinds of scenes."""
+    lines = [
+        "| scenes | runs | " + " | ".join(MEASURES.values()) + " | pairs | force curve within 10 %, and at worst |",
+        "| --- " * (len(MEASURES) + 4) + "|",
+    ]
+    for group in GROUPS:
+        mine = [(double, mixed) for case, double, mixed in pairs_of_rows(rows) if group_of(case) == group]
+        if not mine:
+            continue
+        ratios = {
+            name: [getattr(b, name) / getattr(a, name) for a, b in mine if getattr(a, name) and getattr(b, name)]
+            for name in (*MEASURES, "pairs")
+        }
+        cells = [f"{statistics.geometric_mean(ratios[name]):.2f}" for name in ratios]
+        near = sum(abs(ratio - 1.0) < 0.1 for ratio in ratios["force"])
+        lines.append(f"| {group} | {len(mine)} | {' | '.join(cells)} | {near} of {len(mine)}, {max(ratios['force']):.2f} |")
+    return "\n".join(lines)
+
+
+def all_errors(rows: list[Row]) -> str:
+    """Every setting, as double / mixed."""
+    lines = [
+        "| scene | accuracy | force curve [%] | pull-off force [%] | loop [%] | audit [%] | mixed from double, force [%] | pairs |",
+        "| --- " * 8 + "|",
+    ]
+    for case, double, mixed in pairs_of_rows(rows):
+        cells = [f"{100 * getattr(double, name):.2g} / {100 * getattr(mixed, name):.2g}" for name in MEASURES]
+        pairs = f"{double.pairs:.0f} / {mixed.pairs:.0f}"
+        lines.append(f"| {case.name} | {mixed.setting} | {' | '.join(cells)} | {100 * mixed.apart:.1g} | {pairs} |")
+    return "\n".join(lines)
+
+
+def all_costs(rows: list[Row]) -> str:
+    """Processor time in mixed precision over that in double, by grids."""
+    grids = sorted({int(row.setting) for row in rows if row.part == "cost"})
+    lines = ["| scene | " + " | ".join(f"n = {n}" for n in grids) + " |", "| --- " * (len(grids) + 1) + "|"]
+    for name, *_ in COSTS:
+        found = {int(row.setting): f"{row.seconds:.2f}" for row in rows if (row.part, row.case) == ("cost", name)}
+        lines.append(f"| {name} | " + " | ".join(found.get(n, "") for n in grids) + " |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", nargs="*", help="errors, cost, page (default: all)")
@@ -310,6 +371,9 @@ def main() -> None:
             for row in costs_of(*line, table.known(), options.rounds):
                 say(row)
                 table.add(row)
+    if "page" in parts:
+        blocks = {"summary": summary, "errors": all_errors, "cost": all_costs}
+        fill(DOCS / "work_precision.md", "precision", lambda name: blocks[name](table.rows))
 
 
 if __name__ == "__main__":
