@@ -131,7 +131,7 @@ CASES = (
 )  # fmt: skip
 
 COSTS = (
-    ("tri", "tri-tack", ("drive.speed=10 um/s",), (32, 48, 64, 96, 128, 192, 256, 512)),
+    ("tri", "tri-tack", ("drive.speed=10 um/s",), (32, 48, 64, 96, 128, 192, 256, 512, 1024)),
     ("hex", "hex-tack", ("drive.speed=25 um/s",), (48, 64, 128, 256)),
     ("tri, free", "tri-tack", ("drive.speed=10 um/s", "substrate.boundary=free"), (48, 64, 96, 128, 256)),
     ("tri, N = 5", "tri-tack", ("drive.speed=10 um/s", *_geometric(5, 250)), (48, 64, 128, 256)),
