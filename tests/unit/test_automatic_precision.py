@@ -9,7 +9,7 @@ from small_runs import SCENE, run
 from pgfmd.commands.check import report
 from pgfmd.errors import SceneError
 from pgfmd.files.storage import RUN_FILE, SCENE_FILE
-from pgfmd.forecast.estimate import memory_of
+from pgfmd.forecast.estimate import SINGLE_PAIR, effort_of, memory_of
 from pgfmd.restart.resume import plan
 from pgfmd.restart.sameness import differences
 from pgfmd.restart.scene_changes import differing, review
@@ -100,9 +100,10 @@ def test_check_tells_the_precision_and_why():
     assert line(LARGE, MIXED).note == ""
 
 
-def test_memory_is_that_of_the_precision_that_was_chosen():
-    auto, double, mixed = (memory_of(load_scene("tri-tack", ["grid.n=512", *more])) for more in ([], [DOUBLE], [MIXED]))
-    assert auto == mixed != double
+def test_the_forecast_is_that_of_the_precision_that_was_chosen():
+    auto, double, mixed = (load_scene("tri-tack", ["grid.n=512", *more]) for more in ([], [DOUBLE], [MIXED]))
+    assert memory_of(auto) == memory_of(mixed) != memory_of(double)
+    assert [effort_of(scene).cost for scene in (auto, double, mixed)] == [SINGLE_PAIR, 1.0, SINGLE_PAIR]
 
 
 # -- runs that go on ---------------------------------------------------------------------------------------------------
