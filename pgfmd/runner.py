@@ -74,7 +74,7 @@ def run_scene(scene, comm, directory: str | Path, say=print, options: Options = 
             return plan.record
         if not plan.go_on:
             storage.on_root(comm, "the scene", lambda: _warn(scene, comm.size, say))
-        return _run(scene, comm, folder, say, options, plan.go_on, began, lock)
+        return _run(plan.scene_of(scene), comm, folder, say, options, plan.go_on, began, lock)
     finally:
         if lock:
             lock.release()

@@ -15,6 +15,7 @@ from pgfmd.parts import compliance_of, inertia_of_scene, law_of, series_of, topo
 from pgfmd.physics.inertia import contact_stiffness
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene.model import SECTIONS, unused_keys
+from pgfmd.scene.precision import best_precision
 from pgfmd.units import DIMENSIONS, handy_quantity
 
 CORRUGATIONS = {"triangular": "tri", "hexagonal": "hex"}
@@ -75,7 +76,13 @@ def _values(scene) -> Iterator[Line]:
             if value is None or value == () or field in unused_keys(scene, name):
                 continue
             extra = info.json_schema_extra or {}
-            yield Line(f"{name}.{field}", _plain(value), _unit(extra.get("dimension", "")), "")
+            note = f"because {best_precision(scene).reason}" if _is_chosen(scene, field) else ""
+            yield Line(f"{name}.{field}", _plain(value), _unit(extra.get("dimension", "")), note)
+
+
+def _is_chosen(scene, field: str) -> bool:
+    """Whether a key's value was chosen by `best_precision`."""
+    return field == "precision" and scene.solver.automatic_precision
 
 
 def _plain(value: object) -> float | int | str:

@@ -22,6 +22,10 @@ from pgfmd.solver.grid import Grid, PunchPoints, share
 
 PROGRAM_BYTES = 245e6
 """Python, compiled kernels and libraries on every rank: peak resident memory less the fields, with 1 and 2 ranks."""
+SINGLE_PAIR = 0.63
+"""Time of a transform pair in single precision, relative to one in double: 0.54 to 0.75 for n = 192 to 2048."""
+OUTSIDE = 2.0 / 3.0
+"""Time outside the transforms, relative to that of pairs in double precision, which are about 60 % of a run."""
 SMOOTH = 0.1
 """E(0)/E of a quasi-static run up to which the surface does not jump from one row of grid points to the next."""
 
@@ -133,16 +137,20 @@ def _gfmd_memory(scene, ranks: int) -> Memory:
 
 @dataclass(frozen=True)
 class Effort:
-    """Expected steps and transform pairs of a run, right within a factor of 3 where the material is viscoelastic."""
+    """Expected steps and transform pairs of a run, right within a factor of 3 where the material is viscoelastic.
+
+    pair_seconds: of a pair in double precision. cost: of the run's pairs, relative to that.
+    """
 
     steps: float
     pairs: float
     pair_seconds: float
+    cost: float = 1.0
 
     @property
     def seconds(self) -> float:
-        """Wall time on one rank of this machine: transforms are about 60 % of it."""
-        return self.pairs * self.pair_seconds / 0.6
+        """Wall time on one rank of this machine."""
+        return self.pairs * self.pair_seconds * (self.cost + OUTSIDE)
 
 
 def modulus_of(scene) -> float:
@@ -183,7 +191,7 @@ def effort_of(scene) -> Effort:
     refinement = (1e-2 / scene.solver.accuracy) ** 0.4
     if adhesion.law == "repulsive":
         steps = 30.0 * math.sqrt(refinement)
-        return Effort(steps, steps * 24.0 * (scene.grid.n / 128) ** 0.6, pair_seconds(scene))
+        return Effort(steps, steps * 24.0 * (scene.grid.n / 128) ** 0.6, pair_seconds(scene), pair_cost(scene))
     steps = pairs = 0.0
     for length, speed in ((way, drive.speed), (back, drive.retract_speed)):
         if creep.elements:
@@ -198,7 +206,7 @@ def effort_of(scene) -> Effort:
         here = rate * length / adhesion.range * refinement
         steps += here
         pairs += here * each * refinement**-0.4
-    return Effort(steps, pairs, pair_seconds(scene))
+    return Effort(steps, pairs, pair_seconds(scene), pair_cost(scene))
 
 
 def _gfmd_effort(scene) -> Effort:
@@ -212,8 +220,13 @@ def _gfmd_effort(scene) -> Effort:
     return Effort(steps, steps, 2.0 * pair_seconds(scene))
 
 
+def pair_cost(scene) -> float:
+    """Time of a run's transform pairs relative to pairs in double precision; in mixed precision nearly all are single."""
+    return 1.0 if scene.solver.precision == "double" else SINGLE_PAIR
+
+
 def pair_seconds(scene) -> float:
-    """Rough time [s] of one transform pair on one core of this machine, from a few lines of it (scipy.fft)."""
+    """Rough time [s] of one transform pair in double precision on one core of this machine, from a few lines of it (scipy.fft)."""
     nb = punch_points(scene).nb
     side = transform_side(scene, nb)
     width, lines = side // 2 + 1, max(4, min(64, 2**16 // side))

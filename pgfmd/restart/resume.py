@@ -16,7 +16,7 @@ from pgfmd.files.curve_tail import count_ends, is_earlier
 from pgfmd.solver.simulation import STOPPED_STEPS
 
 from .checkpoint_layout import Damaged, none_valid, read_head
-from .scene_changes import DERIVED, contents_of, differing, require_known, review
+from .scene_changes import DERIVED, contents_of, differing, precision_kept, require_known, review
 
 OF_EARLIER = (
     "holds a run of version 0.1 of pgfmd, which counts as contact only what overlaps: this version can't go on with it. "
@@ -30,11 +30,18 @@ FAILED = "failed"
 @dataclass(frozen=True)
 class Plan:
     """What to do: `go_on` from a checkpoint, or begin; or nothing, where `record` is that of a finished run. `told`:
-    lines for the user."""
+    lines for the user. precision: that of the run that goes on, where the scene leaves it open."""
 
     go_on: bool = False
     record: dict | None = None
     told: list[str] = field(default_factory=list)
+    precision: str | None = None
+
+    def scene_of(self, scene):
+        """The scene to run: with the precision that the run began with."""
+        if self.precision is None:
+            return scene
+        return scene.model_copy(update={"solver": scene.solver.chosen(self.precision)})
 
 
 def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
@@ -114,7 +121,10 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene, allow: Sequence[str
         return Plan(go_on=True)
     if finished and record and not (finished == STOPPED_STEPS and "solver.max_steps" in changed):
         return Plan(record=record)
-    return Plan(go_on=True)
+    kept = precision_kept(head["scene"], scene)
+    changed = kept is not None and kept != scene.solver.precision
+    told = [f"solver.precision stays {kept!r}, with which this run began"] if changed else []
+    return Plan(True, None, told, kept)
 
 
 def _told_of_scene(folder: Path, scene) -> str:

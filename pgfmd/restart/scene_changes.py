@@ -20,6 +20,8 @@ from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.path_checks import FILE_KEYS
 
 UNIMPORTANT = ("title", "output.directory")
+PRECISION = "solver.precision"
+"""The key that a scene may leave open ("auto"): then a run that goes on keeps the one that it began with."""
 CHANGEABLE = ("output.every", "output.snapshots", "solver.accuracy", "solver.max_steps")
 """Keys that may change at any time; those of [drive] may where their phases are still to come."""
 DERIVED = ("adhesion.q_ref", "adhesion.range", "drive.clearance", "drive.turn_time")
@@ -67,8 +69,8 @@ def review(head: dict, scene, allow: Sequence[str], folder: Path) -> list[str]:
 def differing(text: str, scene, known: dict[str, str] | None = None) -> Iterator[tuple[str, object, object]]:
     """Key, old value and new one where a scene differs from the one in `text`, as TOML.
 
-    known: SHA-256 of the contents of the old scene's files; without it they count by name. ValueError if the text is no
-    TOML.
+    known: SHA-256 of the contents of the old scene's files; without it they count by name. A precision that the scene
+    leaves open differs from none. ValueError if the text is no TOML.
     """
     old, new = _flat(_rewritten(text)), _flat(scene.to_toml())
     files = contents_of(scene) if known is not None else {}
@@ -80,9 +82,14 @@ def differing(text: str, scene, known: dict[str, str] | None = None) -> Iterator
             if files.get(key) == known.get(key):
                 continue
             now = f"{now} with other contents" if before == now else now
-        elif before == now or key in UNIMPORTANT:
+        elif before == now or key in UNIMPORTANT or (key == PRECISION and scene.solver.automatic_precision):
             continue
         yield key, before, now
+
+
+def precision_kept(text: str, scene) -> str | None:
+    """The precision of a run that goes on, by the text of its scene; None where the scene itself names one."""
+    return _flat(text).get(PRECISION, "double") if scene.solver.automatic_precision else None
 
 
 def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:

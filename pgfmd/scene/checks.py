@@ -199,7 +199,7 @@ def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
 
 
 def gfmd_is_double(draft: Draft) -> Iterator[Problem]:
-    if draft["solver.scheme"] == "gfmd" and draft["solver.precision"] != "double":
+    if draft["solver.scheme"] == "gfmd" and draft["solver.precision"] not in ("auto", "double"):
         yield draft.problem("solver.precision", "'double' with the scheme gfmd", "delete it")
 
 
@@ -234,7 +234,7 @@ def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
 
 def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
     precision = draft["solver.precision"]
-    if draft["solver.scheme"] != "quasistatic" or precision == "double":
+    if draft["solver.scheme"] != "quasistatic" or precision in ("auto", "double"):
         return
     if draft["drive.control"] == "load":
         # The soft spring is a thousand times longer than the punch goes.

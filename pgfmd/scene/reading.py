@@ -27,6 +27,7 @@ from .checks import check
 from .draft import MISSING, Draft, example, is_unicode
 from .fields import expectation, within_limits, written
 from .model import PATTERNS, RHEOLOGIES, SECTIONS, Scene
+from .precision import best_precision
 
 __all__ = ["Scene", "load_scene", "parse_scene", "scene_from_mapping", "shipped_scenes", "shipped_text"]
 
@@ -259,7 +260,10 @@ def _resolve(title: str, draft: Draft) -> Scene:
     resolved = {
         name.replace(".", "_"): part.model_copy(update=automatic.get(name, {})) for name, part in parts.items()
     }
-    return Scene.model_construct(title=title, **resolved)
+    scene = Scene.model_construct(title=title, **resolved)
+    if scene.solver.precision != "auto":
+        return scene
+    return scene.model_copy(update={"solver": scene.solver.chosen(best_precision(scene).precision)})
 
 
 def _automatic_problems(scene: Scene) -> Iterator[Problem]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pydantic import field_validator
+from pydantic import PrivateAttr, field_validator
 
 from .fields import Section, key, number, quantity, refuse
 
-PRECISIONS = ("double", "mixed", "single")
+PRECISIONS = ("auto", "double", "mixed", "single")
 INSTEAD_OF_OMEGA_AND_DT = ("omega_tau", "steps_per_tau", "fast_pull")
 """The keys of [solver.gfmd] that omega and dt, given both, leave without a use."""
 
@@ -59,7 +59,22 @@ class Solver(Section):
     order: Literal[2, 1] = key(
         "order of the steps of `inertialess`: 2 (two stages, SDIRK2) or 1 (implicit Euler); `gfmd` is always of order 2", 2
     )
-    precision: Literal["double", "mixed", "single"] = key(
-        "`double`; `mixed`: single within conjugate gradients, double in all that lasts; `single`: all fields", "double"
+    precision: Literal["auto", "double", "mixed", "single"] = key(
+        "`double`; `mixed`: single within conjugate gradients, double in all that lasts; `single`: all fields; `auto`: "
+        "`mixed` where that has the error of `double` and costs less, else `double`",
+        "auto",
     )
     max_steps: int = key("largest number of steps", 1_000_000, ge=1)
+    _automatic: bool = PrivateAttr(default=False)
+
+    @property
+    def automatic_precision(self) -> bool:
+        """Whether the precision was chosen for the scene, which has "auto"; a run that goes on keeps the one that it
+        began with."""
+        return self._automatic
+
+    def chosen(self, precision: str) -> Solver:
+        """The same section with a precision that was chosen for the scene."""
+        solver = self.model_copy(update={"precision": precision})
+        solver._automatic = True
+        return solver

@@ -25,7 +25,7 @@ from pgfmd.restart.keeper import Stopped, Timing
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
 from pgfmd.runner import Options, run_scene
-from pgfmd.scene import load_scene
+from pgfmd.scene import load_scene, precision
 
 pytestmark = pytest.mark.mpi
 
@@ -416,6 +416,17 @@ def test_a_changed_scene_is_refused_even_if_allowed(comm, folder, stopping_after
             with pytest.raises((SceneError, RelayedError), match=f"{key} = "):
                 run("one element", comm, folder / "out", change, options=Options(allow=allow))
     assert run("one element", comm, folder / "out")["finished"] == "detached"
+
+
+def test_all_ranks_keep_the_precision_that_the_run_began_with(comm, folder, stopping_after, monkeypatch):
+    stopping_after(IN_APPROACH)
+    with pytest.raises(Stopped):
+        run("one element", comm, folder / "out", "solver.precision=double")
+    stopping_after(math.inf)
+    # As if mixed precision paid on so small a grid.
+    monkeypatch.setattr(precision, "LEAST_SIDE", 1)
+    assert load_scene(SCENES["one element"][0], SCENES["one element"][1:]).solver.precision == "mixed"
+    assert run("one element", comm, folder / "out")["precision"] == "double"
 
 
 def test_only_known_keys_can_be_allowed(comm, folder):

@@ -39,6 +39,31 @@ def test_mixed_reaches_the_accuracy_of_double(extra):
     assert errors["1e-5"][1] < 0.1 * errors["1e-2"][1]
 
 
+EXTREMES = {
+    "large modulus ratio": ("rheology.modulus_ratio=1e6",),
+    "many elements": (
+        "rheology.model=geometric", "rheology.elements=40", "rheology.time_ratio=2", "rheology.exponent=0.8",
+        "rheology.relaxation_time=1 ns", "rheology.modulus_ratio=1e6",
+    ),
+    "thin film": ("substrate.thickness=20 um", "substrate.base=sliding"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("extra", EXTREMES.values(), ids=EXTREMES)
+def test_mixed_has_the_error_of_double_where_automatic_precision_takes_it(extra):
+    common = ("grid.n=32", *SCENE[1:], *extra)
+    truth = run("tri-tack", *common, "solver.accuracy=1e-5")
+    for accuracy in (1e-2, 1e-4):
+        double, mixed = (
+            run("tri-tack", *common, f"solver.accuracy={accuracy}", f"solver.precision={precision}")
+            for precision in ("double", "mixed")
+        )
+        assert difference(mixed, truth) < 1.2 * difference(double, truth) + 1e-6, accuracy
+        residuals = [each.state.energies.largest_residual for each in (double, mixed)]
+        assert residuals[1] < 1.5 * residuals[0] + accuracy * truth.state.energies.work, accuracy
+        assert mixed.simulation.scheme.pairs < 1.15 * double.simulation.scheme.pairs
+
+
 def test_single_suffices_at_the_default_accuracy():
     truth = run("tri-tack", *SCENE, "solver.accuracy=1e-5")
     double, single = (run("tri-tack", *SCENE, f"solver.precision={precision}") for precision in ("double", "single"))

@@ -1,0 +1,47 @@
+"""The precision that a scene with `solver.precision = "auto"` is computed in, and why. No MPI.
+
+It follows from measurements: scripts/precision.py, docs/work_precision.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+FINEST_MIXED = 1e-5
+"""The finest accuracy at which mixed precision was found to have the error of double."""
+LEAST_SIDE = 256
+"""Points a side of the transform from which on mixed precision is clearly cheaper: by a tenth at 256, by a sixth at 512.
+The two cost the same between 128 and 192; on the smaller grids the bits stay those of double."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A precision, and the reason for it as an end of the sentence "..., because"."""
+
+    precision: str
+    reason: str
+
+
+def best_precision(scene) -> Choice:
+    """The precision that is best for a scene: mixed where that has the error of double and costs less, else double.
+
+    A pure function of the resolved scene, whatever its own precision is.
+    """
+    solver, side = scene.solver, transform_side_about(scene)
+    if solver.scheme == "gfmd":
+        return Choice("double", "the scheme gfmd has no other")
+    if solver.scheme == "quasistatic":
+        return Choice("double", "rounding in single corrections lets quasi-static jumps begin elsewhere: audits close several times worse")
+    if solver.accuracy < FINEST_MIXED:
+        return Choice("double", f"an accuracy below {FINEST_MIXED:g} is at the rounding of single corrections")
+    if side < LEAST_SIDE:
+        return Choice("double", f"mixed costs as much where transforms have fewer than {LEAST_SIDE} points a side")
+    return Choice("mixed", f"it has the error of double for accuracies down to {FINEST_MIXED:g}, and costs less")
+
+
+def transform_side_about(scene) -> int:
+    """About how many points a side the transforms have: those of the cell, or twice those across a punch that is alone."""
+    n, radius = scene.grid.n, scene.punch.radius
+    if scene.substrate.boundary == "periodic" or radius is None:
+        return n
+    return round(4.0 * radius / scene.grid.length * n)
