@@ -120,13 +120,15 @@ def deepest_indentation(scene) -> float:
     return min(scene.punch.radius or 0.5 * scene.grid.length, scene.substrate.thickness)
 
 
-def transform_side(scene, nb: int, whole_cell: bool = False) -> int:
+def transform_side(scene, nb: int, whole_cell: bool = False, mirror: str = "") -> int:
     """Points a side of the transform, for a punch block of `nb` points a side.
 
-    The cell's; for a free surface enough for the kernel not to wrap around.
+    The cell's; for a free surface enough for the kernel not to wrap around, an even number for mirror images.
     """
     if scene.substrate.boundary == "periodic":
         return scene.grid.n
+    if mirror:
+        return 2 * scipy.fft.next_fast_len(nb, real=True)
     return scipy.fft.next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True)
 
 

@@ -62,4 +62,9 @@ class Solver(Section):
     precision: Literal["double", "mixed", "single"] = key(
         "`double`; `mixed`: single within conjugate gradients, double in all that lasts; `single`: all fields", "double"
     )
+    symmetry: Literal["auto", "none"] = key(
+        "`auto`: a viscoelastic `inertialess` scene that is its own mirror image (x -> -x, or y -> -y as well) is stepped "
+        "on a half or a quarter of its points; `none`: on all",
+        "auto",
+    )
     max_steps: int = key("largest number of steps", 1_000_000, ge=1)

@@ -102,7 +102,7 @@ class PathFollowing:
             points.offset, self._observed,
         )  # fmt: skip
         rows = points.all_rows(self._observed)
-        contact, energy, far = rows[:3].sum(axis=1)
+        contact, energy, far = points.summed(rows[:3])
         state.contact_points, state.smallest_gap, state.far_displacement = int(contact), -rows[3].max(), far
         state.energies.adhesive = energy * points.grid.cell_area
 
