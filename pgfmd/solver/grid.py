@@ -141,6 +141,10 @@ class PunchPoints:
         x, y = self.coordinates(point, point + 1)
         return float(x[0]), float(y[0])
 
+    def folded(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places x, y [m], or where points stand for their mirror images, those of these."""
+        return (np.abs(x) if "x" in self.mirror else x), (np.abs(y) if "y" in self.mirror else y)
+
     def inside(self) -> np.ndarray:
         """Which of the local rows' points are under the punch, (rows, nb) bool."""
         column = np.arange(self.nb)
