@@ -16,8 +16,9 @@ import numpy as np
 
 from . import parts
 from .solver.grid import Grid, PunchPoints
-from .solver.multiplier import FEW
 
+FEW = 1 << 13
+"""Points that are looked at at a time: formulas of heights need many arrays."""
 MOST_INSTANTANEOUS = 0.5
 """Largest share of the compliance that may be instantaneous; with more, a surface snaps as an elastic one does."""
 AXES = ("x", "xy")
@@ -56,7 +57,7 @@ def has_images(topography, points: PunchPoints, places: np.ndarray | None = None
     points: PunchPoints with a mirror, of which the last axis is looked at. places: ranges of points, (first, last); all
     by default.
     """
-    # A few points at a time: formulas need many arrays. Where there is no symmetry, the first few tell.
+    # Where there is no symmetry, the first few tell.
     starts = range(0, points.size, FEW) if places is None else places
     for start in starts:
         x, y = points.coordinates(start, start + FEW)

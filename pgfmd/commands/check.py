@@ -13,6 +13,7 @@ from pgfmd.parts import compliance_of, inertia_of_scene, law_of, series_of, topo
 from pgfmd.physics.inertia import contact_stiffness
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene.model import SECTIONS, unused_keys
+from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity
 
 CORRUGATIONS = {"triangular": "tri", "hexagonal": "hex"}
@@ -158,6 +159,7 @@ def _cost(scene, ranks: int) -> Iterator[Line]:
     total = ranks * (memory.peak + PROGRAM_BYTES)
     yield Line("grid spacing h", scene.grid.length / scene.grid.n, "m")
     yield Line("points under the punch", points.total, "", f"in a block of {points.nb} x {points.nb}")
+    yield _symmetry(scene)
     yield Line("fields per rank", memory.peak, "B", f"on {_ranks(ranks)}")
     yield Line("memory in all", total, "B", f"with {PROGRAM_BYTES / 1e6:.0f} MB for the program on each rank")
     note = "an estimate, within a factor of 3"
@@ -165,6 +167,15 @@ def _cost(scene, ranks: int) -> Iterator[Line]:
     yield Line("expected transform pairs", _rounded(effort.pairs), "", note)
     note = "a rough guess; `pgfmd bench transform` measures a pair"
     yield Line("expected time on one rank", effort.seconds, "s", note)
+
+
+def _symmetry(scene) -> Line:
+    found = expected(scene)
+    value = {"": "none", "x": "x", "xy": "x, y"}[found.mirror]
+    if not found.mirror:
+        return Line("mirror symmetry", value, "", f"all points are stepped: {found.reason}")
+    part = {"x": "half", "xy": "a quarter"}[found.mirror]
+    return Line("mirror symmetry", value, "", f"{part} of the points stand for all, and {part} of the work is done")
 
 
 def _ranks(count: int) -> str:

@@ -103,11 +103,16 @@ class PunchPoints:
     @property
     def row_shares(self) -> list[tuple[int, int]]:
         """(start, count) of each rank's rows, counted from `top`, where they are shared evenly."""
-        count, parts = self.nb - self.top, self.comm.size
+        return self.shares_among(self.comm.size)
+
+    def shares_among(self, parts: int) -> list[tuple[int, int]]:
+        """The same for any number of ranks; there may be more of them than rows."""
+        count = self.nb - self.top
         if not self.mirror:
             return [share(count, parts, part) for part in range(parts)]
         pairs = [share((count + 1) // 2, parts, part) for part in range(parts)]
-        return [(2 * start, min(2 * size, count - 2 * start)) for start, size in pairs]
+        ends = [min(2 * (start + size), count) for start, size in pairs]
+        return [(start, end - start) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
 
     def _columns(self, radius: float | None) -> tuple[np.ndarray, np.ndarray]:
         """First and one-past-last block column of the points, for every row of the block."""

@@ -41,7 +41,9 @@ class MirroredConvolution:
         self._plan((EFFORTS[effort],), sum(count for _, count in shares))
         self.multiplier = np.empty((self.spectrum.column_count, self.spectrum.width), self.dtype)
         make_multiplier(self.spectrum, self.multiplier)
-        self.mean_compliance = self.comm.bcast(float(self.multiplier[0, 0])) * n**2
+        # More ranks than pairs of columns leave some without.
+        mean = float(self.multiplier[0, 0]) if self.comm.rank == 0 else 0.0
+        self.mean_compliance = self.comm.bcast(mean) * n**2
         if "y" not in points.mirror:
             kernels.halve_pairs(self.multiplier)
 
