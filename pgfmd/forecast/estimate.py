@@ -105,7 +105,7 @@ def memory_of(scene, ranks: int = 1) -> Memory:
         # By now there are Newton's vectors; the weights are in double precision.
         start = max(heights, solver + 8.0 * (2.0 * rows * math.ceil(width / ranks) + most))
     else:
-        kernel = 8.0 * (width * math.ceil(width / ranks) + (2.0 * multiplier if ranks > 1 else 0.0))
+        kernel = 8.0 * (width * math.ceil(width / ranks) + (multiplier if ranks > 1 else 0.0))
         start = max(heights, solver, kernel)
     start += transform
     if points.mirror and scene.output.surface:

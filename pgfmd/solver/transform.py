@@ -14,6 +14,7 @@ made with FFTW_ESTIMATE unless asked otherwise, so the result has the same bits 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 
 import numpy as np
 from mpi4py_fft import PFFT, fftw, newDistArray
@@ -70,18 +71,21 @@ class Spectrum:
         self.kx = np.arange(self.first_column, self.first_column + self.column_count)
         self.ky = np.arange(self.width)
 
-    def columns_of(self, rows: np.ndarray) -> np.ndarray:
-        """The columns (width, columns) of a square array, real, whose rows are shared out evenly. Collective."""
+    def columns_of(self, rows: np.ndarray) -> Iterator[np.ndarray]:
+        """This rank's columns (width,), one after the other, of a square array, real, whose rows are shared out evenly.
+        Collective, and to be gone through to the end."""
+        if self.comm.size == 1:
+            yield from rows[:, : self.column_count].T
+            return
         even = [share(self.width, self.comm.size, rank) for rank in range(self.comm.size)]
         transposition = Transposition(self.comm, even, self.shares, rows.dtype)
         for first, last, block in transposition.blocks:
             block[:] = rows[:, first:last]
         transposition.to_columns()
-        columns = transposition.columns.copy()
+        yield from transposition.columns.T
         # The memory that was shared for it is given back as soon as nobody needs it.
-        del transposition
+        del transposition, block
         Node.of(self.comm).trim()
-        return columns
 
 
 class Pruned:
@@ -142,6 +146,7 @@ class Convolution(Pruned):
 
     def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
         super().__init__(points, n, effort, dtype)
+        assert min(points.nb, self.spectrum.width) >= self.comm.size, "more ranks than rows, or columns"
         self.pairs, self.seconds = 0, 0.0
         self.multiplier = np.empty((self.spectrum.column_count, self.spectrum.width), self.dtype)
         make_multiplier(self.spectrum, self.multiplier)

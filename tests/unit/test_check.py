@@ -8,8 +8,8 @@ import pytest
 
 from pgfmd.commands.check import report
 from pgfmd.forecast.estimate import effort_of, memory_of
-from pgfmd.symmetry import expected
 from pgfmd.scene import load_scene
+from pgfmd.symmetry import expected
 
 GEOMETRIC = [
     "rheology.model=geometric", "rheology.modulus_ratio=250", "rheology.relaxation_time=40 us", "rheology.elements=5",
