@@ -119,16 +119,18 @@ def deepest_indentation(scene) -> float:
     return min(scene.punch.radius or 0.5 * scene.grid.length, scene.substrate.thickness)
 
 
-def transform_side(scene, nb: int, whole_cell: bool = False) -> int:
+def transform_side(scene, nb: int, whole_cell: bool = False, mirror: str = "") -> int:
     """Points a side of the transform, for a punch block of `nb` points a side.
 
-    The cell's; for a free surface enough for the kernel not to wrap around.
+    The cell's; for a free surface enough for the kernel not to wrap around, an even number for mirror images.
     """
     if scene.substrate.boundary == "periodic":
         return scene.grid.n
     # Not at the top, here and below: what a scene does not use, it need not load.
     from scipy.fft import next_fast_len
 
+    if mirror:
+        return 2 * next_fast_len(nb, real=True)
     return next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True)
 
 

@@ -74,7 +74,7 @@ def run_scene(scene, comm, directory: str | Path, say=print, options: Options = 
             return plan.record
         if not plan.go_on:
             storage.on_root(comm, "the scene", lambda: _warn(scene, comm.size, say))
-        return _run(plan.scene_of(scene), comm, folder, say, options, plan.go_on, began, lock)
+        return _run(plan.scene_of(scene), comm, folder, say, options, plan, began, lock)
     finally:
         if lock:
             lock.release()
@@ -124,12 +124,12 @@ def _require_own(folder: Path) -> None:
             )
 
 
-def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: float, lock) -> dict:
+def _run(scene, comm, folder: Path, say, options: Options, plan: resume.Plan, began: float, lock) -> dict:
     """From the first step, or from a checkpoint, to the end. lock: rank 0's."""
     guard = lock.require_held if lock else lambda: None
     compiled.hear(say if comm.rank == 0 else None)
     compile_kernels(comm, scene)
-    simulation = assemble(scene, comm)
+    simulation = assemble(scene, comm, plan.mirror)
     expected = _require_space(simulation, scene, comm, folder)
     text = scene.to_toml().encode()
     history = History(comm.size, versions(), began)
@@ -137,10 +137,13 @@ def _run(scene, comm, folder: Path, say, options: Options, go_on: bool, began: f
     try:
         with StopSignals(comm) as signals:
             files = storage.on_root(comm, "the scene's files", lambda: contents_of(scene))
-            about = {"pgfmd": history.now.versions["pgfmd"], "scene": text.decode(), "files": files}
+            about = {
+                "pgfmd": history.now.versions["pgfmd"], "scene": text.decode(), "files": files,
+                "mirror": simulation.points.mirror,
+            }  # fmt: skip
             checkpoints = Checkpoints(folder, comm, guard)
             keeper = Keeper(comm, checkpoints, outputs, signals, options.timing, about, history, expected, say)
-            if go_on:
+            if plan.go_on:
                 _restore(checkpoints, simulation, outputs, history, scene, options.allow, keeper)
                 keeper.go_on(simulation)
             else:
@@ -269,7 +272,8 @@ def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
     from mpi4py import MPI
 
     common = [f"solver.scheme={scheme}", f"solver.precision={precision}", "grid.n=20", "drive.preload=1 mN"]
-    tests = ([], ["output.energy=false"], ["rheology.model=elastic"])
+    # Of half a punch, of a quarter of one, and of a whole one.
+    tests = ([], ["output.energy=false"], ["punch.pattern=flat"], ["rheology.model=elastic"])
     if scheme == "gfmd":
         tests = (["solver.max_steps=3"],)
     if scheme == "quasistatic":

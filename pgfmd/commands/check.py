@@ -16,6 +16,7 @@ from pgfmd.physics.inertia import contact_stiffness
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
+from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity
 
 CORRUGATIONS = {"triangular": "tri", "hexagonal": "hex"}
@@ -169,11 +170,21 @@ def _cost(scene, ranks: int) -> Iterator[Line]:
     total = ranks * (memory.peak + PROGRAM_BYTES)
     yield Line("grid spacing h", scene.grid.length / scene.grid.n, "m")
     yield Line("points under the punch", points.total, "", f"in a block of {points.nb} x {points.nb}")
+    yield _symmetry(scene)
     yield Line("fields per rank", memory.peak, "B", f"on {_ranks(ranks)}")
     yield Line("memory in all", total, "B", f"with {PROGRAM_BYTES / 1e6:.0f} MB for the program on each rank")
     note = "an estimate, within a factor of 3"
     yield Line("expected steps", _rounded(effort.steps), "", note)
     yield Line("expected transform pairs", _rounded(effort.pairs), "", note)
+
+
+def _symmetry(scene) -> Line:
+    found = expected(scene)
+    value = {"": "none", "x": "x", "xy": "x, y"}[found.mirror]
+    if not found.mirror:
+        return Line("mirror symmetry", value, "", f"all points are stepped: {found.reason}")
+    part = {"x": "half", "xy": "a quarter"}[found.mirror]
+    return Line("mirror symmetry", value, "", f"{part} of the points stand for all, and {part} of the work is done")
 
 
 def _rounded(value: float) -> int:

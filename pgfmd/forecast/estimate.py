@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 import scipy.fft
@@ -18,7 +17,8 @@ from pgfmd.parts import (
 )  # fmt: skip
 from pgfmd.physics.heightfile import map_bytes
 from pgfmd.reference import flat_punch, hertz
-from pgfmd.solver.grid import Grid, PunchPoints, share
+from pgfmd.solver.grid import PunchPoints
+from pgfmd.symmetry import expected, points_of
 
 PROGRAM_BYTES = 245e6
 """Python, compiled kernels and libraries on every rank: peak resident memory less the fields, with 1 and 2 ranks."""
@@ -66,13 +66,13 @@ def vectors_of(elements: int, audit: bool, periodic: bool, order: int = 2, rough
 
 
 def punch_points(scene) -> PunchPoints:
-    """The points under the punch as a single rank would own them."""
-    return PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, SimpleNamespace(size=1, rank=0))
+    """The points under the punch as a single rank would own them, all of them."""
+    return points_of(scene, "")
 
 
 def largest_share(points: PunchPoints, ranks: int) -> int:
     """Points of the rank that has most of them: under a round punch, the rows in the middle are longer."""
-    ends = [sum(share(points.nb, ranks, rank)) for rank in range(ranks)]
+    ends = [sum(rows) for rows in points.shares_among(ranks)]
     return int(np.diff(points.offset[ends], prepend=0).max())
 
 
@@ -85,10 +85,8 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     """
     if scene.solver.scheme == "gfmd":
         return _gfmd_memory(scene, ranks)
-    points = punch_points(scene)
-    nb = points.nb
-    width = transform_side(scene, nb) // 2 + 1
-    columns = math.ceil(width / ranks)
+    points = points_of(scene, expected(scene).mirror)
+    rows, columns, width, multiplier = _transform_of(scene, points, ranks)
     periodic = scene.substrate.boundary == "periodic"
     precision = scene.solver.precision
     size, rough = 4.0 if precision == "single" else 8.0, 0.5 if precision == "mixed" else 1.0
@@ -103,17 +101,31 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     counts = counts[0], counts[1] + scene.output.patches
     most = largest_share(points, ranks)
     state, rest = (size * most * count for count in counts)
-    halves = 2.0 * nb * columns
-    transform = (columns * width + halves) * (size + (4.0 if precision == "mixed" else 0.0))
+    halves = 2.0 * rows * columns
+    transform = (multiplier + halves) * (size + (4.0 if precision == "mixed" else 0.0))
     heights = _map_bytes(scene.punch)
     solver = size * (2.0 + 7.0 * rough) * most
     if periodic:
         # By now there are Newton's vectors; the weights are in double precision.
-        start = max(heights, solver + 8.0 * (halves + most))
+        start = max(heights, solver + 8.0 * (2.0 * rows * math.ceil(width / ranks) + most))
     else:
-        kernel = 8.0 * width * (math.ceil(width / ranks) + (columns if ranks > 1 else 0))
+        kernel = 8.0 * (width * math.ceil(width / ranks) + (multiplier if ranks > 1 else 0.0))
         start = max(heights, solver, kernel)
-    return Memory(state + rest, transform, state, transform + start)
+    start += transform
+    if points.mirror and scene.output.surface:
+        # The surface of the whole cell is that of the whole punch, whose transform is made for it.
+        rows, columns, _, multiplier = _transform_of(scene, points.whole, ranks)
+        start = max(start, state + rest + transform + 8.0 * (multiplier + 2.0 * rows * columns))
+    return Memory(state + rest, transform, state, start)
+
+
+def _transform_of(scene, points: PunchPoints, ranks: int) -> tuple[int, int, int, float]:
+    """Rows of all ranks; complex columns of one of them, out of `ranks`; numbers that a column of G0 has, and all of its
+    columns."""
+    width = transform_side(scene, points.nb, mirror=points.mirror) // 2 + 1
+    columns = math.ceil((width // 2 if points.mirror else width) / ranks)
+    # Of mirror images, a complex column is two real ones.
+    return points.nb - points.top, columns, width, float(columns * width * (2 if points.mirror else 1))
 
 
 def _map_bytes(punch) -> float:
@@ -227,8 +239,9 @@ def pair_cost(scene) -> float:
 
 def pair_seconds(scene) -> float:
     """Rough time [s] of one transform pair in double precision on one core of this machine, from a few lines of it (scipy.fft)."""
-    nb = punch_points(scene).nb
-    side = transform_side(scene, nb)
+    points = points_of(scene, expected(scene).mirror)
+    nb = points.nb
+    side = transform_side(scene, nb, mirror=points.mirror)
     width, lines = side // 2 + 1, max(4, min(64, 2**16 // side))
     real, columns = np.ones((lines, side)), np.ones((lines, side), complex)
 
@@ -243,4 +256,4 @@ def pair_seconds(scene) -> float:
 
     along_x = seconds(lambda: scipy.fft.irfft(scipy.fft.rfft(real), side))
     along_y = seconds(lambda: scipy.fft.ifft(scipy.fft.fft(columns)))
-    return (nb * along_x + width * along_y) / lines
+    return (nb * along_x + width * along_y) / lines / points.images

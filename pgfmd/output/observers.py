@@ -175,7 +175,8 @@ class Snapshots(Observer):
     retraction.
 
     wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface: how
-    to have the whole cell's surface, or None. follow: called with number, frame and gap [m] of each snapshot written.
+    to have the whole cell's surface, or None. follow: called with number, frame and gap [m] of each snapshot written,
+    all of the whole punch.
     The largest tension is known only when it is over: the surface is kept back until then.
     """
 
@@ -237,16 +238,17 @@ class Snapshots(Observer):
     def _write(self, simulation, label: str, frame: Frame) -> None:
         points = simulation.points
         # In double precision, whatever that of the fields.
-        gap = np.float64(frame.position) + simulation.scheme.height - frame.displacement
+        gap = points.unfold(np.float64(frame.position) + simulation.scheme.height - frame.displacement)
+        displacement, traction = points.unfold(frame.displacement), points.unfold(frame.traction)
         # The punch hangs on its spring, and so, seen from the machine, does the surface.
         length = simulation.scheme.machine_compliance * frame.force
         surface = self.surface.make(frame.kept) if self.surface else None
         self.file.append(
-            label, frame.time, frame.position + length, frame.force, points.to_rows(gap),
-            points.to_rows(frame.traction), points.to_rows(frame.displacement + length), surface=surface,
+            label, frame.time, frame.position + length, frame.force, points.whole.to_rows(gap),
+            points.whole.to_rows(traction), points.whole.to_rows(displacement + length), surface=surface,
         )  # fmt: skip
         if self.follow:
-            self.follow(self.file.frames - 1, frame, gap)
+            self.follow(self.file.frames - 1, replace(frame, displacement=displacement, traction=traction), gap)
 
 
 def _is_to_come(entry: tuple[float, str], state) -> bool:

@@ -29,7 +29,7 @@ class Outputs:
 
     def __init__(self, simulation, scene, comm, folder: Path, say, guard: Callable[[], None] = lambda: None):
         """guard: see FieldsFile."""
-        output, points = scene.output, simulation.points
+        output, points = scene.output, simulation.points.whole
         self.scene, self.comm, self.say = scene, comm, say
         self.tables = {"curve": CurveFile(folder / storage.CURVE_FILE, comm, output.every)}
         if output.energy:
@@ -57,13 +57,13 @@ class Outputs:
         self.tables["patches"] = PatchFile(folder / storage.PATCHES_FILE, comm)
         self.tables["sites"] = SiteFile(folder / storage.SITES_FILE, comm)
         periodic = scene.punch.radius is None
-        places = SitePoints(points, launch.on_first(comm, lambda: _sites_of(scene)))
+        sites = launch.on_first(comm, lambda: _sites_of(scene))
         # Explicit steps follow every motion of the surface: they know no jumps.
         jumps = scene.solver.scheme != "gfmd"
-        watch = ContactWatch(self.tables["sites"], points, places, jumps)
-        return watch, PatchTable(
-            self.tables["patches"], points, places, simulation.scheme.law.contact_gap, periodic
-        )
+        watch = ContactWatch(self.tables["sites"], points, SitePoints(points, sites), jumps)
+        places = watch.places if points.whole is points else SitePoints(points.whole, sites)
+        level = simulation.scheme.law.contact_gap
+        return watch, PatchTable(self.tables["patches"], points.whole, places, level, periodic)
 
     def plan_snapshots(self, state, keeper=None) -> None:
         """Has the snapshots taken that the scene asks for, as far as they are still to come.
@@ -131,11 +131,12 @@ def _surface(simulation, scene) -> observers.Surface:
         return observers.Surface(
             lambda state: plane.real.flatten(), lambda rows: (rows.reshape(plane.real.shape), plane.row_start)
         )
-    if scene.substrate.boundary == "periodic":
+    points = simulation.points
+    if scene.substrate.boundary == "periodic" and not points.mirror:
         whole_cell = scheme.solver.convolve.whole_cell
     else:
-        # A free surface needs a larger transform of its own.
+        # A free surface needs a larger transform of its own, and mirror images one that knows of none.
         def whole_cell(load):
-            return convolution_of(scene, simulation.points, whole_cell=True).whole_cell(load)
+            return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(load))
 
     return observers.Surface(lambda state: state.load.copy(), whole_cell)

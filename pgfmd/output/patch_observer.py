@@ -27,7 +27,7 @@ class PatchTable:
         self.contact_gap, self.periodic = contact_gap, periodic
 
     def __call__(self, snapshot: int, frame: Frame, gap: np.ndarray) -> None:
-        """snapshot: its number; gap [m]: of the frame, (size,)."""
+        """snapshot: its number; gap [m]: of the frame, (size,), both of all points under the punch."""
         self.file.extend([
             PatchRow(snapshot, frame.time, *astuple(patch))
             for patch in patches_of(
@@ -129,7 +129,7 @@ class ContactWatch(Observer):
         """x and y [m] of the point whose traction changed most in the last step; of several, the first. Collective."""
         if self._traction is None:
             return math.nan, math.nan
-        points, changed = self.points, np.abs(state.traction - self._traction)
+        points, changed = self.points.whole, self.points.unfold(np.abs(state.traction - self._traction))
         most = points.maximum_of(float(changed.max(initial=0.0)))
         # Mirror images differ by rounding.
         here = np.flatnonzero(changed >= (1.0 - SAME) * most)[:1]

@@ -30,6 +30,7 @@ def record_of(simulation, scene, comm, history: History) -> dict:
         "scheme": scene.solver.scheme,
         "precision": scene.solver.precision,
         **_numerics(scene),
+        "mirror": simulation.points.mirror,
         "ranks": comm.size,
         "n": scene.grid.n,
         "range_m": scene.adhesion.range,

@@ -30,9 +30,11 @@ FAILED = "failed"
 @dataclass(frozen=True)
 class Plan:
     """What to do: `go_on` from a checkpoint, or begin; or nothing, where `record` is that of a finished run. `told`:
-    lines for the user. precision: that of the run that goes on, where the scene leaves it open."""
+    lines for the user. precision: that of the run that goes on, where the scene leaves it open. mirror: of the points
+    that the checkpoint holds (grid.PunchPoints); None where there is none."""
 
     go_on: bool = False
+    mirror: str | None = None
     record: dict | None = None
     told: list[str] = field(default_factory=list)
     precision: str | None = None
@@ -118,13 +120,14 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene, allow: Sequence[str
         finished = head["state"]["finished"]
     except (KeyError, TypeError):
         # Of another version: likewise.
-        return Plan(go_on=True)
+        return Plan(go_on=True, mirror=head.get("mirror", ""))
     if finished and record and not (finished == STOPPED_STEPS and "solver.max_steps" in changed):
         return Plan(record=record)
     kept = precision_kept(head["scene"], scene)
     changed = kept is not None and kept != scene.solver.precision
     told = [f"solver.precision stays {kept!r}, with which this run began"] if changed else []
-    return Plan(True, None, told, kept)
+    # Runs of 0.1 knew no symmetry, and go on without.
+    return Plan(go_on=True, mirror=head.get("mirror", ""), told=told, precision=kept)
 
 
 def _told_of_scene(folder: Path, scene) -> str:

@@ -64,6 +64,11 @@ class Solver(Section):
         "`mixed` where that has the error of `double` and costs less, else `double`",
         "auto",
     )
+    symmetry: Literal["auto", "none"] = key(
+        "`auto`: a viscoelastic `inertialess` scene that is its own mirror image (x -> -x, or y -> -y as well) is stepped "
+        "on a half or a quarter of its points; `none`: on all",
+        "auto",
+    )
     max_steps: int = key("largest number of steps", 1_000_000, ge=1)
     _automatic: bool = PrivateAttr(default=False)
 

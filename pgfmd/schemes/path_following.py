@@ -105,7 +105,7 @@ class PathFollowing:
             self._levels, points.offset, self._observed,
         )  # fmt: skip
         rows = points.all_rows(self._observed)
-        contact, overlap, near, energy, far = rows[:5].sum(axis=1)
+        contact, overlap, near, energy, far = points.summed(rows[:5])
         state.contact_points, state.overlap_points, state.near_points = int(contact), int(overlap), int(near)
         state.smallest_gap, state.far_displacement = -rows[5].max(), far
         state.energies.adhesive = energy * points.grid.cell_area

@@ -64,7 +64,7 @@ class ConjugateGradients:
             self.operator(r, z, compliance)
             kernels.survey(z, r, k, offset, rows)
             numbers = points.all_rows(rows)
-            energy, stiff, bent = numbers[:3].sum(axis=1).tolist()
+            energy, stiff, bent = points.summed(numbers[:3]).tolist()
             largest, turn, size = (numbers[3:].max(axis=1) * per_range).tolist()
             if energy <= 0.0:
                 if first:

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from . import transform_kernels
 from .node import Node
-from .transform import Synthesis
+from .transform import Pruned
 
 
 def far_weights(compliance, points) -> np.ndarray:
@@ -37,6 +38,30 @@ def far_weights(compliance, points) -> np.ndarray:
     if points.comm.size > 1:
         Node.of(points.comm).trim()
     return weights
+
+
+class Synthesis(Pruned):
+    """Sums of waves at the points under the punch, real, in double precision: half a pair of transforms a call."""
+
+    def __init__(self, points, n: int):
+        super().__init__(points, n, "estimate", np.float64)
+
+    def __call__(self, columns) -> np.ndarray:
+        """Sum over kx and ky of a(kx, ky) exp(2 pi i (kx x + ky y)/n) at the local points (size,), x and y counted from
+        the block's first row and column; collective.
+
+        columns: a for some kx (any,) as (any, n), ky in the order of numpy.fft; kx runs over 0 ... n//2, as
+        a(-kx, -ky) is the conjugate of a(kx, ky).
+        """
+        kx, batch = self.spectrum.kx, self._column.shape[0]
+        for column in range(0, kx.size, batch):
+            count = min(batch, kx.size - column)
+            self._column[:count] = columns(kx[column : column + count])
+            self._backward()
+            transform_kernels.store_columns(self._column, column, count, self.points.top, self._columns)
+        values = self.points.zeros()
+        self._rows_backward(values)
+        return values
 
 
 def _waves(k: np.ndarray, start: int, n: int) -> np.ndarray:

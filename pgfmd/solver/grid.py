@@ -10,6 +10,7 @@ the number of ranks.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,7 +37,8 @@ class Grid:
 
     def coordinate(self, index: np.ndarray | int) -> np.ndarray:
         """Position [m] of the points with this index, relative to the punch's axis."""
-        return (np.asarray(index) + 0.5) * self.spacing - 0.5 * self.length
+        # Whole and half numbers first, which are exact: so mirror images have the same coordinates but for the sign.
+        return (np.asarray(index) + 0.5 - 0.5 * self.n) * self.spacing
 
     def block(self, radius: float | None) -> tuple[int, int]:
         """(start, nb): the smallest centred block of rows and columns that holds every point with r <= radius.
@@ -62,41 +64,69 @@ class PunchPoints:
     """The points under the punch, and this rank's share of them.
 
     slab: this rank's rows of the whole cell, (first, count), where these and not even shares decide which rows of the
-    block it owns; it may own none.
+    block it owns; it may own none. mirror: axes along which everything is its own mirror image: "x", x -> -x, or "xy", both.
+    Points with x > 0, and with y > 0, then stand for their images; n is even. A rank then owns pairs of rows, for the
+    transform (mirrored_transform.py).
 
     Attributes: `block_start`, `nb` (first row and column of the block in the cell, its side), `row_start`, `rows`
-    (this rank's rows within the block), `first`, `last` (rows,) the interval of columns under the punch in each local
-    row, `offset` (rows + 1,) where each local row begins in the point vector, `size` local points, `total` points on
-    all ranks.
+    (this rank's rows within the block), `top` (the first row of all ranks), `first`, `last` (rows,) the interval of
+    columns under the punch in each local row, `offset` (rows + 1,) where each local row begins in the point vector, `size`
+    local points, `images` that each of them stands for, itself included, `total` points and images on all ranks.
     """
 
-    def __init__(self, grid: Grid, radius: float | None, comm, slab: tuple[int, int] | None = None):
-        self.grid, self.comm = grid, comm
+    def __init__(
+        self, grid: Grid, radius: float | None, comm, slab: tuple[int, int] | None = None, mirror: str = ""
+    ):  # fmt: skip
+        assert mirror in ("", "x", "xy") and not (mirror and grid.n % 2), "points on an axis have fewer images"
+        self.grid, self.radius, self.comm, self.mirror = grid, radius, comm, mirror
+        self.images = 2 ** len(mirror)
         self.block_start, self.nb = grid.block(radius)
+        self.top = self.nb // 2 if "y" in mirror else 0
         if slab is None:
-            self.row_start, self.rows = share(self.nb, comm.size, comm.rank)
+            start, self.rows = self.row_shares[comm.rank]
+            self.row_start = self.top + start
         else:
             ends = np.clip([slab[0] - self.block_start, sum(slab) - self.block_start], 0, self.nb)
             self.row_start, self.rows = int(ends[0]), int(ends[1] - ends[0])
         self._exchange = None
         first, last = self._columns(radius)
-        self.total = int((last - first).sum())
-        counts = np.concatenate(([0], np.cumsum(last - first)))
+        self._widths = last - first
+        counts = np.concatenate(([0], np.cumsum(self._widths[self.top :])))
+        self.total = self.images * int(counts[-1])
         mine = slice(self.row_start, self.row_start + self.rows)
         self.first, self.last = first[mine], last[mine]
-        self.offset = counts[self.row_start : self.row_start + self.rows + 1] - counts[self.row_start]
-        self.first_point = int(counts[self.row_start])
+        begin = self.row_start - self.top
+        self.offset = counts[begin : begin + self.rows + 1] - counts[begin]
+        self.first_point = int(counts[begin])
         self.size = int(self.offset[-1])
 
+    @property
+    def row_shares(self) -> list[tuple[int, int]]:
+        """(start, count) of each rank's rows, counted from `top`, where they are shared evenly."""
+        return self.shares_among(self.comm.size)
+
+    def shares_among(self, parts: int) -> list[tuple[int, int]]:
+        """The same for any number of ranks; there may be more of them than rows."""
+        count = self.nb - self.top
+        if not self.mirror:
+            return [share(count, parts, part) for part in range(parts)]
+        pairs = [share((count + 1) // 2, parts, part) for part in range(parts)]
+        ends = [min(2 * (start + size), count) for start, size in pairs]
+        return [(start, end - start) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
+
     def _columns(self, radius: float | None) -> tuple[np.ndarray, np.ndarray]:
-        """First and one-past-last block column under the punch, for every row of the block."""
+        """First and one-past-last block column of the points, for every row of the block."""
         if radius is None:
-            return np.zeros(self.nb, dtype=np.int64), np.full(self.nb, self.nb, dtype=np.int64)
-        position = self.grid.coordinate(self.block_start + np.arange(self.nb))
-        half_width = np.sqrt(np.maximum((radius * (1 + 1e-12)) ** 2 - position**2, 0.0))
-        first = np.searchsorted(position, -half_width, side="left")
-        last = np.searchsorted(position, half_width, side="right")
-        return first.astype(np.int64), np.maximum(first, last).astype(np.int64)
+            first, last = np.zeros(self.nb, dtype=np.int64), np.full(self.nb, self.nb, dtype=np.int64)
+        else:
+            position = self.grid.coordinate(self.block_start + np.arange(self.nb))
+            half_width = np.sqrt(np.maximum((radius * (1 + 1e-12)) ** 2 - position**2, 0.0))
+            first = np.searchsorted(position, -half_width, side="left").astype(np.int64)
+            last = np.maximum(first, np.searchsorted(position, half_width, side="right").astype(np.int64))
+        if self.mirror:
+            first = np.maximum(first, self.nb // 2)
+            last = np.maximum(first, last)
+        return first, last
 
     def zeros(self, dtype=np.float64) -> np.ndarray:
         """A new point vector of zeros (size,)."""
@@ -116,6 +146,10 @@ class PunchPoints:
         x, y = self.coordinates(point, point + 1)
         return float(x[0]), float(y[0])
 
+    def folded(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places x, y [m], or where points stand for their mirror images, those of these."""
+        return (np.abs(x) if "x" in self.mirror else x), (np.abs(y) if "y" in self.mirror else y)
+
     def inside(self) -> np.ndarray:
         """Which of the local rows' points are under the punch, (rows, nb) bool."""
         column = np.arange(self.nb)
@@ -127,8 +161,37 @@ class PunchPoints:
         rows[self.inside()] = values
         return rows
 
+    @cached_property
+    def whole(self) -> PunchPoints:
+        """All points under the punch, images included, rows shared evenly."""
+        return PunchPoints(self.grid, self.radius, self.comm) if self.mirror else self
+
+    def unfold(self, values: np.ndarray) -> np.ndarray:
+        """A point vector (size,) with the mirror images of its points: one of `whole`; itself where there are none.
+        Collective."""
+        if not self.mirror:
+            return values
+        whole, middle = self.whole, self.nb // 2
+        wanted = [start + np.arange(count) for start, count in whole.row_shares]
+        if "y" in self.mirror:
+            wanted = [np.maximum(rows, self.nb - 1 - rows) for rows in wanted]
+        # Halves of rows, from the ranks that have them to those that want them, in the order of these.
+        send = []
+        for rows in wanted:
+            here = rows[(rows >= self.row_start) & (rows < self.row_start + self.rows)] - self.row_start
+            send.append(values[_spans(self.offset[here], self.offset[here + 1])])
+        received = send if self.comm.size == 1 else self.comm.alltoall(send)
+        mine = wanted[self.comm.rank]
+        offset = np.concatenate(([0], np.cumsum(self._widths[mine])))
+        halves = np.empty(offset[-1], values.dtype)
+        for (start, count), part in zip(self.row_shares, received, strict=True):
+            there = np.flatnonzero((mine >= self.top + start) & (mine < self.top + start + count))
+            halves[_spans(offset[there], offset[there + 1])] = part
+        row, column = np.nonzero(whole.inside())
+        return halves[offset[row] + np.maximum(column, self.nb - 1 - column) - middle]
+
     def all_rows(self, local: np.ndarray) -> np.ndarray:
-        """One number of each kind a row, for the local rows (kinds, rows), gathered from all ranks: (kinds, nb).
+        """One number of each kind a row, for the local rows (kinds, rows), gathered from all ranks: (kinds, all rows).
 
         Sums and maxima taken over the result have the same bits on every rank and for any number of ranks. It is good until the next call. Collective.
         """
@@ -137,12 +200,20 @@ class PunchPoints:
         if self._exchange is None:
             from .node import Node, RowExchange
 
-            self._exchange = RowExchange(Node.of(self.comm), self.row_start, self.rows, self.nb, MOST_KINDS)
+            self._exchange = RowExchange(
+                Node.of(self.comm), self.row_start - self.top, self.rows, self.nb - self.top, MOST_KINDS
+            )
         return self._exchange(local)
 
+    def summed(self, rows: np.ndarray) -> np.ndarray:
+        """Sums (kinds,) over all points under the punch, images included, of what `all_rows` gives of partial sums."""
+        sums = rows.sum(axis=1)
+        return self.images * sums if self.images > 1 else sums
+
     def total_of(self, local: np.ndarray) -> np.ndarray:
-        """Sums over all rows of the block, of partial sums (kinds, rows); returns (kinds,). Collective."""
-        return self.all_rows(local).sum(axis=1)
+        """Sums over all points under the punch, images included, of partial sums (kinds, rows); returns (kinds,).
+        Collective."""
+        return self.summed(self.all_rows(local))
 
     def maximum_of(self, local: float) -> float:
         """The largest of one number a rank, the same on every rank. Collective."""
@@ -157,3 +228,9 @@ class PunchPoints:
         largest = np.empty(len(local))
         self.comm.Allreduce(np.array(local, dtype=float), largest, op=MPI.MAX)
         return largest.tolist()
+
+
+def _spans(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """begin[0], begin[0] + 1, ... end[0] - 1, begin[1], ...: the indices of several intervals, one after the other."""
+    sizes = end - begin
+    return np.arange(sizes.sum()) + np.repeat(begin - np.concatenate(([0], np.cumsum(sizes)[:-1])), sizes)

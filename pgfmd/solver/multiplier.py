@@ -40,8 +40,7 @@ def free_multiplier(compliance, spacing: float):
         for row, dy in enumerate(offsets[first : first + count]):
             values = compliance.kernel(offsets, np.full_like(offsets, dy), spacing)
             along_x[row] = np.fft.rfft(values[fold]).real
-        along_x = spectrum.columns_of(along_x)
-        for column in range(spectrum.column_count):
-            multiplier[column] = np.fft.rfft(along_x[fold, column]).real / n**2
+        for column, along_y in enumerate(spectrum.columns_of(along_x)):
+            multiplier[column] = np.fft.rfft(along_y[fold]).real / n**2
 
     return fill

@@ -74,7 +74,8 @@ class Labels:
 
 
 class SitePoints:
-    """The grid points that stand for a face's sites: for each the nearest point under the punch. Collective.
+    """The grid points that stand for a face's sites: for each the nearest point under the punch, or its mirror image.
+    Collective.
 
     Attributes: `index` (count,) of the point among those of all ranks; `mine`, the numbers of the sites whose points
     this rank has, and `local`, these points.
@@ -82,7 +83,7 @@ class SitePoints:
 
     def __init__(self, points: PunchPoints, sites: ContactSites):
         self.sites, self.comm = sites, points.comm
-        self.index = _nearest_points(points, sites.x, sites.y)
+        self.index = _nearest_points(points, *points.folded(sites.x, sites.y))
         local = self.index - points.first_point
         self.mine = np.flatnonzero((self.index >= 0) & (local >= 0) & (local < points.size))
         self.local = local[self.mine]

@@ -14,6 +14,7 @@ made with FFTW_ESTIMATE unless asked otherwise, so the result has the same bits 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 
 import numpy as np
 from mpi4py_fft import PFFT, fftw, newDistArray
@@ -21,7 +22,7 @@ from mpi4py_fft.pencil import Pencil, Subcomm
 
 from . import transform_kernels as kernels
 from .grid import share
-from .node import Transposition
+from .node import Node, Transposition
 
 EFFORTS = {"estimate": fftw.FFTW_ESTIMATE, "measure": fftw.FFTW_MEASURE}
 _CACHE_BYTES = 1 << 18
@@ -42,38 +43,52 @@ def _batch(length: int, itemsize: int, count: int) -> int:
     return max(1, min(fitting, count, _LARGEST_BATCH))
 
 
+def forget_plans() -> None:
+    """What FFTW has planned before, in this process, would decide which of its ways of the same transform it takes, and
+    so the last bits: before plans are made, it has to be forgotten."""
+    fftw.forget_wisdom()
+
+
+def complex_lines(length: int, count: int, dtype, flags):
+    """A buffer for a batch of complex lines of this length, out of `count` of all ranks together, and their transforms
+    forward and backward, in place."""
+    lines = fftw.aligned((_batch(length, np.dtype(dtype).itemsize, count), length), dtype=dtype, fill=0)
+    forward = fftw.fftn(lines, axes=(1,), flags=flags, output_array=lines)
+    return lines, forward, fftw.ifftn(lines, axes=(1,), flags=flags, output_array=lines)
+
+
 class Spectrum:
     """The columns of the half spectrum that this rank owns, for a transform of `n` points a side.
 
-    `kx` (columns,) are its x-indices, out of 0 ... n//2; y-indices run over `ky` = 0 ... n//2, as G is even in them.
+    shares: (first, count) of each rank's columns, even ones where there are none. `kx` (columns,) are its x-indices, out
+    of 0 ... n//2; y-indices run over `ky` = 0 ... n//2, as G is even in them.
     """
 
-    def __init__(self, n: int, nb: int, comm):
+    def __init__(self, n: int, comm, shares: list[tuple[int, int]] | None = None):
         self.n, self.width, self.comm = n, n // 2 + 1, comm
-        self.subcomm = Subcomm(comm, [0, 1])
-        # Rows shared out, columns whole; and the other way round.
-        self.rows = Pencil(self.subcomm, (nb, self.width), axis=1)
-        self.columns = self.rows.pencil(0)
-        self.first_column = self.columns.substart[1]
-        self.column_count = self.columns.subshape[1]
-        self.shares = [share(self.width, comm.size, rank) for rank in range(comm.size)]
-        assert self.shares[comm.rank] == (self.first_column, self.column_count), "mpi4py-fft shares columns otherwise"
+        self.shares = shares or [share(self.width, comm.size, rank) for rank in range(comm.size)]
+        self.first_column, self.column_count = self.shares[comm.rank]
         self.kx = np.arange(self.first_column, self.first_column + self.column_count)
         self.ky = np.arange(self.width)
 
-    def columns_of(self, rows: np.ndarray) -> np.ndarray:
-        """The columns (width, columns) of a square array, real, whose rows are shared out evenly. Collective."""
+    def columns_of(self, rows: np.ndarray) -> Iterator[np.ndarray]:
+        """This rank's columns (width,), one after the other, of a square array, real, whose rows are shared out evenly.
+        Collective, and to be gone through to the end."""
         if self.comm.size == 1:
-            return rows
-        pencil = Pencil(self.subcomm, (self.width, self.width), axis=1)
-        columns = np.empty((self.width, self.column_count))
-        transfer = pencil.transfer(pencil.pencil(0), columns.dtype)
-        transfer.forward(rows, columns)
-        transfer.destroy()
-        return columns
+            yield from rows[:, : self.column_count].T
+            return
+        even = [share(self.width, self.comm.size, rank) for rank in range(self.comm.size)]
+        transposition = Transposition(self.comm, even, self.shares, rows.dtype)
+        for first, last, block in transposition.blocks:
+            block[:] = rows[:, first:last]
+        transposition.to_columns()
+        yield from transposition.columns.T
+        # The memory that was shared for it is given back as soon as nobody needs it.
+        del transposition, block
+        Node.of(self.comm).trim()
 
 
-class _Pruned:
+class Pruned:
     """What transforms between point vectors and the columns of a Spectrum need: buffers and plans.
 
     points: PunchPoints; n: points a side of the transform; effort: of FFTW's planner; dtype: of real numbers.
@@ -82,18 +97,13 @@ class _Pruned:
     def __init__(self, points, n: int, effort: str, dtype):
         self.points, self.n, self.comm = points, n, points.comm
         self.dtype, self.complex = np.dtype(dtype), np.result_type(dtype, np.complex64)
-        self.spectrum = Spectrum(n, points.nb, points.comm)
-        pencil = self.spectrum.rows
-        assert (pencil.substart[0], pencil.subshape[0]) == (points.row_start, points.rows), "mpi4py-fft shares rows otherwise"
-        rows = [share(points.nb, self.comm.size, rank) for rank in range(self.comm.size)]
-        self._transposition = Transposition(self.comm, rows, self.spectrum.shares, self.complex)
+        self.spectrum = Spectrum(n, points.comm)
+        self._transposition = Transposition(self.comm, points.row_shares, self.spectrum.shares, self.complex)
         self._columns = self._transposition.columns
         self._plan((EFFORTS[effort],))
 
     def _plan(self, flags):
-        # What FFTW has planned before, in this process, would decide which of its ways of the same transform it takes,
-        # and so the last bits.
-        fftw.forget_wisdom()
+        forget_plans()
         n, width = self.n, self.spectrum.width
         lines = _batch(n, self.complex.itemsize, self.points.nb)
         self._line = fftw.aligned((lines, n), dtype=self.dtype, fill=0)
@@ -101,10 +111,7 @@ class _Pruned:
         # Both ways on the same buffers: c2r destroys its input, which is filled anew each time.
         self._r2c = fftw.rfftn(self._line, axes=(1,), flags=flags, output_array=self._line_hat)
         self._c2r = fftw.irfftn(self._line_hat, s=(n,), axes=(1,), flags=flags, output_array=self._line)
-        batch = _batch(n, self.complex.itemsize, width)
-        self._column = fftw.aligned((batch, n), dtype=self.complex, fill=0)
-        self._forward = fftw.fftn(self._column, axes=(1,), flags=flags, output_array=self._column)
-        self._backward = fftw.ifftn(self._column, axes=(1,), flags=flags, output_array=self._column)
+        self._column, self._forward, self._backward = complex_lines(n, width, self.complex, flags)
 
     def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
         """Point vector -> transformed along x, columns whole on each rank."""
@@ -129,7 +136,7 @@ class _Pruned:
             kernels.gather_rows(self._line, points.offset, points.first, row, count, values)
 
 
-class Convolution(_Pruned):
+class Convolution(Pruned):
     """u = G * w between point vectors: one pair of transforms a call.
 
     points: the PunchPoints that the traction lives on. n: points a side of the transform, at least what the kernel
@@ -139,6 +146,7 @@ class Convolution(_Pruned):
 
     def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
         super().__init__(points, n, effort, dtype)
+        assert min(points.nb, self.spectrum.width) >= self.comm.size, "more ranks than rows, or columns"
         self.pairs, self.seconds = 0, 0.0
         self.multiplier = np.empty((self.spectrum.column_count, self.spectrum.width), self.dtype)
         make_multiplier(self.spectrum, self.multiplier)
@@ -163,8 +171,9 @@ class Convolution(_Pruned):
         plus the block's for a free surface.
         """
         cell, start = self.points.grid.n, self.points.block_start
-        rows = Pencil(self.spectrum.subcomm, (cell, self.spectrum.width), axis=1)
+        rows = Pencil(Subcomm(self.comm, [0, 1]), (cell, self.spectrum.width), axis=1)
         columns = rows.pencil(0)
+        assert columns.subshape[1] == self.spectrum.column_count, "mpi4py-fft shares columns otherwise"
         wide_columns = np.empty(columns.subshape, self.complex)
         wide_rows = np.empty(rows.subshape, self.complex)
         self._rows_forward(traction, 1.0)
@@ -195,30 +204,6 @@ class Convolution(_Pruned):
             kernels.store_columns(self._column, column, count, first, out)
 
 
-class Synthesis(_Pruned):
-    """Sums of waves at the points under the punch, real, in double precision: half a pair of transforms a call."""
-
-    def __init__(self, points, n: int):
-        super().__init__(points, n, "estimate", np.float64)
-
-    def __call__(self, columns) -> np.ndarray:
-        """Sum over kx and ky of a(kx, ky) exp(2 pi i (kx x + ky y)/n) at the local points (size,), x and y counted from
-        the block's first row and column; collective.
-
-        columns: a for some kx (any,) as (any, n), ky in the order of numpy.fft; kx runs over 0 ... n//2, as
-        a(-kx, -ky) is the conjugate of a(kx, ky).
-        """
-        kx, batch = self.spectrum.kx, self._column.shape[0]
-        for column in range(0, kx.size, batch):
-            count = min(batch, kx.size - column)
-            self._column[:count] = columns(kx[column : column + count])
-            self._backward()
-            kernels.store_columns(self._column, column, count, 0, self._columns)
-        values = self.points.zeros()
-        self._rows_backward(values)
-        return values
-
-
 class Plane:
     """The whole plane in real and in spectral space, by mpi4py-fft's own slab-decomposed pair of transforms.
 
@@ -230,7 +215,7 @@ class Plane:
 
     def __init__(self, comm, n: int, effort: str = "estimate"):
         self.comm, self.n = comm, n
-        fftw.forget_wisdom()
+        forget_plans()
         self._plan = _whole_plane(comm, n, effort)
         self.real, self.spectral = self._plan.forward.input_array, self._plan.forward.output_array
         self.real[:] = 0.0

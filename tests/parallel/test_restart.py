@@ -37,6 +37,9 @@ SCENES = {
         "rheology.time_ratio=6", "rheology.exponent=0.8", "drive.speed=20 um/s", "drive.dwell=10 ms",
         "drive.preload=1 mN", "solver.precision=mixed", "output.every=3",
     ],
+    "quarter of a film, mixed": [
+        "flat-punch", "grid.n=20", "substrate.thickness=0.4 mm", "solver.precision=mixed", SNAPSHOTS,
+    ],
     "elastic, single, free, no audit": [
         "flat-punch", "grid.n=20", "rheology.model=elastic", "output.energy=false", "solver.precision=single",
         "substrate.boundary=free",

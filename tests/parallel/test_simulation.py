@@ -39,6 +39,8 @@ SCENES = {
     "whole plane": (PLANE, []),
     "quasi-static": ("tri-tack", ["grid.n=32", "solver.scheme=quasistatic", "drive.preload=1 mN", "solver.accuracy=0.03"]),
     "whole plane, quasi-static": (PLANE, ["solver.scheme=quasistatic", "solver.accuracy=0.03"]),
+    "without symmetry": ("tri-tack", ["grid.n=24", "drive.preload=2 mN", "solver.symmetry=none"]),
+    "quarter, free": ("flat-punch", ["grid.n=26", "substrate.boundary=free"]),
     "another grid": ("tri-tack", ["grid.n=72", "drive.preload=1 mN"]),
 }  # fmt: skip
 

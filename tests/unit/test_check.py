@@ -9,6 +9,7 @@ import pytest
 from pgfmd.commands.check import report
 from pgfmd.forecast.estimate import effort_of, memory_of
 from pgfmd.scene import load_scene
+from pgfmd.symmetry import expected
 
 GEOMETRIC = [
     "rheology.model=geometric", "rheology.modulus_ratio=250", "rheology.relaxation_time=40 us", "rheology.elements=5",
@@ -172,7 +173,7 @@ def test_memory_is_shared_out():
     # the two ranks in the middle of the punch have sin 60 + 60 in radians of its 180 degrees
     assert four.points == pytest.approx(alone.points * (math.sin(math.pi / 3) + math.pi / 3) / math.tau, rel=2e-3)
     # on several ranks the rows exist twice, once whole in x and once whole in y
-    assert alone.transform < 4 * four.transform < 2 * alone.transform
+    assert alone.transform <= 4 * four.transform < 2 * alone.transform
 
 
 @pytest.mark.parametrize("n", [65536, 65535])
@@ -187,8 +188,8 @@ def test_memory_of_the_largest_grid_shrinks_with_the_ranks(n, more):
         tracemalloc.stop()
     for memory, count in zip(found, ranks):
         assert memory.peak < 1.5 * found[0].peak / count
-    # All points under the punch, twenty numbers each.
-    assert found[0].peak > 20 * 8 * math.pi / 16 * n**2
+    # All points under the punch, or a half that stands for them, twenty numbers each.
+    assert found[0].peak > 20 * 8 * math.pi / 16 * n**2 / 2 ** len(expected(scene).mirror)
 
 
 @pytest.mark.parametrize(
