@@ -34,6 +34,7 @@ FIGURES: dict[str, Figure] = {
     "profile": Figure(printed.profile, "printCurv"),
     "curvature": Figure(sensitivity.curvature, "", ("curvature-tri", "curvature-hex")),
     "still": Figure(sensitivity.still, "", ("still-tri", "still-hex")),
+    "full": Figure(evolution.full, "", ("full-tri",)),
     "curved": Figure(tack.curved, "", ("curved-tri", "curved-hex")),
     "range": Figure(sensitivity.ranges, "", ("range",)),
     "halved": Figure(sensitivity.halved, "", ("halved",)),
