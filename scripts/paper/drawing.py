@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from paper.pool import Run
-from pgfmd.parts import topography_of
+from pgfmd.parts import law_of, topography_of
 from pgfmd.physics.contact_sites import KINDS, contact_sites
 from pgfmd.plots.folder import GREY, RED, TURQUOISE
 from pgfmd.plots.maps import NEAR_LEVEL, new_figure
@@ -19,12 +19,19 @@ from pgfmd.results import Results
 OCHRE, VIOLET, GREEN = "#d18f00", "#6a4c93", "#4c9f38"
 COLOURS = (TURQUOISE, RED, OCHRE, VIOLET, GREEN, "#303030")
 NAN = math.nan
+CONTACT, OVERLAP = "contact", "overlap"
+"""What counts as contact: a gap below that of the largest traction, and in results of before version 2.5 a negative one."""
 
 
 @dataclass(frozen=True)
 class Claim:
     """A number of the paper beside ours, both in `unit`. low, high: what the paper's words admit, NaN where it says
-    nothing; told: its words. settings must be the same for all sizes."""
+    nothing; told: its words. settings must be the same for all sizes.
+
+    count: what counts as contact where ours depends on it, CONTACT or OVERLAP, by `count_of`; empty where it does not.
+    before: the same of the same run with OVERLAP counted, NaN where the run does not tell. A number with a count must
+    be of one run alone: it is replaced when the other runs of its figure are not there.
+    """
 
     what: str
     settings: str
@@ -33,6 +40,8 @@ class Claim:
     told: str = ""
     low: float = NAN
     high: float = NAN
+    count: str = ""
+    before: float = NAN
 
 
 @dataclass(frozen=True)
@@ -144,14 +153,41 @@ def closed_at(results: Results, kind: str) -> float:
     return 1e3 * float(found["force [N]"].max())
 
 
-def near(run: Run, snapshot: int, kind: str) -> float:
-    """Share [%] of the sites of a kind whose gap is below 500 nm in a snapshot: what a camera takes for contact."""
+def count_of(run: Run) -> str:
+    """What counts as contact in the tables of a run."""
+    return CONTACT if run.results.contact_gap == law_of(run.scene.adhesion).contact_gap else OVERLAP
+
+
+def share_below(run: Run, snapshot: int, kind: str, limit: float) -> float:
+    """Share [%] of the sites of a kind whose gap is below a limit [m] in a snapshot."""
     sites = contact_sites(topography_of(run.scene.punch), run.scene.grid.length)
     chosen = np.flatnonzero(sites.kind == KINDS.index(kind))
     fields, gap = run.results.fields, run.results.frame("gap", snapshot)
     x, y = np.asarray(fields["x"][:]), np.asarray(fields["y"][:])
     columns, rows = (np.abs(line[:, None] - at[chosen]).argmin(axis=0) for line, at in ((x, sites.x), (y, sites.y)))
-    return 100.0 * float(np.mean(gap[rows, columns] < NEAR_LEVEL)) if chosen.size else 0.0
+    return 100.0 * float(np.mean(gap[rows, columns] < limit)) if chosen.size else 0.0
+
+
+def near(run: Run, snapshot: int, kind: str) -> float:
+    """Share [%] of the sites of a kind whose gap is below 500 nm in a snapshot: what a camera takes for contact."""
+    return share_below(run, snapshot, kind, NEAR_LEVEL)
+
+
+def area_below(run: Run, snapshot: int, limit: float) -> float:
+    """Area [m^2] in which the gap is below a limit [m] in a snapshot."""
+    return float(np.sum(run.results.frame("gap", snapshot) < limit)) * (run.scene.grid.length / run.scene.grid.n) ** 2
+
+
+def covered(run: Run, name: str = "contact", row: Any = None) -> Any:
+    """Area of the kind "contact", "overlap" or "near" [% of the punch's] in rows of the curve, that of the preload by
+    default. NaN where the run does not tell."""
+    column, curve = f"{name}_area [m^2]", run.results.curve
+    names = curve.dtype.names if isinstance(curve, np.ndarray) else curve.columns
+    if column not in names:
+        # Results of before version 2.5 have one area, of negative gaps.
+        return NAN
+    area = np.asarray(curve[column], float)[run.loop.preload_row if row is None else row]
+    return 100 * area / (np.pi * run.scene.punch.radius**2)
 
 
 def times_of(results: Results) -> np.ndarray:

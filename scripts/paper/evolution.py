@@ -11,20 +11,26 @@ from paper.drawing import (
     NAN,
     Claim,
     Drawing,
+    area_below,
     closed_at,
+    count_of,
     in_contact,
     joins,
     near,
     new_figure,
     percent,
     settings_of,
+    share_below,
     times_of,
 )
 from paper.pool import Run, Runs
 from pgfmd.analysis.bulges import bulges
-from pgfmd.plots.maps import CONTACT_LEVEL, GREYS, MOST_PIXELS, NEAR_LEVEL, robust_limit
+from pgfmd.parts import law_of
+from pgfmd.plots.maps import MOST_PIXELS, NEAR_LEVEL, robust_limit
 
+GREYS = ("#2b2b2b", "#666666", "#a8a8a8", "#ececec")
 TRI_COLUMNS = (1.0, 1.125, 1.25)
+SHADES = "From dark to light: gap below 0, contact, gap below 500 nm, open."
 LAST = "distance from the axis of the last third of saddles, over all"
 HEX_COLUMNS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
 
@@ -37,16 +43,16 @@ def draw_maps(rows: list[tuple[str, Run, list[int], str]]) -> Any:
     columns = max(len(frames) for _, _, frames, _ in rows)
     figure = new_figure(1.25 * columns + 1.0, 1.5 * len(rows) + 0.5)
     axes = figure.subplots(len(rows), columns, squeeze=False)
-    # Contact, near, open: the paper's greys; nothing outside of the punch.
-    greys = {"cmap": ListedColormap(GREYS), "norm": BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3)}
+    # Overlap, contact, near, open; nothing outside of the punch.
+    greys = {"cmap": ListedColormap(GREYS), "norm": BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)}
     for line, (name, run, frames, what) in zip(axes, rows, strict=True):
-        arrays = {frame: _thin(run.results.frame(what, frame)) for frame in frames}
+        arrays = {frame: thin(run.results.frame(what, frame)) for frame in frames}
         limit, _ = robust_limit(arrays.values()) if what == "traction" else (0.0, False)
         image = None
         for axis, (frame, values) in zip(line, arrays.items(), strict=False):
             if what == "gap":
-                values = np.where(np.isnan(values), np.nan, 1.0 * (values >= CONTACT_LEVEL) + (values >= NEAR_LEVEL))
-                axis.imshow(np.ma.masked_invalid(values), origin="lower", interpolation="nearest", **greys)
+                shades = np.ma.masked_invalid(levels(run, values))
+                axis.imshow(shades, origin="lower", interpolation="nearest", **greys)
             else:
                 image = axis.imshow(1e-3 * values, origin="lower", cmap=cm.vik, vmin=-1e-3 * limit, vmax=1e-3 * limit)
             force = 1e3 * float(run.results.fields["force"][frame])
@@ -59,7 +65,14 @@ def draw_maps(rows: list[tuple[str, Run, list[int], str]]) -> Any:
     return figure
 
 
-def _thin(values: np.ndarray) -> np.ndarray:
+def levels(run: Run, gap: np.ndarray) -> np.ndarray:
+    """0 overlap, 1 contact, 2 near, 3 open; NaN outside of the punch."""
+    limits = (0.0, law_of(run.scene.adhesion).contact_gap, NEAR_LEVEL)
+    return np.where(np.isnan(gap), np.nan, sum(1.0 * (gap >= limit) for limit in limits))
+
+
+def thin(values: np.ndarray) -> np.ndarray:
+    """A map with not many more points than can be seen."""
     stride = -(-4 * values.shape[0] // MOST_PIXELS)
     return values[::stride, ::stride]
 
@@ -85,9 +98,9 @@ def tension(run: Run) -> int:
 
 
 def tri(runs: Runs) -> Drawing:
-    """Contact on the way back from 40 mN with two parametrisations, and the stress of the default one: FIG tri1ums."""
-    rows, claims = [], []
-    for name in ("alternative", "default"):
+    """Contact on the way back from 40 mN with two parametrisations and with curvature, and its stress: FIG tri1ums."""
+    rows, claims, names = [], [], ("alternative", "default", "curved")
+    for name in names:
         run = runs.one("contact", name)
         if run is None or "largest tension" not in run.results.labels:
             continue
@@ -97,10 +110,9 @@ def tri(runs: Runs) -> Drawing:
     if not rows:
         raise LookupError("no run of the study contact has pulled off")
     rows.append(_stress(rows[-1]))
-    note = "; ".join(f"{name}: {settings_of(runs.one('contact', name))}"
-                     for name in ("alternative", "default") if runs.one("contact", name))  # fmt: skip
+    note = "; ".join(f"{name}: {settings_of(run)}" for name in names if (run := runs.one("contact", name)))
     caption = (
-        f"Retraction from 40 mN at 1 µm/s. {note}. Dark: contact; medium: gap below 500 nm; light: open. "
+        f"Retraction from 40 mN at 1 µm/s. {note}. {SHADES} "
         "Columns: 1, 1.125 and 1.25 t_pl, before and after most saddles let go, largest tension."
     )
     return Drawing(draw_maps(rows), caption, claims)
@@ -116,47 +128,41 @@ def _short(run: Run) -> str:
 
 
 def _tri_claims(name: str, run: Run) -> list[Claim]:
-    results, loop = run.results, run.loop
+    results, loop, count = run.results, run.loop, count_of(run)
     times = times_of(results)
     start, later = nearest(run, TRI_COLUMNS[:2])
-    sites = in_contact(results, times[start])
+    end = tension(run)
+    sites, pulled = in_contact(results, times[start]), in_contact(results, times[end])
     saddles = joins(results, "saddle")
-    radius = run.scene.punch.radius
     # The mean distance of all points of a disc is 2/3 a.
-    distance = np.hypot(saddles["x [m]"], saddles["y [m]"])
-    grown = _area(loop, times[later]) / _area(loop, times[start])
-    pulled = in_contact(results, times[tension(run)])
+    distance = np.hypot(saddles["x [m]"], saddles["y [m]"]) / run.scene.punch.radius
+    mean = float(distance.mean()) if distance.size else NAN
+    grown = float(np.divide(*np.interp(times[[later, start]], loop.time, loop.area)))
     bulge = next((-1e6 * each.displacement for each in bulges(loop) if each.force > 0), NAN)
     at = 1e6 * loop.indentation[int(np.argmin(loop.force))]
+    held = 0.01 * share_below(run, end, "saddle", 0.0) * pulled["saddle"][1]
     return [
-        Claim("summits in contact at the preload", name, percent(sites["summit"]), "%", "all", 99.9, 100),
-        Claim("saddles in contact at the preload", name, percent(sites["saddle"]), "%",
-              "those near the rim", 1, 60),
-        Claim("their mean distance from the axis", name, float(distance.mean()) / radius if distance.size else NAN, "a",
-              "close to the rim", 0.75, 1.0),
-        Claim("contact area at 1.125 t_pl over that at 1", name, grown, "", "grows slightly", 1.0, 1.3),
+        Claim("summits in contact at the preload", name, percent(sites["summit"]), "%", "all", 99.9, 100, count,
+              share_below(run, start, "summit", 0.0)),
+        Claim("saddles in contact at the preload", name, percent(sites["saddle"]), "%", "those near the rim", 1, 60,
+              count, share_below(run, start, "saddle", 0.0)),
+        Claim("their mean distance from the axis", name, mean, "a", "close to the rim", 0.75, 1.0, count),
+        Claim("contact area at 1.125 t_pl over that at 1", name, grown, "", "grows slightly", 1.0, 1.3, count,
+              area_below(run, later, 0.0) / area_below(run, start, 0.0)),
         Claim("area closer than 500 nm at 1.125 t_pl over that at 1", name,
-              _near_area(run, later) / _near_area(run, start), "", "grows slightly", 1.0, 1.3),
-        Claim("saddles in contact at the largest tension", name, pulled["saddle"][0], "", "0", 0, 0),
-        Claim("summits in contact at the largest tension", name, percent(pulled["summit"]), "%",
-              "all", 99.9, 100),
+              area_below(run, later, NEAR_LEVEL) / area_below(run, start, NEAR_LEVEL), "", "grows slightly", 1.0, 1.3),
+        Claim("saddles in contact at the largest tension", name, pulled["saddle"][0], "", "0", 0, 0, count, held),
+        Claim("summits in contact at the largest tension", name, percent(pulled["summit"]), "%", "all", 99.9, 100,
+              count, share_below(run, end, "summit", 0.0)),
         Claim("indentation at the largest tension", name, at, "µm", "near −1", -1.5, -0.5),
         Claim("indentation at the bulge under pressure", name, bulge, "µm", "5 to 6", 5, 6),
     ]  # fmt: skip
 
 
-def _near_area(run: Run, snapshot: int) -> float:
-    return float(np.sum(run.results.frame("gap", snapshot) < NEAR_LEVEL))
-
-
-def _area(loop: Any, time: float) -> float:
-    return float(np.interp(time, loop.time, loop.area))
-
-
 def hexagonal(runs: Runs) -> Drawing:
     """Contact on the way in, viscoelastic and quasi-static, with the stress of the latter: FIG hex1ums."""
     rows, claims = [], []
-    for name in ("viscous", "quasistatic"):
+    for name in ("viscous", "quasistatic", "curved-viscous", "curved-quasistatic"):
         run = runs.one("approach", name)
         if run is None or "largest tension" not in run.results.labels:
             continue
@@ -170,7 +176,7 @@ def hexagonal(runs: Runs) -> Drawing:
         "Approach at 1 µm/s, columns at fractions of t_pl, the last one at the largest tension of the retraction. "
         "Preload "
         + ", ".join(f"{name} {run.preload:g} mN" for name, run, _, what in _named(rows) if what == "gap")
-        + ". Greys as above."
+        + f"; curved: a macroscopic curvature of 40 mm. {SHADES}"
     )
     return Drawing(draw_maps(rows), caption, claims)
 
@@ -194,7 +200,7 @@ def saddle_delays(run: Run) -> tuple[float, float]:
 
 def jump_way(run: Run) -> float:
     """Way [um] from the first jump to the one after it, still on the way in, that releases most: that of the saddles.
-    A saddle under tension has no negative gap and is no join."""
+    A second way to `saddle_delays`, which does without a count of contact."""
     events, loop = run.results.events, run.loop
     time, place = np.asarray(events["time [s]"]), np.asarray(events["displacement [m]"])
     released = np.asarray(events["released [J]"])
@@ -212,29 +218,27 @@ def rim_last(run: Run) -> float:
 
 
 def _hex_claims(name: str, run: Run) -> list[Claim]:
-    results = run.results
-    frames = nearest(run, HEX_COLUMNS)
-    early, pulled = (in_contact(results, times_of(results)[k]) for k in (frames[0], tension(run)))
+    results, count = run.results, count_of(run)
+    frames, end = nearest(run, HEX_COLUMNS), tension(run)
+    early, pulled = (in_contact(results, times_of(results)[k]) for k in (frames[0], end))
     least, median = saddle_delays(run)
     seen = next((1e3 * float(results.fields["force"][k]) for k in frames if near(run, k, "saddle") > 99.9), NAN)
     # The paper's force is that of its viscous loops, its way that of the quasi-static one.
     told, about = (("0.7", 0.6, 0.8), ()) if run.quasistatic else ((), ("about 4", 3.5, 4.5))
     jump = [Claim("way from the jump of the summits to that of the saddles", name, jump_way(run), "µm", *told)]
+    way = "way from summits to contact at the saddle between"
     return [
-        Claim("summits in contact in the first frame", name, percent(early["summit"]), "%", "all", 99.9, 100),
+        Claim("summits in contact in the first frame", name, percent(early["summit"]), "%", "all", 99.9, 100, count,
+              share_below(run, frames[0], "summit", 0.0)),
         *(jump if run.quasistatic else ()),
-        Claim("way from summits to negative gap at the saddle between, least", name, least, "µm", *told),
-        Claim("way from summits to negative gap at the saddle between, median", name, median, "µm", *told),
+        Claim(f"{way}, least", name, least, "µm", *told, count=count),
+        Claim(f"{way}, median", name, median, "µm", *told, count=count),
+        Claim("force at contact in all summits", name, closed_at(results, "summit"), "mN", count=count),
         Claim("force of the first map with all saddles closer than 500 nm", name, seen, "mN", *about),
-        Claim("force at contact in all saddles", name, closed_at(results, "saddle"), "mN", *about),
-        Claim(LAST, name, rim_last(run), "", "the rim comes last", 1.05, 2.0),
-        Claim("saddles in contact at the largest tension", name, percent(pulled["saddle"]), "%",
-              "most", 50, 100),
-        Claim("saddles closer than 500 nm at the largest tension", name, near(run, tension(run), "saddle"), "%",
+        Claim("force at contact in all saddles", name, closed_at(results, "saddle"), "mN", *about, count=count),
+        Claim(LAST, name, rim_last(run), "", "the rim comes last", 1.05, 2.0, count),
+        Claim("saddles in contact at the largest tension", name, percent(pulled["saddle"]), "%", "most", 50, 100, count,
+              share_below(run, end, "saddle", 0.0)),
+        Claim("saddles closer than 500 nm at the largest tension", name, near(run, end, "saddle"), "%",
               "most", 50, 100),
     ]  # fmt: skip
-
-
-def full(runs: Runs) -> Drawing:
-    """Contact, overlap and near area of the triangular pattern on the way to 80 mN."""
-    raise LookupError("under way")
