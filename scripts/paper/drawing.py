@@ -13,12 +13,14 @@ from paper.pool import Run
 from pgfmd.parts import law_of, topography_of
 from pgfmd.physics.contact_sites import KINDS, contact_sites
 from pgfmd.plots.folder import GREY, RED, TURQUOISE
-from pgfmd.plots.maps import NEAR_LEVEL, new_figure
+from pgfmd.plots.maps import new_figure
 from pgfmd.results import Results
 
 OCHRE, VIOLET, GREEN = "#d18f00", "#6a4c93", "#4c9f38"
 COLOURS = (TURQUOISE, RED, OCHRE, VIOLET, GREEN, "#303030")
 NAN = math.nan
+NEAR_LEVEL = 500e-9
+"""Gaps [m] below this the paper's figures shade as what a camera can't tell from contact."""
 CONTACT, OVERLAP = "contact", "overlap"
 """What counts as contact: a gap below that of the largest traction, and in results of before version 2.5 a negative one."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from paper.cell import fractions
 from paper.drawing import (
     NAN,
+    NEAR_LEVEL,
     Claim,
     Drawing,
     area_below,
@@ -26,12 +27,14 @@ from paper.drawing import (
 from paper.pool import Run, Runs
 from pgfmd.analysis.bulges import bulges
 from pgfmd.parts import law_of
-from pgfmd.plots.maps import MOST_PIXELS, NEAR_LEVEL, robust_limit
+from pgfmd.plots.maps import MOST_PIXELS, robust_limit
 
 GREYS = ("#2b2b2b", "#666666", "#a8a8a8", "#ececec")
 TRI_COLUMNS = (1.0, 1.125, 1.25)
 SHADES = "From dark to light: gap below 0, contact, gap below 500 nm, open."
 LAST = "distance from the axis of the last third of saddles, over all"
+NEARLY = 0.98
+"""Share of the largest tension: the force has a flat minimum, over which saddle after saddle lets go."""
 HEX_COLUMNS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 
@@ -217,6 +220,12 @@ def rim_last(run: Run) -> float:
     return float(distance[-max(len(distance) // 3, 1) :].mean() / distance.mean()) if distance.size else NAN
 
 
+def _nearly_pulled(run: Run) -> float:
+    """Time [s] at which the way back reaches nearly its largest tension."""
+    loop, rows = run.loop, run.loop.branches["retraction"]
+    return float(loop.time[rows][np.flatnonzero(loop.force[rows] <= NEARLY * loop.force[rows].min())[0]])
+
+
 def _hex_claims(name: str, run: Run) -> list[Claim]:
     results, count = run.results, count_of(run)
     frames, end = nearest(run, HEX_COLUMNS), tension(run)
@@ -239,6 +248,8 @@ def _hex_claims(name: str, run: Run) -> list[Claim]:
         Claim(LAST, name, rim_last(run), "", "the rim comes last", 1.05, 2.0, count),
         Claim("saddles in contact at the largest tension", name, percent(pulled["saddle"]), "%", "most", 50, 100, count,
               share_below(run, end, "saddle", 0.0)),
+        Claim(f"saddles in contact when {100 * NEARLY:g} % of the largest tension is reached", name,
+              percent(in_contact(results, _nearly_pulled(run))["saddle"]), "%", count=count),
         Claim("saddles closer than 500 nm at the largest tension", name, near(run, end, "saddle"), "%",
               "most", 50, 100),
     ]  # fmt: skip
