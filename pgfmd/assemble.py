@@ -71,7 +71,10 @@ def _inertialess(scene, comm):
     solver = _solver(scene, comm)
     law, series, tolerance = solver.law, parts.series_of(scene.rheology), STEP_SHARE * scene.solver.accuracy
     weights = _far_weights(scene, solver)
-    scheme = Inertialess(solver, series.to_creep(), tolerance, scene.output.energy, weights, scene.solver.order)
+    output = scene.output
+    scheme = Inertialess(
+        solver, series.to_creep(), tolerance, output.energy, weights, output.near_gap, scene.solver.order
+    )
     shortest = float(series.tau.min()) if series.elements else math.inf
     limits = StepLimits(tolerance, law.range, shortest, law.attractive)
     return scheme, Controller(scheme, limits, scene.drive.preload)
@@ -88,7 +91,8 @@ def _quasistatic(scene, comm):
     law, tolerance = solver.law, STEP_SHARE * scene.solver.accuracy
     stiffness = parts.punch_stiffness(scene) / compliance
     dead = scene.drive.control == "load"
-    scheme = Quasistatic(solver, compliance, tolerance, _far_weights(scene, solver), spring, stiffness, dead)
+    weights, near = _far_weights(scene, solver), scene.output.near_gap
+    scheme = Quasistatic(solver, compliance, tolerance, weights, near, spring, stiffness, dead)
     return scheme, LoadSteps(scheme, tolerance, law.range, scene.drive.preload, law.attractive)
 
 
@@ -104,5 +108,6 @@ def _gfmd(scene, comm):
     law, series, inertia = parts.law_of(scene.adhesion), parts.series_of(scene.rheology), parts.inertia_of_scene(scene)
     compliance = parts.compliance_of(scene)
     height = heights_of(scene, points)
-    scheme = Gfmd(points, plane, compliance, height, law, series, inertia, scene.output.energy)
+    output = scene.output
+    scheme = Gfmd(points, plane, compliance, height, law, series, inertia, output.energy, output.near_gap)
     return scheme, FixedSteps(scheme, inertia.step, scene.drive.preload)

@@ -10,7 +10,7 @@ from pathlib import Path
 from .assemble import assemble
 from .errors import PgfmdError, ResultError, RunError
 from .files import storage
-from .files.curve_file import CURVE_COLUMNS
+from .files.curve_file import CURVE_COLUMNS, EARLIER_CURVE_COLUMNS
 from .files.curve_tail import count_ends
 from .files.fields_layout import Layout
 from .files.packing import arrays_of, unpack
@@ -111,12 +111,13 @@ def _require_own(folder: Path) -> None:
     """ResultError if a file in the folder has the name of a run's, but was not written by one."""
     # Raises where the record is none of ours.
     resume.finished_record(folder)
-    curve, header = folder / storage.CURVE_FILE, ",".join(CURVE_COLUMNS).encode() + b"\n"
+    curve = folder / storage.CURVE_FILE
+    headers = [",".join(columns).encode() + b"\n" for columns in (CURVE_COLUMNS, EARLIER_CURVE_COLUMNS)]
     if curve.exists() and count_ends(curve) <= LINES_OF_START:
         with open(curve, "rb") as file:
-            start = file.read(len(header))
+            start = file.read(max(map(len, headers)))
         # A run that was killed at its very beginning may have written a part of it.
-        if not header.startswith(start):
+        if not any(header.startswith(start[: len(header)]) for header in headers):
             raise ResultError(
                 f"{curve}: not written by a run, it does not begin with the columns of one. Choose another --out, or "
                 "start with --fresh, which keeps it"

@@ -14,10 +14,15 @@ CURVE_COLUMNS = (
     "indentation [m]",
     "force [N]",
     "contact_area [m^2]",
+    "overlap_area [m^2]",
+    "near_area [m^2]",
     "u_inf [m]",
     "step [s]",
     "phase",
 )
+LATER_COLUMNS = ("overlap_area [m^2]", "near_area [m^2]")
+"""Columns of the curve that those of version 0.1 don't have: its `contact_area` is what is now `overlap_area`."""
+EARLIER_CURVE_COLUMNS = tuple(name for name in CURVE_COLUMNS if name not in LATER_COLUMNS)
 ENERGY_COLUMNS = (
     "time [s]",
     "work [J]",
@@ -31,13 +36,19 @@ ENERGY_COLUMNS = (
 
 @dataclass(frozen=True)
 class CurveRow:
-    """One accepted step. SI units; force positive in compression, displacement negative when pushed in."""
+    """One accepted step. SI units; force positive in compression, displacement negative when pushed in.
+
+    contact_area: of the points with a gap below the law's contact_gap (physics/cohesion.py); overlap_area: below zero;
+    near_area: below the scene's output.near_gap.
+    """
 
     time: float
     displacement: float
     indentation: float
     force: float
     contact_area: float
+    overlap_area: float
+    near_area: float
     u_inf: float
     step: float
     phase: str

@@ -6,7 +6,7 @@ import contextlib
 import os
 from pathlib import Path
 
-from .curve_file import CURVE_COLUMNS, CurveRow
+from .curve_file import CURVE_COLUMNS, EARLIER_CURVE_COLUMNS, CurveRow
 
 TAIL_BYTES = 2**16
 """How much of the file is looked at: some hundred rows."""
@@ -33,7 +33,8 @@ class CurveTail:
             text = file.read(end - start)
         # The header, or a row of which the beginning is missing; after the last newline, a row that is being written.
         lines = text[: text.rfind(b"\n") + 1].split(b"\n")[1:-1]
-        found = [_row(line.decode(errors="replace")) for line in lines]
+        columns = EARLIER_CURVE_COLUMNS if is_earlier(path) else CURVE_COLUMNS
+        found = [_row(line.decode(errors="replace"), columns) for line in lines]
         self.rows = [row for row in found if row]
         self.strange = len(found) - len(self.rows)
 
@@ -49,6 +50,13 @@ class CurveTail:
         return (last.force - before.force) / way if way > 0.0 and last.force > before.force else None
 
 
+def is_earlier(path: Path) -> bool:
+    """Whether a curve has the columns of version 0.1, which counts overlap as contact. OSError if it can't be read."""
+    header = ",".join(EARLIER_CURVE_COLUMNS).encode() + b"\n"
+    with open(path, "rb") as file:
+        return file.read(len(header)) == header
+
+
 def count_ends(path: Path, start: int = 0, ending: str = "") -> int:
     """How many lines end with these characters, from an offset at the beginning of a line on. OSError."""
     wanted, count, kept = f"{ending}\n".encode(), 0, b""
@@ -62,8 +70,10 @@ def count_ends(path: Path, start: int = 0, ending: str = "") -> int:
     return count
 
 
-def _row(line: str) -> CurveRow | None:
-    values = line.split(",")
+def _row(line: str, columns: tuple[str, ...]) -> CurveRow | None:
+    """The row of a line that has these columns, NaN where it has none; None if it is no such line."""
+    values = dict(zip(columns, line.split(","))) if line.count(",") == len(columns) - 1 else {}
     with contextlib.suppress(ValueError):
-        return CurveRow(*map(float, values[:-1]), values[-1]) if len(values) == len(CURVE_COLUMNS) else None
+        numbers = [float(values.get(name, "nan")) for name in CURVE_COLUMNS[:-1]]
+        return CurveRow(*numbers, values[CURVE_COLUMNS[-1]]) if values else None
     return None

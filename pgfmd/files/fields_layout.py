@@ -14,9 +14,10 @@ import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import h5py
 import numpy as np
@@ -92,13 +93,13 @@ def _chunk_rows(side: int) -> int:
     return max(1, min(side, CHUNK_BYTES // (8 * side)))
 
 
-def create(path: Path, layout: Layout) -> None:
-    """A file without snapshots. OSError if it can't be written."""
+def create(path: Path, layout: Layout, told: Mapping[str, float] = MappingProxyType({})) -> None:
+    """A file without snapshots. told: other attributes of its root. OSError if it can't be written."""
     # "x": nothing may have come under this name meanwhile, not even a link.
     with open_serial(path, "x") as file:
         file.attrs["Conventions"] = "CF-1.11"
         file.attrs["title"] = "pgfmd: snapshots of an adhesive contact"
-        for name, value in layout.attributes.items():
+        for name, value in {**told, **layout.attributes}.items():
             file.attrs[name] = value
         for name, position in layout.axes.items():
             axis = file.create_dataset(name, data=position)

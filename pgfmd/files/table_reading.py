@@ -23,10 +23,13 @@ SHOWN = 80
 """Letters of a broken line that are shown."""
 
 
-def read_table(path: Path, columns: tuple[str, ...], row: type) -> dict[str, np.ndarray]:
+def read_table(
+    path: Path, columns: tuple[str, ...], row: type, earlier: tuple[str, ...] = ()
+) -> dict[str, np.ndarray]:
     """Its columns, (rows,) each, by what the header calls them: of float64, int64, or objects that are texts.
 
-    A last line without its end, which a live run has just begun, is left out. row: the dataclass of its rows.
+    A last line without its end, which a live run has just begun, is left out. row: the dataclass of its rows. earlier:
+    those of the columns that tables of an earlier version had; all others, which are numbers, are then NaN.
 
     Raises:
         ResultError: if it can't be read, has other columns, or a line that is no row.
@@ -38,23 +41,29 @@ def read_table(path: Path, columns: tuple[str, ...], row: type) -> dict[str, np.
         found = {name: np.empty(most, _kept_as(kind)) for name, kind in zip(columns, kinds, strict=True)}
         rows = 0
         with open(path, encoding="utf-8", newline="\n") as file:
-            _require_header(path, file.readline(), columns)
-            for piece in _pieces(islice(file, most), path, list(zip(columns, kinds, strict=True))):
-                for name, values in found.items():
+            there = _columns_of(path, file.readline(), columns, earlier)
+            for name in set(columns).difference(there):
+                found[name][:] = np.nan
+            kept = [(name, kind) for name, kind in zip(columns, kinds, strict=True) if name in there]
+            for piece in _pieces(islice(file, most), path, kept):
+                for name in there:
                     part = piece[name]
-                    values[rows : rows + len(piece)] = _shared_texts(part) if part.dtype.kind == "U" else part
+                    found[name][rows : rows + len(piece)] = _shared_texts(part) if part.dtype.kind == "U" else part
                 rows += len(piece)
     except (OSError, ValueError) as problem:
         raise ResultError(f"{path}: could not be read: {reason(problem)}") from problem
     return {name: values[:rows] for name, values in found.items()}
 
 
-def _require_header(path: Path, line: str, columns: tuple[str, ...]) -> None:
+def _columns_of(path: Path, line: str, columns: tuple[str, ...], earlier: tuple[str, ...]) -> tuple[str, ...]:
+    """The columns that a table's first line names, of this version or an earlier one. ResultError for others."""
     header = line.removesuffix("\n") if line.endswith("\n") else ""
-    if header != ",".join(columns):
-        raise ResultError(
-            f"{path}: its first line is {header!r}, expected {','.join(columns)!r}; a run of another version of pgfmd?"
-        )
+    for there in filter(None, (columns, earlier)):
+        if header == ",".join(there):
+            return there
+    raise ResultError(
+        f"{path}: its first line is {header!r}, expected {','.join(columns)!r}; a run of another version of pgfmd?"
+    )
 
 
 def _pieces(all_lines: Iterator[str], path: Path, dtype: list[tuple[str, str]]) -> Iterator[np.ndarray]:

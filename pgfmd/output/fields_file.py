@@ -7,8 +7,9 @@ collective HDF5 call, where one rank's failure would leave the others waiting.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import h5py
 import numpy as np
@@ -58,6 +59,7 @@ class FieldsFile:
         surface: bool = False,
         parallel: bool | None = None,
         guard: Callable[[], None] = lambda: None,
+        told: Mapping[str, float] = MappingProxyType({}),
     ):
         """Make or continue the file; collective.
 
@@ -70,13 +72,14 @@ class FieldsFile:
             surface: also keep the displacement of the whole cell.
             parallel: True: through MPI-IO; False: through rank 0; None: MPI-IO if h5py has it, for several ranks.
             guard: called on rank 0 before the file is changed; raises if its folder is no longer the one that it was.
+            told: attributes of a new file's root: what its readers have to know of the run.
 
         Raises:
             ResultError: on every rank, if the file can't be made, is damaged or belongs to another grid.
             ValueError: on every rank, if the ranks' rows do not make up the block.
         """
         self.path = Path(path)
-        self._comm, self._guard = comm, guard
+        self._comm, self._guard, self._told = comm, guard, told
         self._layout = Layout(n, length, block_start, nb, surface)
         self._rows = (row_start, rows_local)
         self._inside = np.asarray(inside, dtype=bool)
@@ -157,7 +160,7 @@ class FieldsFile:
         self._guard()
         fields_layout.put_back(self.path)
         if not require_regular(self.path):
-            fields_layout.create(self.path, self._layout)
+            fields_layout.create(self.path, self._layout, self._told)
         return fields_layout.count_frames(self.path, self._layout)
 
     def _local_arrays(self, gap, traction, displacement_field, surface) -> dict[str, tuple[np.ndarray, int]]:

@@ -75,13 +75,19 @@ def _at_turn_of_phase(simulation) -> bool:
 def curve_row(simulation) -> CurveRow:
     """The row of the present state."""
     state = simulation.state
-    area = state.contact_points * simulation.points.grid.cell_area
+    cell = simulation.points.grid.cell_area
     # The phase that the step belongs to, not the one that comes next.
     phase = simulation.phases[state.phase - _at_turn_of_phase(simulation)]
     return CurveRow(
-        state.time, simulation.punch_position, -simulation.punch_position - INDENTATION_OFFSET, state.force, area,
-        state.far_displacement, state.last_step, phase.name,
+        state.time, simulation.punch_position, -simulation.punch_position - INDENTATION_OFFSET, state.force,
+        state.contact_points * cell, state.overlap_points * cell, state.near_points * cell, state.far_displacement,
+        state.last_step, phase.name,
     )  # fmt: skip
+
+
+def gaps_of(simulation, scene) -> dict[str, float]:
+    """The gaps [m] below which points of the run are in contact, and near: what record and snapshots say of it."""
+    return {"contact_gap_m": simulation.scheme.law.contact_gap, "near_gap_m": scene.output.near_gap}
 
 
 def energy_row(simulation) -> EnergyRow:

@@ -38,9 +38,10 @@ class Outputs:
         self.fields = FieldsFile(
             folder / storage.FIELDS_FILE, comm, points.grid.n, points.grid.length, points.block_start, points.nb,
             points.row_start, points.rows, points.inside(), surface=output.surface, guard=guard,
+            told=observers.gaps_of(simulation, scene),
         )  # fmt: skip
         surface = _surface(simulation, scene) if output.surface else None
-        watch, table = self._contact_observers(points, folder) if output.patches else (None, None)
+        watch, table = self._contact_observers(simulation, folder) if output.patches else (None, None)
         self.snapshots = observers.Snapshots(self.fields, [], [], surface, table)
         simulation.observers += [
             observers.Curve(self.tables["curve"], self.tables.get("energy")),
@@ -50,9 +51,9 @@ class Outputs:
             observers.Progress(comm, say),
         ]
 
-    def _contact_observers(self, points, folder: Path) -> tuple[ContactWatch, PatchTable]:
+    def _contact_observers(self, simulation, folder: Path) -> tuple[ContactWatch, PatchTable]:
         """Who watches the sites and the patches, with their tables."""
-        scene, comm = self.scene, self.comm
+        scene, comm, points = self.scene, self.comm, simulation.points
         self.tables["patches"] = PatchFile(folder / storage.PATCHES_FILE, comm)
         self.tables["sites"] = SiteFile(folder / storage.SITES_FILE, comm)
         periodic = scene.punch.radius is None
@@ -60,7 +61,9 @@ class Outputs:
         # Explicit steps follow every motion of the surface: they know no jumps.
         jumps = scene.solver.scheme != "gfmd"
         watch = ContactWatch(self.tables["sites"], points, places, jumps)
-        return watch, PatchTable(self.tables["patches"], points, places, periodic)
+        return watch, PatchTable(
+            self.tables["patches"], points, places, simulation.scheme.law.contact_gap, periodic
+        )
 
     def plan_snapshots(self, state, keeper=None) -> None:
         """Has the snapshots taken that the scene asks for, as far as they are still to come.

@@ -22,14 +22,17 @@ SAME = 1e-6
 class PatchTable:
     """Writes the rows of `patches.csv` for a snapshot. Collective."""
 
-    def __init__(self, file: PatchFile, points: PunchPoints, places: SitePoints, periodic: bool):
-        self.file, self.points, self.places, self.periodic = file, points, places, periodic
+    def __init__(self, file: PatchFile, points: PunchPoints, places: SitePoints, contact_gap: float, periodic: bool):
+        self.file, self.points, self.places = file, points, places
+        self.contact_gap, self.periodic = contact_gap, periodic
 
     def __call__(self, snapshot: int, frame: Frame, gap: np.ndarray) -> None:
         """snapshot: its number; gap [m]: of the frame, (size,)."""
         self.file.extend([
             PatchRow(snapshot, frame.time, *astuple(patch))
-            for patch in patches_of(self.points, gap, frame.traction, self.places, self.periodic)
+            for patch in patches_of(
+                self.points, gap, frame.traction, self.places, self.contact_gap, self.periodic
+            )
         ])
 
 
@@ -48,7 +51,7 @@ class Change:
 class ContactWatch(Observer):
     """Writes a row of `sites.csv` whenever a site joins the contact or leaves it; `change` tells of the last jump.
 
-    A site is in contact while the gap of its grid point is below zero. jumps: whether the scene may jump; only then the
+    A site is in contact while its grid point is, its gap below that of the scheme's law. jumps: whether the scene may jump; only then the
     traction is kept from step to step. (It changes where the surface snaps; a machine's spring moves the whole surface.)
 
     What there was before a step is found from the state, so a checkpoint has to hold nothing of it.
@@ -86,7 +89,7 @@ class ContactWatch(Observer):
             return np.zeros(0, bool)
         state, local = simulation.state, self.places.local
         gap = np.float64(state.position) + simulation.scheme.height[local] - state.displacement[local]
-        return self.places.collect(gap < 0.0)
+        return self.places.collect(gap < simulation.scheme.law.contact_gap)
 
     def _remember(self, state, held: np.ndarray) -> None:
         self._held = held

@@ -33,6 +33,7 @@ def record_of(simulation, scene, comm, history: History) -> dict:
         "ranks": comm.size,
         "n": scene.grid.n,
         "range_m": scene.adhesion.range,
+        **observers.gaps_of(simulation, scene),
         "steps": counters.steps,
         "rejected_steps": counters.rejected_steps,
         "newton_iterations": counters.newton_iterations,

@@ -9,6 +9,9 @@ Potential per area of a gap g, with the work of adhesion gamma and the range rho
 The traction on the elastomer is f = Gamma'(g), positive when it pulls the surface up; the stiffness is K = Gamma''(g).
 Gamma' and Gamma'' are continuous at g = 0; Gamma'' jumps at g = rho. `repulsive` keeps the harmonic overlap alone:
 Gamma = K_0 g^2 / 2 for g < 0 with the same K_0 = gamma pi^2 / (2 rho^2).
+
+A point is in contact where its gap is below `CohesiveLaw.contact_gap`, the gap of the largest traction: there the
+surface is held, pulled harder the further it is drawn away (K > 0). This is the one place that says so.
 """
 
 from __future__ import annotations
@@ -60,6 +63,15 @@ class CohesiveLaw:
     def reach(self) -> float:
         """The gap [m] from which on there is no traction."""
         return self.range if self.attractive else 0.0
+
+    @property
+    def contact_gap(self) -> float:
+        """The gap [m] of the largest traction, below which a point is in contact: rho/2, or 0 for `repulsive`.
+
+        Below it the law is on its stable side, Gamma'' > 0, and holds the surface; beyond it the traction falls as the
+        gap grows. A surface that is held under tension has a gap between 0 and this one.
+        """
+        return 0.5 * self.range if self.attractive else 0.0
 
     def potential(self, gap: np.ndarray) -> np.ndarray:
         """Gamma(g) [J/m^2]; 0 out of reach, -gamma (cosine) or 0 (repulsive) at g = 0."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
-from pgfmd.files.curve_tail import count_ends
+from pgfmd.files.curve_tail import count_ends, is_earlier
 from pgfmd.solver.simulation import STOPPED_STEPS
 
 from .checkpoint_layout import Damaged, none_valid, read_head
@@ -43,13 +43,19 @@ def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
         aside = storage.set_aside(folder)
         return Plan(told=[f"{folder} held results: moved to {aside}"] if aside else [])
     checkpoints = [folder / name for name in storage.CHECKPOINT_FILES]
+    curve = folder / storage.CURVE_FILE
     if any(path.exists() for path in checkpoints):
-        return _plan_from(folder, checkpoints, scene, allow)
+        found = _plan_from(folder, checkpoints, scene, allow)
+        if found.go_on and curve.exists() and is_earlier(curve):
+            raise ResultError(
+                f"{folder}: holds a run of version 0.1 of pgfmd, which counts as contact only what overlaps: this version "
+                "can't go on with it. Go on with that version, or start anew with --fresh, which keeps the old results"
+            )
+        return found
     done = _of_finished(folder, finished_record(folder), scene)
     if done:
         # Its checkpoint was deleted, which is fine.
         return done
-    curve = folder / storage.CURVE_FILE
     if curve.exists() and count_ends(curve) > 2:
         raise ResultError(
             f"{folder}: holds results of a run, but no {storage.CHECKPOINT_FILE} to go on from. Choose another --out, or "

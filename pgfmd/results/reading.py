@@ -15,6 +15,7 @@ import numpy as np
 from pgfmd.errors import ResultError
 from pgfmd.files.curve_file import (
     CURVE_COLUMNS,
+    EARLIER_CURVE_COLUMNS,
     ENERGY_COLUMNS,
     EVENT_COLUMNS,
     PATCH_COLUMNS,
@@ -25,6 +26,7 @@ from pgfmd.files.curve_file import (
     PatchRow,
     SiteRow,
 )
+from pgfmd.files.curve_tail import is_earlier
 from pgfmd.files.storage import (
     CURVE_FILE,
     ENERGY_FILE,
@@ -35,10 +37,13 @@ from pgfmd.files.storage import (
     SCENE_FILE,
     SITES_FILE,
     UNDO_SUFFIX,
+    reason,
     require_record,
     require_regular_files,
 )
 from pgfmd.files.table_reading import NUMPY_TYPES, read_table
+from pgfmd.physics.cohesion import LAWS, CohesiveLaw
+from pgfmd.units import parse_quantity
 
 
 def load(directory: str | Path) -> Results:
@@ -88,8 +93,50 @@ class Results:
 
     @cached_property
     def curve(self) -> Any:
-        """`curve.csv`: a pandas DataFrame, or without pandas a structured array; columns as in the file's header."""
-        return _table(self.directory / CURVE_FILE, CURVE_COLUMNS, CurveRow)
+        """`curve.csv`: a pandas DataFrame, or without pandas a structured array; columns as in the file's header.
+
+        Those that a run of version 0.1 does not have, `overlap_area` and `near_area`, are there and NaN.
+        """
+        return _table(self.directory / CURVE_FILE, CURVE_COLUMNS, CurveRow, EARLIER_CURVE_COLUMNS)
+
+    @cached_property
+    def counts_overlap(self) -> bool:
+        """Whether contact was counted as version 0.1 did, by gaps below zero, and means overlap alone.
+
+        contact_area, patches, sites and the time to the preload of such a run leave out what is held under tension.
+        False where nothing attracts: contact is then the same.
+        """
+        path = self.directory / CURVE_FILE
+        try:
+            earlier = is_earlier(path)
+        except OSError as problem:
+            raise ResultError(f"{path}: could not be read: {reason(problem)}") from problem
+        return earlier and LAWS.get(self._adhesion.get("law"), True)
+
+    @property
+    def contact_gap(self) -> float:
+        """The gap [m] below which this run has counted a point as in contact; 0 where it `counts_overlap`."""
+        if self.counts_overlap:
+            return 0.0
+        if "contact_gap_m" in self.run:
+            return float(self.run["contact_gap_m"])
+        # Of a run that goes on: there is no record before its end.
+        attractive = LAWS.get(self._adhesion.get("law"), True)
+        if not (attractive and "range" in self._adhesion):
+            return 0.0
+        energy, reach = self._adhesion["work_of_adhesion"], self._adhesion["range"]
+        return CohesiveLaw(parse_quantity(energy, "energy per area"), parse_quantity(reach, "length")).contact_gap
+
+    @property
+    def near_gap(self) -> float:
+        """The gap [m] below which a point is near, as an optical image sees it."""
+        from pgfmd.scene.output_section import NEAR_GAP
+
+        return parse_quantity(self.scene.get("output", {}).get("near_gap", NEAR_GAP), "length")
+
+    @property
+    def _adhesion(self) -> dict:
+        return self.scene.get("adhesion", {})
 
     @cached_property
     def energy(self) -> Any | None:
@@ -230,9 +277,9 @@ def _open_fields(path: Path) -> Any:
     return xarray.open_dataset(path, engine="h5netcdf")
 
 
-def _table(path: Path, columns: tuple[str, ...], row: type) -> Any:
+def _table(path: Path, columns: tuple[str, ...], row: type, earlier: tuple[str, ...] = ()) -> Any:
     """A table of the run. A last line without its end, which a live run has just begun, is left out."""
-    found = read_table(path, columns, row)
+    found = read_table(path, columns, row, earlier)
     try:
         import pandas
     except ImportError:

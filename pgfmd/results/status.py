@@ -214,7 +214,7 @@ def _row_of(valid: Checkpoint | None, tail: CurveTail | None, names: list[str]) 
         return row
     state = valid.state
     return CurveRow(
-        state["time"], _place(state), -_place(state), state["force"], 0.0, 0.0, state["last_step"],
+        state["time"], _place(state), -_place(state), state["force"], 0.0, 0.0, 0.0, 0.0, state["last_step"],
         names[state["phase"]],
     )  # fmt: skip
 

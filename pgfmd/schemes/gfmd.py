@@ -25,13 +25,15 @@ class Gfmd:
 
     points: PunchPoints whose rows are those of `plane`'s slab; plane: transform.Plane; compliance: the periodic
     G0(qx, qy); height z [m] (size,); law: CohesiveLaw; series: PronySeries; inertia: Inertia. audit: whether to follow
-    energies.
+    energies. near_gap [m]: below which a point is near.
     """
 
     machine_compliance = 0.0
     cure = "Try a shorter step: a smaller solver.gfmd.dt, or more steps_per_tau."
 
-    def __init__(self, points, plane, compliance, height, law, series: PronySeries, inertia: Inertia, audit: bool):
+    def __init__(
+        self, points, plane, compliance, height, law, series: PronySeries, inertia: Inertia, audit: bool, near_gap: float
+    ):
         self.points, self.plane, self.height, self.law = points, plane, height, law
         self.series, self.inertia, self.audit = series, inertia, audit
         self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
@@ -46,7 +48,8 @@ class Gfmd:
             self._compliance[begin : begin + some] = np.repeat(values, 2, axis=1)
         self._fold = np.where((plane.kx == 0) | (2 * plane.kx == grid.n), 1.0, 2.0)
         self._top, self._left = points.block_start + points.row_start - plane.row_start, points.block_start
-        self._rows = np.zeros((4, points.rows))
+        self._levels = law.contact_gap, 0.0, near_gap
+        self._rows = np.zeros((6, points.rows))
         self._sums, self._rates = np.zeros((3, plane.kx.size if audit else 0)), 1.0 / series.tau
         self._far = FarPoints(plane)
         self._lengths, self._coefficients = None, ()
@@ -104,7 +107,8 @@ class Gfmd:
         state.counters.steps += 1
 
     def measure(self, state: State) -> None:
-        """What the curve holds of the present surface: contact, smallest gap, far displacement, adhesive energy.
+        """What the curve holds of the present surface: contact, overlap, near points, smallest gap, far displacement,
+        adhesive energy.
 
         Found along with the traction at the end of the step; nothing is left to do.
         """
@@ -138,11 +142,12 @@ class Gfmd:
         points = self.points
         kernels.touch(
             self.plane.real, self._top, self._left, points.first, self.height, state.position, self.law_numbers,
-            points.offset, state.displacement, state.traction, self._rows,
+            self._levels, points.offset, state.displacement, state.traction, self._rows,
         )  # fmt: skip
         rows = points.all_rows(self._rows)
-        contact, energy, pull = rows[:3].sum(axis=1)
-        state.contact_points, state.smallest_gap = int(contact), -rows[3].max()
+        contact, overlap, near, energy, pull = rows[:5].sum(axis=1)
+        state.contact_points, state.overlap_points, state.near_points = int(contact), int(overlap), int(near)
+        state.smallest_gap = -rows[5].max()
         state.far_displacement = self._far.displacement()
         state.energies.adhesive = energy * points.grid.cell_area
         return -pull * points.grid.cell_area

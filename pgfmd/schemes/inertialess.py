@@ -41,19 +41,19 @@ class Inertialess(PathFollowing):
 
     solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are
     solved to the same tolerance, as their errors enter the error estimate with a tenth of their size. audit: whether to
-    follow energies. far_weights: of the far displacement (far_field.py), empty where there is none. order: 2 or 1, of
-    steps with retardation. All fields have the precision of the solver's convolution.
+    follow energies. far_weights: of the far displacement (far_field.py), empty where there is none. near_gap [m]: below
+    which a point is near. order: 2 or 1, of steps with retardation. All fields have the precision of the solver's convolution.
     """
 
     cure = "Try a smaller solver.accuracy, or a larger adhesion.range."
 
     def __init__(
         self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool, far_weights: np.ndarray,
-        order: int = 2,
+        near_gap: float, order: int = 2,
     ):  # fmt: skip
         # Without retardation each step is an equilibrium of its own: one stage.
         self.tableau = SDIRK2 if creep.elements and order == 2 else IMPLICIT_EULER
-        super().__init__(solver, tolerance, self.tableau.nodes, far_weights)
+        super().__init__(solver, tolerance, self.tableau.nodes, far_weights, near_gap)
         self.creep, self.audit = creep, audit
         solver.cg.patience = ELASTIC_PATIENCE if creep.J_inf > NEARLY_ELASTIC else 1
         points, stages = solver.points, self.tableau.stages

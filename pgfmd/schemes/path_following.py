@@ -31,14 +31,16 @@ class PathFollowing:
     """Surfaces u and loads w of the stages of a step, extrapolated, compared and remembered.
 
     solver: NewtonSolver. tolerance: of a step, in ranges of adhesion. nodes: times of the stages, in steps; the last is
-    the step's end. far_weights: of the far displacement (far_field.py), empty where there is none. All fields have the
-    precision of the solver's convolution.
+    the step's end. far_weights: of the far displacement (far_field.py), empty where there is none. near_gap [m]: below
+    which a point is near. All fields have the precision of the solver's convolution.
     """
 
     machine_compliance = 0.0
     """Of the spring between the machine and the punch [m/N]; zero where the punch itself is driven."""
 
-    def __init__(self, solver: NewtonSolver, tolerance: float, nodes: tuple[float, ...], far_weights: np.ndarray):
+    def __init__(
+        self, solver: NewtonSolver, tolerance: float, nodes: tuple[float, ...], far_weights: np.ndarray, near_gap: float
+    ):
         self.solver, self.points, self.tolerance, self.nodes = solver, solver.points, tolerance, nodes
         self.height, self.law, self.far_weights = solver.height, solver.law, far_weights
         points = solver.points
@@ -48,7 +50,8 @@ class PathFollowing:
         # By how much corrections in single precision let u and w part, relative to the way they go.
         self._rough = SINGLE_ROUNDING if solver.rough.dtype == np.float32 else 0.0
         self._drift = Drift(rounding=self._rounding)
-        self._observed = np.zeros((4, points.rows))
+        self._levels = self.law.contact_gap, 0.0, near_gap
+        self._observed = np.zeros((6, points.rows))
 
     def place(self, state: State) -> float:
         """Position d of the punch [m]."""
@@ -94,16 +97,17 @@ class PathFollowing:
         return sum(operator.seconds for operator in self.solver.operators)
 
     def measure(self, state: State) -> None:
-        """What the curve holds of the present surface: contact, smallest gap, far displacement, adhesive energy.
-        Collective."""
+        """What the curve holds of the present surface: contact, overlap, near points, smallest gap, far displacement,
+        adhesive energy. Collective."""
         solver, points = self.solver, self.points
         kernels.observe(
             self.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
-            points.offset, self._observed,
+            self._levels, points.offset, self._observed,
         )  # fmt: skip
         rows = points.all_rows(self._observed)
-        contact, energy, far = rows[:3].sum(axis=1)
-        state.contact_points, state.smallest_gap, state.far_displacement = int(contact), -rows[3].max(), far
+        contact, overlap, near, energy, far = rows[:5].sum(axis=1)
+        state.contact_points, state.overlap_points, state.near_points = int(contact), int(overlap), int(near)
+        state.smallest_gap, state.far_displacement = -rows[5].max(), far
         state.energies.adhesive = energy * points.grid.cell_area
 
     def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:

@@ -55,7 +55,7 @@ class Quasistatic(PathFollowing):
     solver: NewtonSolver, its convolution that of the machine's spring too where there is one (`sprung`). compliance: J,
     of the relaxed body 1, of the instantaneous one E(0)/E(infinity). tolerance: of a step, in ranges of adhesion.
     spring [m/N]: 1/k_M, 0 for a rigid machine. contact_stiffness [N/m]: of the contact of the whole punch, about.
-    dead_load: whether the spring stands for one.
+    dead_load: whether the spring stands for one. far_weights, near_gap: of PathFollowing.
     """
 
     cure = "Try a smaller solver.accuracy."
@@ -64,10 +64,10 @@ class Quasistatic(PathFollowing):
     """Energies decide about jumps, so they are always followed."""
 
     def __init__(
-        self, solver: NewtonSolver, compliance: float, tolerance: float, far_weights: np.ndarray, spring: float = 0.0,
-        contact_stiffness: float = math.inf, dead_load: bool = False,
+        self, solver: NewtonSolver, compliance: float, tolerance: float, far_weights: np.ndarray, near_gap: float,
+        spring: float = 0.0, contact_stiffness: float = math.inf, dead_load: bool = False,
     ):  # fmt: skip
-        super().__init__(solver, tolerance, (1.0,), far_weights)
+        super().__init__(solver, tolerance, (1.0,), far_weights, near_gap)
         self.compliance, self.machine_compliance, self.contact_stiffness = compliance, spring, contact_stiffness
         self.spring = SpringWork(spring, dead_load, solver.law.reach)
         solver.cg.patience = PATIENCE

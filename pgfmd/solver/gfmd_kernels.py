@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from .compiled import compiled
-from .kernels import _compile, _compile_maxima, _compile_sums, _cosine_of, _sine_of
+from .kernels import _compile, _compile_maxima, _compile_sums, _cosine_of, _sine_of, count_below
 
 
 @_compile
@@ -32,10 +32,11 @@ def spread(traction, offset, first, top, left, plane):
 
 
 @_compile_maxima
-def touch(plane, top, left, first, height, position, law, offset, u, f, rows):
+def touch(plane, top, left, first, height, position, law, levels, offset, u, f, rows):
     """The surface under the punch, out of the plane, and the traction there: u, f = Gamma'(d + z - u).
 
-    rows: [0] points with gap < 0, [1] Gamma [J/m^2], [2] f [Pa], [3] minus the smallest gap [m].
+    rows: [0], [1], [2] points with a gap below each of the levels [m], [3] Gamma [J/m^2], [4] f [Pa], [5] minus the
+    smallest gap [m].
     """
     stiffness, reach, attractive = law
     strength = attractive * stiffness * reach / math.pi
@@ -46,7 +47,7 @@ def touch(plane, top, left, first, height, position, law, offset, u, f, rows):
         source = plane[top + row]
         begin = left + first[row]
         start = offset[row]
-        contact, energy, pull, closest = 0.0, 0.0, 0.0, math.inf
+        energy, pull, closest = 0.0, 0.0, math.inf
         for i in range(np.uint64(offset[row + 1] - start)):
             here = source[begin + i]
             gap = position + height[start + i] - here
@@ -57,14 +58,16 @@ def touch(plane, top, left, first, height, position, law, offset, u, f, rows):
             traction = stiffness * overlap + (strength * sine if near else 0.0)
             u[start + i] = here
             f[start + i] = traction
-            contact += 1.0 if gap < 0.0 else 0.0
             energy += 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
             pull += traction
             closest = min(closest, gap)
-        rows[0, row] = contact
-        rows[1, row] = energy
-        rows[2, row] = pull
-        rows[3, row] = -closest
+        # Apart from the sums above: those would be added up in another order beside them.
+        rows[0, row], rows[1, row], rows[2, row] = count_below(
+            height, position, u, start, offset[row + 1], levels
+        )
+        rows[3, row] = energy
+        rows[4, row] = pull
+        rows[5, row] = -closest
 
 
 @_compile

@@ -90,32 +90,47 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
         rows[3, row] = growth
 
 
+@numba.njit(inline="always")
+def count_below(height, position, u, start, stop, levels):
+    """How many points of a row, from start to stop, have a gap below each of three levels [m]."""
+    first, second, third = levels
+    below_first, below_second, below_third = 0.0, 0.0, 0.0
+    for i in range(np.uint64(start), np.uint64(stop)):
+        gap = position + height[i] - u[i]
+        below_first += 1.0 if gap < first else 0.0
+        below_second += 1.0 if gap < second else 0.0
+        below_third += 1.0 if gap < third else 0.0
+    return below_first, below_second, below_third
+
+
 @_compile_sums
-def observe(height, position, u, f, weights, law, offset, rows):
-    """What a curve row needs. rows: [0] points with gap < 0, [1] Gamma [J/m^2], [2] weights f, [3] minus the smallest
-    gap."""
+def observe(height, position, u, f, weights, law, levels, offset, rows):
+    """What a curve row needs. rows: [0], [1], [2] points with a gap below each of the levels [m], [3] Gamma [J/m^2],
+    [4] weights f, [5] minus the smallest gap."""
     stiffness, reach, attractive = law
     depth = attractive * stiffness * reach * reach / math.pi**2
     per_range = 1.0 / reach
     limit = reach if attractive > 0.0 else 0.0
     weighted = weights.size == u.size
     for row in range(offset.size - 1):
-        contact, energy, far, closest = 0.0, 0.0, 0.0, math.inf
+        energy, far, closest = 0.0, 0.0, math.inf
         for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
             gap = position + height[i] - u[i]
             closest = min(closest, gap)
             overlap = min(gap, 0.0)
             y = min(max(gap * per_range, 0.0), 1.0) - 0.5
-            contact += 1.0 if gap < 0.0 else 0.0
             energy += 0.5 * stiffness * overlap * overlap
             energy += depth * (y * _sine_of(y * y) - 1.0) if gap < limit else 0.0
         if weighted:
             for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
                 far += weights[i] * f[i]
-        rows[0, row] = contact
-        rows[1, row] = energy
-        rows[2, row] = far
-        rows[3, row] = -closest
+        # Apart from the sums above: those would be added up in another order beside them.
+        rows[0, row], rows[1, row], rows[2, row] = count_below(
+            height, position, u, offset[row], offset[row + 1], levels
+        )
+        rows[3, row] = energy
+        rows[4, row] = far
+        rows[5, row] = -closest
 
 
 # Conjugate gradients

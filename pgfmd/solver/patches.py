@@ -1,6 +1,6 @@
 """Connected patches of contact, found by all ranks together, and what each of them carries. Collective.
 
-Contact is where the gap is below zero, as in the contact area. Points are connected through the four sides of their
+Contact is where the gap is below the law's contact_gap (cohesion.py), as in the contact area. Points are connected through the four sides of their
 cells: two that share a corner only have no width of contact between them. Only where the punch fills the cell do
 patches go on across its edges. Patches are numbered by their first points, row by row, whatever the number of ranks.
 
@@ -181,10 +181,11 @@ def _joined(pairs: Numbers, firsts: Numbers) -> tuple[Numbers, Numbers]:
 
 
 def patches_of(
-    points: PunchPoints, gap: NDArray, traction: NDArray, places: SitePoints, periodic: bool = False
+    points: PunchPoints, gap: NDArray, traction: NDArray, places: SitePoints, contact_gap: float, periodic: bool = False
 ) -> list[Patch]:
-    """The patches of a gap [m] under a traction [Pa] (size,), in order; the same list on every rank. Collective."""
-    labels = label_contact(points, gap < 0.0, periodic)
+    """The patches of a gap [m] under a traction [Pa] (size,), in order; contact: below contact_gap [m]. The same list
+    on every rank. Collective."""
+    labels = label_contact(points, gap < contact_gap, periodic)
     counts, x, y = centres(points, labels, periodic)
     forces = -points.grid.cell_area * _tractions(points, labels, traction)
     sites = places.sites

@@ -66,7 +66,8 @@ class State:
     steps may be that follow an instability (load_steps.py). least_force [N]: the lowest
     force within the last step; pull_off_force, snap_in_force [N]: within all steps of the retraction, and of the
     approach, zero or below; *_at_ends: at the ends of these steps; largest_force [N]: at the end of any, zero or
-    above. started: whether the surface has met the punch at its first position.
+    above. contact_points, overlap_points, near_points: how many have a gap below the law's contact_gap, below zero, and
+    below the scheme's near_gap. started: whether the surface has met the punch at its first position.
 
     The scheme quasistatic keeps the softest mode of the last equilibrium, soft_mode [m] and its dual soft_load [Pa].
     Its position is the machine's; the punch's is that and the length of the spring between them.
@@ -95,6 +96,8 @@ class State:
     force: float = 0.0
     least_force: float = 0.0
     contact_points: int = 0
+    overlap_points: int = 0
+    near_points: int = 0
     smallest_gap: float = np.inf
     far_displacement: float = 0.0
     first_contact_time: float | None = None

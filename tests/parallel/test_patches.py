@@ -23,6 +23,7 @@ from pgfmd.solver.patches import SitePoints, label_contact, patches_of
 pytestmark = pytest.mark.mpi
 
 LENGTH = 1.0
+CONTACT_GAP = 0.02
 NO_SITES = ContactSites(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
 
 
@@ -132,7 +133,7 @@ def test_a_table_has_the_same_bits_on_any_number_of_ranks(radius):
     for comm, empty in ((MPI.COMM_SELF, "none"), (MPI.COMM_WORLD, "none"), (MPI.COMM_WORLD, "first")):
         points = points_of(45, radius, comm, empty)
         gap, traction = fields_for(points)
-        tables.append(patches_of(points, gap, traction, SitePoints(points, sites), radius is None))
+        tables.append(patches_of(points, gap, traction, SitePoints(points, sites), 0.0, radius is None))
     assert tables[0] == tables[1] == tables[2] and len(tables[0]) > 10
     assert {patch.kind for patch in tables[0]} >= {"", "merged", "saddle"}
     assert all(table == tables[0] for table in MPI.COMM_WORLD.allgather(tables[1]))
@@ -142,8 +143,8 @@ def test_sums_of_a_table_are_those_of_the_fields():
     comm = MPI.COMM_WORLD
     points = points_of(45, 0.47, comm)
     gap, traction = fields_for(points)
-    table = patches_of(points, gap, traction, SitePoints(points, NO_SITES))
-    whole = (whole_of(points, gap) < 0) & np.concatenate(comm.allgather(points.inside()))
+    table = patches_of(points, gap, traction, SitePoints(points, NO_SITES), CONTACT_GAP)
+    whole = (whole_of(points, gap) < CONTACT_GAP) & np.concatenate(comm.allgather(points.inside()))
     pull = whole_of(points, traction)
     area = points.grid.cell_area
     labels, count = ndimage.label(whole)

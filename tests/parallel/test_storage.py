@@ -93,7 +93,8 @@ def same_on_all(comm, value: object) -> bool:
 
 
 def row(k: int) -> CurveRow:
-    return CurveRow(0.1 * k, -k / 3, k / 3 - 1e-6, 1e-3 / 7 * k, 1e-9 * k, float("nan"), 0.1, "approach")
+    areas = 1e-9 * k, 0.9e-9 * k, 1.1e-9 * k
+    return CurveRow(0.1 * k, -k / 3, k / 3 - 1e-6, 1e-3 / 7 * k, *areas, float("nan"), 0.1, "approach")
 
 
 # -- agreement, folder, run.json ---------------------------------------------------------------------------------------
@@ -181,11 +182,12 @@ def test_curve_holds_every_digit_and_grows_at_once(comm, folder):
         comm.Barrier()
     lines = path.read_text().splitlines()
     assert lines[0] == (
-        "time [s],displacement [m],indentation [m],force [N],contact_area [m^2],u_inf [m],step [s],phase"
+        "time [s],displacement [m],indentation [m],force [N],contact_area [m^2],overlap_area [m^2],near_area [m^2],"
+        "u_inf [m],step [s],phase"
     )
     values = lines[4].split(",")
     assert [float(value) for value in values[:5]] == [0.1 * 3, -1.0, 1 - 1e-6, 1e-3 / 7 * 3, 1e-9 * 3]
-    assert values[5] == "nan" and values[7] == "approach"
+    assert values[7] == "nan" and values[9] == "approach"
     curve.close()
 
 

@@ -41,7 +41,10 @@ def write_folder(folder: Path, loop: Loop, scene: str, released: float = 0.0, vi
     """A results folder with this loop, as a finished run leaves it; energies in the last row of the audit."""
     folder.mkdir(parents=True, exist_ok=True)
     lines = [",".join(CURVE_COLUMNS)]
-    columns = (loop.time, loop.displacement, loop.indentation, loop.force, loop.area, loop.u_inf, loop.time * 0 + 0.1)
+    columns = (
+        loop.time, loop.displacement, loop.indentation, loop.force, loop.area, loop.area, loop.area, loop.u_inf,
+        loop.time * 0 + 0.1,
+    )  # fmt: skip
     lines += [",".join([*map(repr, map(float, row)), phase]) for *row, phase in zip(*columns, loop.phase)]
     (folder / "curve.csv").write_text("\n".join(lines) + "\n")
     audit = [ENERGY_COLUMNS, (0.0,) * 7, (float(loop.time[-1]), released + viscous, 0.0, 0.0, viscous, released, 0.0)]

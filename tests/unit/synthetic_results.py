@@ -38,7 +38,7 @@ def history(rows: int) -> list[CurveRow]:
         contact = np.sqrt(RADIUS * depth) if depth > 0 else 0.0
         force = 4 / 3 * MODULUS * contact**3 / RADIUS - (pull if contact else 0.0) * (1 + contact / 2e-4)
         area = np.pi * contact**2
-        found.append(CurveRow(10 * s, -indentation - 2e-6, indentation, force, area, 0.0, 10 / rows, phase))
+        found.append(CurveRow(10 * s, -indentation - 2e-6, indentation, force, area, area, 1.2 * area, 0.0, 10 / rows, phase))
     return found
 
 

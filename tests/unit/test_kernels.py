@@ -159,17 +159,18 @@ def test_evaluate_at_the_edges_of_the_law(law):
 @pytest.mark.parametrize("weighted", [True, False])
 def test_observe_counts_energies_and_gaps(points, trial, law, weighted, rng):
     weights = rng.standard_normal(points.size) if weighted else np.zeros(0)
-    rows = np.full((4, points.rows), np.nan)
-    position = 0.4 * RHO
+    rows = np.full((6, points.rows), np.nan)
+    position, levels = 0.4 * RHO, (law.contact_gap, 0.0, 0.8 * RHO)
     kernels.observe(
-        trial["height"], position, trial["u"], trial["w"], weights, numbers(law), points.offset, rows
+        trial["height"], position, trial["u"], trial["w"], weights, numbers(law), levels, points.offset, rows
     )
     gap = position + trial["height"] - trial["u"]
-    np.testing.assert_array_equal(rows[0], row_sums((gap < 0).astype(float), points))
-    close(rows[1], row_sums(law.potential(gap), points), 1e2 * GAMMA)
+    for found, level in zip(rows, levels):
+        np.testing.assert_array_equal(found, row_sums((gap < level).astype(float), points))
+    close(rows[3], row_sums(law.potential(gap), points), 1e2 * GAMMA)
     far = weights * trial["w"] if weighted and points.size else points.zeros()
-    close(rows[2], row_sums(far, points), 1e6)
-    np.testing.assert_array_equal(rows[3], row_maxima(-gap, points, -np.inf))
+    close(rows[4], row_sums(far, points), 1e6)
+    np.testing.assert_array_equal(rows[5], row_maxima(-gap, points, -np.inf))
 
 
 # Conjugate gradients -------------------------------------------------------------------------------------------------

@@ -19,8 +19,8 @@ PHASES = np.array(["approach", "dwell", "retract"])
 
 
 def write(path, rows: int) -> np.ndarray:
-    """A curve with these numbers in its rows; returns them, (rows, 7)."""
-    numbers = np.random.default_rng(3).standard_normal((rows, 7)) * 1e-6
+    """A curve with these numbers in its rows; returns them, (rows, 9)."""
+    numbers = np.random.default_rng(3).standard_normal((rows, 9)) * 1e-6
     phases = PHASES[3 * np.arange(rows) // rows]
     lines = [",".join([*map(repr, row), phase]) for row, phase in zip(numbers.tolist(), phases)]
     path.write_text("\n".join([",".join(CURVE_COLUMNS), *lines, ""]))
@@ -34,7 +34,7 @@ def test_every_bit_is_read_across_pieces(tmp_path, monkeypatch):
         with open(tmp_path / "curve.csv", "a") as file:
             file.write("1.0,2.0")
         found = read_table(tmp_path / "curve.csv", CURVE_COLUMNS, CurveRow)
-        assert np.array_equal(np.column_stack([found[name] for name in CURVE_COLUMNS[:-1]]).reshape(rows, 7), numbers)
+        assert np.array_equal(np.column_stack([found[name] for name in CURVE_COLUMNS[:-1]]).reshape(rows, 9), numbers)
         assert list(found["phase"]) == list(PHASES[3 * np.arange(rows) // max(rows, 1)])
         assert len(load(tmp_path).curve) == rows
     # No more texts than there are runs of them in a piece.
@@ -45,7 +45,7 @@ def test_a_broken_line_is_named_by_its_number(tmp_path, monkeypatch):
     monkeypatch.setattr(table_reading, "PIECE", 10)
     write(tmp_path / "curve.csv", 25)
     lines = (tmp_path / "curve.csv").read_text().splitlines()
-    for wrong in ("1,2,3", "oops,0,0,0,0,0,0,dwell", "\0" * 200):
+    for wrong in ("1,2,3", "oops,0,0,0,0,0,0,0,0,dwell", "\0" * 200):
         (tmp_path / "curve.csv").write_text("\n".join([*lines[:17], wrong, *lines[18:], ""]))
         with pytest.raises(ResultError, match="could not be read: line 18 is no row of it: ") as caught:
             read_table(tmp_path / "curve.csv", CURVE_COLUMNS, CurveRow)
@@ -67,14 +67,14 @@ def test_a_thinned_line_keeps_its_ends_and_extremes():
 
 
 def test_a_long_table_is_opened_and_cut_back_in_little_memory(tmp_path):
-    path, row = tmp_path / "curve.csv", CurveRow(*[0.1] * 7, "approach")
-    write(path, 40_000)
+    path, row = tmp_path / "curve.csv", CurveRow(*[0.1] * 9, "approach")
+    write(path, 30_000)
     size = path.stat().st_size
     with open(path, "a") as file:
         file.write("0.5,half a row")
     tracemalloc.start()
     file = CurveFile(path, MPI.COMM_SELF)
-    assert file.rows == 40_000 and path.stat().st_size == size
+    assert file.rows == 30_000 and path.stat().st_size == size
     mark = file.mark()
     file.append(row)
     file.cut_back(mark)

@@ -7,6 +7,7 @@ from mpi4py import MPI
 from pgfmd.files.curve_file import SITE_COLUMNS, PatchFile, SiteFile
 from pgfmd.output.observers import Frame
 from pgfmd.output.patch_observer import ContactWatch, PatchTable
+from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
 from pgfmd.physics.topography import Topography
 from pgfmd.solver.grid import Grid, PunchPoints
@@ -15,6 +16,7 @@ from pgfmd.solver.simulation import Event
 
 N = 20
 POINTS = PunchPoints(Grid(N, 1.0), None, MPI.COMM_SELF)
+LAW = CohesiveLaw(work_of_adhesion=1.0, range=1.0)
 
 
 def sites(*places):
@@ -24,9 +26,10 @@ def sites(*places):
 
 
 def table(field, traction=None, places=(), periodic=False):
-    gap = np.where(field, -1.0, 1.0).ravel()
+    # Held under tension: in contact, though nothing overlaps.
+    gap = np.where(field, 0.9 * LAW.contact_gap, 1.1 * LAW.contact_gap).ravel()
     traction = np.zeros(gap.size) if traction is None else traction.ravel()
-    return patches_of(POINTS, gap, traction, SitePoints(POINTS, sites(*places)), periodic)
+    return patches_of(POINTS, gap, traction, SitePoints(POINTS, sites(*places)), LAW.contact_gap, periodic)
 
 
 def test_corners_do_not_connect_and_sides_do():
@@ -95,12 +98,12 @@ def test_sites_stand_on_the_nearest_point_under_the_punch_and_mirror_each_other(
 
 
 class Still:
-    """A simulation whose surface is set by hand; the sites' points are in contact where `height` is below zero."""
+    """A simulation whose surface is set by hand; the sites' points are in contact where it is within half a range of the punch."""
 
     def __init__(self):
         self.height = np.ones(POINTS.size)
         self.scheme, self.state, self.phase = self, self, self
-        self.name, self.position, self.punch_position, self.time, self.force = "approach", 0.0, 0.0, 0.0, 0.0
+        self.law, self.name, self.position, self.punch_position, self.time, self.force = LAW, "approach", 0.0, 0.0, 0.0, 0.0
         self.displacement, self.traction = np.zeros(POINTS.size), np.zeros(POINTS.size)
 
 
@@ -116,7 +119,7 @@ def test_rows_come_when_sites_join_and_leave(tmp_path):
     for time, kind, contact in ((0.0, "start", [1]), (1.0, "step", [1, 2, 3]), (2.0, "time", []), (3.0, "jump", [2])):
         run.time, run.force, run.displacement = time, 10 * time, run.displacement.copy()
         run.displacement[0:6] = 0.0
-        run.displacement[contact] = 1.5
+        run.displacement[contact] = 0.6
         run.traction = np.zeros(POINTS.size)
         run.traction[[1, 7]] = 3.0, -2.0 * time
         if kind == "time":
@@ -137,10 +140,10 @@ def test_rows_come_when_sites_join_and_leave(tmp_path):
 
 def test_what_was_in_contact_before_a_restart_joins_no_second_time(tmp_path):
     run = Still()
-    run.displacement[[1, 3]] = 1.5
+    run.displacement[[1, 3]] = 0.6
     watch, _ = watch_of(tmp_path, run)
     watch.next_time(run)
-    run.displacement[[1, 2, 3]] = 0.0, 1.5, 1.5
+    run.displacement[[1, 2, 3]] = 0.4, 0.6, 1.5
     watch.observe(run, Event("step"))
     rows = [line.split(",") for line in (tmp_path / "sites.csv").read_text().splitlines()[1:]]
     assert [(row[5], row[8], row[9]) for row in rows] == [("0", "leaves", "0"), ("1", "joins", "2")]
@@ -158,9 +161,9 @@ def test_a_face_without_sites_writes_no_rows(tmp_path):
 
 def test_a_frame_gives_the_patches_of_its_own_surface(tmp_path):
     file = PatchFile(tmp_path / "patches.csv", MPI.COMM_SELF)
-    write = PatchTable(file, POINTS, SitePoints(POINTS, sites()), periodic=False)
+    write = PatchTable(file, POINTS, SitePoints(POINTS, sites()), LAW.contact_gap, periodic=False)
     gap = np.ones((N, N))
-    gap[4, 4] = gap[7, 7] = -1.0
+    gap[4, 4] = gap[7, 7] = 0.3
     write(3, Frame(time=2.5, traction=np.full(N * N, -4.0)), gap.ravel())
     write(4, Frame(time=3.5, traction=np.zeros(N * N)), np.ones(N * N))
     rows = (tmp_path / "patches.csv").read_text().splitlines()[1:]

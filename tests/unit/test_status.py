@@ -397,7 +397,7 @@ def test_the_tail_of_a_long_curve(tmp_path, finished):
     path, lines = tmp_path / "curve.csv", (finished / "curve.csv").read_bytes().splitlines(keepends=True)
     path.write_bytes(lines[0] + b"".join(lines[1:]) * 40)
     tail = CurveTail(path)
-    assert 400 < len(tail.rows) < 40 * len(lines) and tail.rows[-1] == CurveTail(finished / "curve.csv").rows[-1]
+    assert 300 < len(tail.rows) < 40 * len(lines) and tail.rows[-1] == CurveTail(finished / "curve.csv").rows[-1]
     assert count_ends(path) == 1 + 40 * (len(lines) - 1)
     for phase in ("approach", "turn", "retract"):
         each = sum(line.endswith(f",{phase}\n".encode()) for line in lines)
@@ -415,7 +415,7 @@ def test_endings_are_counted_across_pieces(tmp_path, monkeypatch):
 
 def test_lines_that_are_no_rows_are_told(stopped):
     with open(stopped / "curve.csv", "a", encoding="utf-8") as file:
-        file.write("1.0,2.0\n1,2,3,4,x,6,7,approach\n")
+        file.write("1.0,2.0\n1,2,3,4,x,6,7,8,9,approach\n")
     assert status_of(stopped).warnings == [
         f"{stopped}/curve.csv: 2 of its last lines are no rows: `pgfmd verify` it"
     ]
