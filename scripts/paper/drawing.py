@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from paper.pool import Run
-from pgfmd.parts import law_of, topography_of
+from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, contact_sites
 from pgfmd.plots.folder import GREY, RED, TURQUOISE
 from pgfmd.plots.maps import new_figure
@@ -22,7 +22,7 @@ NAN = math.nan
 NEAR_LEVEL = 500e-9
 """Gaps [m] below this the paper's figures shade as what a camera can't tell from contact."""
 CONTACT, OVERLAP = "contact", "overlap"
-"""What counts as contact: a gap below that of the largest traction, and in results of before version 2.5 a negative one."""
+"""What counts as contact: a gap below that of the largest traction, and in results of version 0.1 a negative one."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def closed_at(results: Results, kind: str) -> float:
 
 def count_of(run: Run) -> str:
     """What counts as contact in the tables of a run."""
-    return CONTACT if run.results.contact_gap == law_of(run.scene.adhesion).contact_gap else OVERLAP
+    return OVERLAP if run.results.counts_overlap else CONTACT
 
 
 def share_below(run: Run, snapshot: int, kind: str, limit: float) -> float:
@@ -183,12 +183,7 @@ def area_below(run: Run, snapshot: int, limit: float) -> float:
 def covered(run: Run, name: str = "contact", row: Any = None) -> Any:
     """Area of the kind "contact", "overlap" or "near" [% of the punch's] in rows of the curve, that of the preload by
     default. NaN where the run does not tell."""
-    column, curve = f"{name}_area [m^2]", run.results.curve
-    names = curve.dtype.names if isinstance(curve, np.ndarray) else curve.columns
-    if column not in names:
-        # Results of before version 2.5 have one area, of negative gaps.
-        return NAN
-    area = np.asarray(curve[column], float)[run.loop.preload_row if row is None else row]
+    area = np.asarray(run.results.curve[f"{name}_area [m^2]"], float)[run.loop.preload_row if row is None else row]
     return 100 * area / (np.pi * run.scene.punch.radius**2)
 
 
