@@ -181,10 +181,12 @@ def area_below(run: Run, snapshot: int, limit: float) -> float:
 
 
 def covered(run: Run, name: str = "contact", row: Any = None) -> Any:
-    """Area of the kind "contact", "overlap" or "near" [% of the punch's] in rows of the curve, that of the preload by
-    default. NaN where the run does not tell."""
+    """Area of the kind "contact", "overlap" or "near" [% of all points of the punch] in rows of the curve, that of the
+    preload by default. NaN where the run does not tell."""
     area = np.asarray(run.results.curve[f"{name}_area [m^2]"], float)[run.loop.preload_row if row is None else row]
-    return 100 * area / (np.pi * run.scene.punch.radius**2)
+    # Points are counted, not areas: all of them are 100 %, to the last digit.
+    cell = (run.scene.grid.length / run.scene.grid.n) ** 2
+    return 100 * np.round(area / cell) / np.count_nonzero(~np.isnan(run.results.frame("gap", 0)))
 
 
 def times_of(results: Results) -> np.ndarray:

@@ -14,7 +14,6 @@ from paper.drawing import (
     TURQUOISE,
     Claim,
     Drawing,
-    area_below,
     count_of,
     covered,
     new_figure,
@@ -86,27 +85,21 @@ def _claims(run: Run, settings: str) -> list[Claim]:
     count, told = count_of(run), ("a little before 60", 55, 60)
     contact, overlap = _force_at(run, "contact"), _force_at(run, "overlap")
     at = _row_at(run, SHOWN_FORCE)
-    seen = _share_of_all(run) - covered(run, "near", at)
     return [
         Claim("force at full contact", settings, contact, "mN", *told, count, overlap),
         Claim("force at which nothing is open", settings, _force_at(run, "near"), "mN", *told),
         Claim(f"contact area at {SHOWN_FORCE:g} mN, of the punch", settings, covered(run, "contact", at), "%", "full",
               95, 100, count, covered(run, "overlap", at)),
         Claim(f"area further than 500 nm at {SHOWN_FORCE:g} mN, of the punch", settings,
-              seen if seen > 1e-9 else 0.0, "%", "0", 0, 0.01),
+              100.0 - covered(run, "near", at), "%", "0", 0, 0.01),
     ]  # fmt: skip
 
 
 def _force_at(run: Run, kind: str) -> float:
     """Force [mN] at which an area first is all of the punch on the way in, NaN if it never is."""
     rows = _way_in(run)
-    there = np.flatnonzero(covered(run, kind, rows) > _share_of_all(run) - 1e-6)
+    there = np.flatnonzero(covered(run, kind, rows) == 100.0)
     return 1e3 * float(run.loop.force[rows][there[0]]) if there.size else NAN
-
-
-def _share_of_all(run: Run) -> float:
-    """All points of the punch [% of its area]: a disc of points is not quite one."""
-    return 100 * area_below(run, 0, np.inf) / (np.pi * run.scene.punch.radius**2)
 
 
 def _row_at(run: Run, force: float) -> int:

@@ -119,8 +119,8 @@ def counts_of_one_run(run):
     assert count_of(run) == CONTACT
     frame = run.results.labels.index("preload")
     limits = {"overlap": 0.0, "contact": run.results.contact_gap, "near": 500e-9}
-    disc = math.pi * run.scene.punch.radius**2
-    shares = {name: 100 * area_below(run, frame, limit) / disc for name, limit in limits.items()}
+    every = area_below(run, frame, math.inf)
+    shares = {name: 100 * area_below(run, frame, limit) / every for name, limit in limits.items()}
     assert {name: covered(run, name) for name in limits} == pytest.approx(shares, rel=1e-12)
     # The range is longer than 500 nm on such a grid.
     assert 0 < shares["overlap"] < min(shares["contact"], shares["near"]) < 100
