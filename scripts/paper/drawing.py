@@ -31,7 +31,7 @@ class Claim:
     nothing; told: its words. settings must be the same for all sizes.
 
     count: what counts as contact where ours depends on it, CONTACT or OVERLAP, by `count_of`; empty where it does not.
-    before: the same of the same run with OVERLAP counted, NaN where the run does not tell. A number with a count must
+    before: the same of the same run with OVERLAP counted, None where the run does not tell. A number with a count must
     be of one run alone: it is replaced when the other runs of its figure are not there.
     """
 
@@ -43,7 +43,7 @@ class Claim:
     low: float = NAN
     high: float = NAN
     count: str = ""
-    before: float = NAN
+    before: float | None = None
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ OLD_COUNT = HERE / "old_count.csv"
 COLUMNS = ("size", "figure", "what", "settings", "unit", "paper", "low", "high", "ours", "count", "before")
 SHOWN = {"reduced": "reduced", "paper": "paper's size"}
 """Sizes that the page shows, and the heads of their columns."""
-STALE = "not counted anew"
+NEVER, STALE = "never", "not counted anew"
 
 Row = dict[str, str]
 
@@ -29,9 +29,10 @@ def rows_of(size: str, figure: str, claims: Iterable[Claim]) -> list[Row]:
     """Rows of numbers.csv: numbers of eight digits, none where the paper says nothing."""
     rows = []
     for claim in claims:
-        low, high, ours, before = (_text(x) for x in (claim.low, claim.high, claim.ours, claim.before))
-        values = (size, figure, claim.what, claim.settings, claim.unit, claim.told, low, high, ours, claim.count, before)
-        rows.append(dict(zip(COLUMNS, values, strict=True)))
+        low, high, ours = (_text(x) for x in (claim.low, claim.high, claim.ours))
+        before = "" if claim.before is None else _text(claim.before) or NEVER
+        told = (claim.what, claim.settings, claim.unit, claim.told)
+        rows.append(dict(zip(COLUMNS, (size, figure, *told, low, high, ours, claim.count, before), strict=True)))
     return rows
 
 
@@ -168,7 +169,7 @@ def _told(row: Row) -> tuple[str, str, str]:
 
 
 def _shown(value: str) -> str:
-    return number(float(value), 4) if value else "never"
+    return number(float(value), 4) if value else NEVER
 
 
 def _by_key(rows: list[Row]) -> dict[tuple[str, str], dict[str, Row]]:
@@ -221,8 +222,8 @@ def counts_block(folder: Path, figures: Iterable[str]) -> str:
             if best is None or best["count"] != CONTACT:
                 continue
             place = (best["size"], figure, *_key(best))
-            # The same run with the other count comes first; an empty number of an old one is a "never".
-            before = {"before": best["before"] or old.get(place, "")}
+            # The same run with the other count comes first; an empty number of an old one is a "never", too.
+            before = {"before": (best["before"] or old.get(place, "")).removesuffix(NEVER)}
             known = bool(best["before"]) or place in old
             what, settings, told = _told(best)
             then = (_shown(before["before"]), verdict(best | before, "before")) if known else ("", "")

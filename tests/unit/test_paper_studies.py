@@ -179,7 +179,7 @@ def test_no_number_of_another_count_passes_as_one_of_contact(tmp_path):
     assert "Not counted anew (reduced): 2 numbers" in text and "| 8" not in text
     assert page.read_runs(tmp_path) == {"hex-reduced": ["hex/one", "hex/two"]}
     # One of the runs is made again: of its numbers only the one that counts contact is replaced.
-    again = claims(("closed", "1 mN", 4.25, CONTACT, 8.0), ("pull-off", "1 mN", 3.7), ("new", "1 mN", 4.0, CONTACT))
+    again = claims(("closed", "1 mN", 4.25, CONTACT, 8.0), ("pull-off", "1 mN", 3.7), ("new", "1 mN", 4.0, CONTACT, math.nan))
     page.recount(tmp_path, "reduced", "hex", again, FIGURES)
     text = page.block("hex", tmp_path)
     assert "| closed [mN] | 1 mN | about 4 | 4.25 | agrees |" in text
@@ -191,7 +191,7 @@ def test_no_number_of_another_count_passes_as_one_of_contact(tmp_path):
     # Before and after of what is counted anew, and of nothing else.
     told = page.counts_block(tmp_path, FIGURES).splitlines()
     assert told[2] == "| hex | closed [mN] | 1 mN | reduced | about 4 | 8 | 78\N{NO-BREAK SPACE}% above | 4.25 | agrees |"
-    assert told[3] == "| hex | new [mN] | 1 mN | reduced | about 4 |  |  | 4 | agrees |" and len(told) == 4
+    assert told[3] == "| hex | new [mN] | 1 mN | reduced | about 4 | never | not reached | 4 | agrees |" and len(told) == 4
 
 
 def test_numbers_of_the_old_count_are_of_rows_that_there_are():
