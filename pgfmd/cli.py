@@ -157,11 +157,22 @@ def plot(
         Path | None,
         path_option("--out", "-o", metavar="DIR", help="Folder of the pictures, if not DIR itself."),
     ] = None,
+    greys: Annotated[
+        int, typer.Option("--greys", min=3, max=4, help="Of the maps of contact: 3 are the paper's, without overlap.")
+    ] = 4,
+    contact_gap: Annotated[
+        str | None, typer.Option("--contact-gap", metavar="GAP", help="Maps show contact below it; the run's own.")
+    ] = None,
+    near_gap: Annotated[
+        str | None, typer.Option("--near-gap", metavar="GAP", help="Maps show what is near below it; the run's own.")
+    ] = None,
 ) -> None:
     """Draw curves, maps and energies of a results folder as PNG files in it."""
+    from .commands.quantities import gap
     from .plots.folder import plot_results
 
-    for path in plot_results(directory, out):
+    gaps = gap(contact_gap, "--contact-gap"), gap(near_gap, "--near-gap")
+    for path in plot_results(directory, out, greys, *gaps):
         print(path)
 
 

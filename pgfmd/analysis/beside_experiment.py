@@ -69,11 +69,23 @@ def comparison_table(
         if number:
             note = f"rms on the way out, against {found.loops[0].name}"
             table.add(section, "difference", "difference of forces", found.differences[number - 1], "N", note)
+    table.remarks += _remarks(found)
     return table
 
 
+def _remarks(found: Overlay) -> list[str]:
+    """Of curves whose runs counted overlap alone, beside others that know their contact."""
+    areas = [(loop.name, measures.areas) for loop, measures in zip(found.loops, found.measures, strict=True)]
+    old = [name for name, known in areas if "overlap" in known and "contact" not in known]
+    if not old:
+        return []
+    text = f"{', '.join(old)}: run by an earlier version of pgfmd, which counted overlap (gap < 0), not contact"
+    mixed = any("contact" in known for _, known in areas)
+    return [f"{text}; the areas of the other runs are of contact, and not to be compared with these" if mixed else text]
+
+
 def _add_measures(table: Table, section: str, found: Measures) -> None:
-    """The forces and works of a curve, as `pgfmd analyse` has them."""
+    """The forces, works and areas of a curve, as `pgfmd analyse` has them."""
     table.add(section, "preload", "preload", found.preload, "N", "at the end of the approach")
     table.add(section, "largest_force", "largest force", found.largest_force, "N")
     tension, spread = (found.pull_off.tension, found.pull_off.uncertainty) if found.pull_off else (None, None)
@@ -84,3 +96,8 @@ def _add_measures(table: Table, section: str, found: Measures) -> None:
     table.add(section, "work_of_separation", "work of separation", work, "J", uncertainty=spread)
     work, spread = found.hysteresis, found.hysteresis_uncertainty
     table.add(section, "hysteresis", "hysteresis", work, "J", "net work of the loop, as far as it goes", spread)
+    for kind, areas in found.areas.items():
+        if kind == "contact" or "contact" not in found.areas:
+            prefix = "" if kind == "contact" else f"{kind}_"
+            table.add(section, f"{prefix}area_at_preload", f"{kind} area at the preload", areas.at_preload, "m^2")
+            table.add(section, f"{prefix}area_at_pull_off", f"{kind} area at pull-off", areas.at_pull_off, "m^2")

@@ -29,7 +29,10 @@ class SiteLoads:
 
 
 def site_loads(results: Results, loop: Loop) -> list[SiteLoads]:
-    """The loads of each kind of site that ever touched; empty where the run kept no `sites.csv`."""
+    """The loads of each kind of site that ever touched; empty where the run kept no `sites.csv`.
+
+    Of a run that counted overlap alone, those at which sites begin and end to overlap.
+    """
     sites = results.sites
     if sites is None or not len(sites):
         return []

@@ -21,9 +21,9 @@ from . import pictures
 from .bulges import Bulge, bulges
 from .compliance import CellCompliance, fit_cell_compliance
 from .contact_stiffness import stiffness_table, unloading_stiffness
+from .contact_table import add_areas, add_sites
 from .hysteresis import Audit, Twin, audit_of, is_quasistatic, twin_of
 from .low_pass import filtered
-from .site_loads import site_loads
 from .table import Table
 from .tabor import effective_tabor
 
@@ -116,13 +116,14 @@ def analyse(
         table = Table(f"{results.scene.get('title') or results.directory.name}: {results.directory}")
         found = measure(loop)
         _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.told else WITHIN_STEPS)
-        _add_works_and_areas(table, found)
+        _add_works(table, found)
+        add_areas(table, results, found)
         _remark_unfinished(table, results)
         _remark_thinned(table, results)
         places = bulges(loop, resolution)
         _add_stiffness(table, loop)
         _add_bulges(table, places)
-        _add_sites(table, results, loop)
+        add_sites(table, results, loop)
         cell = fit_cell_compliance(whole)
         _add_compliance(table, cell)
         audit, against = audit_of(results), twin_of(results, whole, other) if other else None
@@ -162,19 +163,15 @@ def _add_forces(table: Table, found: Measures, resolution: float | None, source:
     note = "largest tension on the way in"
     table.add("Forces", "snap_in_force", "snap-in force", found.snap_in.tension, "N", note, found.snap_in.uncertainty)
     if found.time_to_preload is not None:
-        note = "from the first contact"
+        note = "from the first contact" if "contact" in found.areas else "from the first overlap"
         table.add("Forces", "time_to_preload", "time to the preload", found.time_to_preload, "s", note)
 
 
-def _add_works_and_areas(table: Table, found: Measures) -> None:
+def _add_works(table: Table, found: Measures) -> None:
     note, spread = "work against a tensile force on the way out", found.work_of_separation_uncertainty
     table.add("Work", "work_of_separation", "work of separation", found.work_of_separation, "J", note, spread)
     note = "net work of the loop"
     table.add("Work", "hysteresis", "hysteresis", found.hysteresis, "J", note, found.hysteresis_uncertainty)
-    if found.largest_area is not None:
-        table.add("Contact", "largest_area", "largest contact area", found.largest_area, "m^2")
-    if found.area_at_pull_off is not None:
-        table.add("Contact", "area_at_pull_off", "contact area at pull-off", found.area_at_pull_off, "m^2")
 
 
 def _remark_unfinished(table: Table, results: Results) -> None:
@@ -220,17 +217,6 @@ def _add_bulges(table: Table, places: list[Bulge]) -> None:
         note = f"at the displacement {bulge.displacement * 1e6:.4g} um"
         table.add("Bulges of the retraction", f"bulge_{number}_force", bulge.kind, bulge.force, "N", note)
         table.add("Bulges of the retraction", f"bulge_{number}_displacement", "", bulge.displacement, "m")
-
-
-def _add_sites(table: Table, results: Results, loop: Loop) -> None:
-    for kind in site_loads(results, loop):
-        most = f"{kind.most} of {kind.of} at most"
-        for key, name, value in (
-            ("first_joins", "first joins", kind.first_joins), ("last_joins", "last joins", kind.last_joins),
-            ("first_leaves", "first leaves", kind.first_leaves), ("last_leaves", "last leaves", kind.last_leaves),
-        ):  # fmt: skip
-            note = most if key == "first_joins" else ""
-            table.add("Loads at which sites change", f"{kind.kind}_{key}", f"{kind.kind}: {name}", value, "N", note)
 
 
 def _add_compliance(table: Table, cell: CellCompliance | None) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +12,7 @@ from pgfmd.errors import ResultError
 
 from .names import Folder, named, path_option
 from .printing import print_json
+from .quantities import length, quantity
 
 
 class Correct(str, Enum):
@@ -64,7 +63,7 @@ def analyse(
     from pgfmd.analysis.summary import analyse as analysis_of
     from pgfmd.analysis.table import show
 
-    analysis = analysis_of(directory, twin, bearing_area, asperity, _length(low_pass, "--low-pass"))
+    analysis = analysis_of(directory, twin, bearing_area, asperity, length(low_pass, "--low-pass"))
     paths = analysis.write(out)
     if as_json:
         print_json(analysis.record)
@@ -114,8 +113,8 @@ def compare(
     from pgfmd.analysis.table import show
 
     stiffness = _stiffness(machine_stiffness)
-    resolution = _length(low_pass, "--low-pass")
-    moved = None if offset.strip() == "fit" else _read(offset, "length", "--offset")
+    resolution = length(low_pass, "--low-pass")
+    moved = None if offset.strip() == "fit" else quantity(offset, "length", "--offset")
     runs, experiment = load_loops(sources, positive_displacement.value, positive_force.value)
     try:
         found = overlay(runs, experiment, correct.value, stiffness, resolution, moved)
@@ -129,22 +128,5 @@ def compare(
     print(path)
 
 
-def _read(text: str, dimension: str, option: str, allowed: Callable[[float], bool] = math.isfinite) -> float:
-    """The SI value of an option; a usage error in the words of `units`."""
-    from pgfmd.units import UnitError, parse_quantity
-
-    try:
-        value = parse_quantity(text, dimension)
-    except UnitError as error:
-        raise typer.BadParameter(str(error), param_hint=option) from None
-    if not allowed(value):
-        raise typer.BadParameter(f"{text}: expected another {dimension}, above zero", param_hint=option)
-    return value
-
-
-def _length(text: str | None, option: str) -> float | None:
-    return None if text is None else _read(text, "length", option, lambda value: 0 < value < math.inf)
-
-
 def _stiffness(text: str) -> Any:
-    return _read(text, "stiffness", "--machine-stiffness", lambda value: value > 0)
+    return quantity(text, "stiffness", "--machine-stiffness", lambda value: value > 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +22,21 @@ from .thinning import seen
 TURQUOISE, RED, GREY = "#00798c", "#b3352b", "#8a8a8a"
 
 
-def plot_results(directory: str | Path, out: str | Path | None = None) -> list[Path]:
+def plot_results(
+    directory: str | Path,
+    out: str | Path | None = None,
+    greys: int = 4,
+    contact_gap: float | None = None,
+    near_gap: float | None = None,
+) -> list[Path]:
     """Make every picture that the folder has data for; returns the PNG files written, in it or in the folder `out`.
 
     `force-displacement.png` always; `contact-maps.png`, `stress-maps.png` with snapshots; `energy.png` with an audit;
     `sites.png` where summits, saddles or valleys have met the elastomer.
+
+    Args:
+        greys: of the maps of contact: 4 (overlap, contact, near, open), or the paper's 3 (contact, near, open).
+        contact_gap, near_gap: gaps [m] below which these maps show contact, and near; None for those of the run.
 
     Raises:
         ResultError: if it is not a results folder, its table is still empty, or a picture can't be written.
@@ -36,7 +47,8 @@ def plot_results(directory: str | Path, out: str | Path | None = None) -> list[P
         folder = target_folder(results.directory, out)
         figures = {"force-displacement.png": force_figure}
         if results.labels:
-            figures |= {"contact-maps.png": contact_figure, "stress-maps.png": stress_figure}
+            contact = partial(contact_figure, greys=greys, contact_gap=contact_gap, near_gap=near_gap)
+            figures |= {"contact-maps.png": contact, "stress-maps.png": stress_figure}
         if results.energy is not None and len(results.energy):
             figures["energy.png"] = energy_figure
         if results.sites is not None and len(results.sites):
@@ -48,24 +60,27 @@ def plot_results(directory: str | Path, out: str | Path | None = None) -> list[P
 
 
 def force_figure(results: Results) -> Any:
-    """Force [mN] and, below, contact area [mm^2] against indentation [um]; approach dashed, retraction in colour."""
+    """Force [mN] and, below, contact area [mm^2] against indentation [um]; approach dashed, retraction in colour.
+
+    Of a run that counted overlap alone, that area instead, by its name.
+    """
     curve, loop = results.curve, Loop.of(results)
     indentation, force = 1e6 * column(curve, "indentation [m]"), 1e3 * loop.force
-    area = 1e6 * loop.area
+    kind, area = next(iter(loop.areas.items()))
     figure = new_figure(5.2, 5.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
     styles = {"approach": {"color": GREY, "linestyle": (0, (4, 2))}, "retraction": {"color": TURQUOISE}}
     for name, rows in branches(loop.displacement, loop.phase).items():
         if rows.stop - rows.start > 1:
             upper.plot(*seen(indentation[rows], force[rows]), label=name, **styles[name])
-            lower.plot(*seen(indentation[rows], area[rows]), **styles[name])
+            lower.plot(*seen(indentation[rows], 1e6 * area[rows]), **styles[name])
     upper.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     for text, marker, x, y in _marks(loop, measure(loop)):
         upper.plot(1e6 * x, 1e3 * y, marker, color=RED, markersize=5, linestyle="none", label=text)
     upper.legend(loc="best")
     upper.set_ylabel("force (mN)")
     upper.margins(y=0.08)
-    lower.set(xlabel="indentation (µm)", ylabel="contact (mm²)")
+    lower.set(xlabel="indentation (µm)", ylabel=f"{kind} (mm²)")
     lower.set_ylim(bottom=0)
     figure.align_ylabels()
     return figure

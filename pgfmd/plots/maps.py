@@ -1,4 +1,4 @@
-"""Maps of the punch, one a snapshot: contact in three greys as in the paper's figures, and the normal traction."""
+"""Maps of the punch, one a snapshot: overlap, contact, near and open in greys, and the normal traction."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from pgfmd.results import Results
 
 from .drawing import literal
+from .gap_classes import class_numbers, gap_classes
 
-CONTACT_LEVEL = 0.0
-NEAR_LEVEL = 500e-9  # [m]: the paper's figures shade gaps below 500 nm
-GREYS = ("#2b2b2b", "#9a9a9a", "#e9e9e9")
 MOST_PANELS = 12
 MOST_PIXELS = 1024
 ROBUST_PERCENTILE = 99.5
+LEGEND_LINE = 0.17
+"""Height [inch] of a line of a legend."""
 
 
 def new_figure(width: float, height: float) -> Any:
@@ -109,19 +109,28 @@ def round_length(largest: float) -> float:
     return max(factor * power for factor in (1, 2, 5) if factor * power <= largest * (1 + 1e-12))
 
 
-def contact_figure(results: Results) -> Any:
-    """The punch's gaps in three greys: contact (gap < 0), closer than 500 nm, open."""
+def contact_figure(
+    results: Results, greys: int = 4, contact_gap: float | None = None, near_gap: float | None = None
+) -> Any:
+    """The punch's gaps in four greys, overlap, contact, near and open, or in the paper's three (`gap_classes`).
+
+    contact_gap, near_gap: thresholds [m] by hand, None for those of the run.
+    """
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch
 
+    contact_gap = results.contact_gap if contact_gap is None else contact_gap
+    near_gap = results.near_gap if near_gap is None else near_gap
+    classes = gap_classes(contact_gap, near_gap, results.counts_overlap, greys)
+    shades = [each.grey for each in classes]
+    look = {"cmap": ListedColormap(shades), "norm": BoundaryNorm(np.arange(len(shades) + 1) - 0.5, len(shades))}
     maps = Maps(results, "gap")
     for axis, snapshot in zip(maps.axes, maps.snapshots):
-        gap = maps.values(snapshot)
-        level = np.where(np.isnan(gap), np.nan, 1.0 * (gap >= CONTACT_LEVEL) + (gap >= NEAR_LEVEL))
-        maps.draw(axis, level, cmap=ListedColormap(GREYS), norm=BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3))
-    names = ("contact (gap < 0)", f"gap < {1e9 * NEAR_LEVEL:.0f} nm", "open")
-    patches = [Patch(facecolor=grey, edgecolor="0.25", linewidth=0.5, label=name) for grey, name in zip(GREYS, names)]
-    maps.figure.legend(handles=patches, loc="outside lower center", ncols=3, handlelength=1.2, columnspacing=1.4)
+        maps.draw(axis, class_numbers(maps.values(snapshot), classes), **look)
+    patches = [Patch(facecolor=each.grey, edgecolor="0.25", linewidth=0.5, label=each.label) for each in classes]
+    columns = len(patches) if len(maps.axes) > 2 else 2
+    maps.figure.set_figheight(maps.figure.get_figheight() + LEGEND_LINE * -(-len(patches) // columns))
+    maps.figure.legend(handles=patches, loc="outside lower center", ncols=columns, handlelength=1.2, columnspacing=1.4)
     return maps.figure
 
 

@@ -39,7 +39,10 @@ def site_history(results: Results, kind: str) -> dict[str, np.ndarray]:
 
 
 def site_figure(results: Results) -> Any:
-    """Sites in contact against force [mN] and, below, against indentation [um]; approach dashed, the rest full."""
+    """Sites in contact against force [mN] and, below, against indentation [um]; approach dashed, the rest full.
+
+    Of a run that counted overlap alone, the sites that overlap, and the axes say so.
+    """
     figure = new_figure(5.2, 5.6)
     upper, lower = figure.subplots(2, 1)
     phase, time = np.asarray(results.curve["phase"]), np.asarray(results.curve["time [s]"])
@@ -60,8 +63,9 @@ def site_figure(results: Results) -> Any:
             axis.plot(*seen(across[end - 1 :], count[end - 1 :]), color=COLOURS[kind], label=label)
     upper.plot([], [], color="0.3", label="approach", **APPROACH)
     upper.axvline(0, color="0.8", linewidth=0.8, zorder=0)
-    upper.set(xlabel="force (mN)", ylabel="in contact")
-    lower.set(xlabel="indentation (µm)", ylabel="in contact")
+    what = "overlapping (gap < 0)" if results.counts_overlap else "in contact"
+    upper.set(xlabel="force (mN)", ylabel=what)
+    lower.set(xlabel="indentation (µm)", ylabel=what)
     for axis in (upper, lower):
         axis.set_ylim(bottom=0)
         axis.yaxis.get_major_locator().set_params(integer=True)

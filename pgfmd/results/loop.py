@@ -24,6 +24,7 @@ TOLD = (
     "snap_in_force_uncertainty_N", "time_to_preload_s", "work_of_separation_uncertainty_J", "work_uncertainty_J",
 )  # fmt: skip
 """Keys of `run.json` whose numbers a loop takes over."""
+KINDS_OF_AREA = ("contact", "overlap", "near")
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,8 @@ class Loop:
     """Rows of a tack test in the order of time; SI units; all arrays of shape (rows,).
 
     name: what a legend calls it. time [s]; displacement [m], negative when the punch is pushed in; force [N], positive
-    in compression; area [m^2] of contact and u_inf [m], NaN where they are not known; phase: part of the programme;
+    in compression; area [m^2] of contact and u_inf [m], NaN where they are not known; overlap and near [m^2]: areas of
+    the points with a negative gap, and below the near gap, None where they are not known; phase: part of the programme;
     jump: rows at whose end the surface jumped; held: whether the punch goes up to a jump against the force before it
     (in runs with time the jump comes at the end of its step, in quasi-static ones anywhere within it). offset [m]: k of
     indentation = -displacement - k.
@@ -56,6 +58,8 @@ class Loop:
     separation: float | None = None
     told: Mapping[str, float] = field(default_factory=dict)
     share: float = 0.0
+    overlap: Array | None = None
+    near: Array | None = None
 
     @classmethod
     def of(cls, results: Results, name: str = "") -> Self:
@@ -67,8 +71,10 @@ class Loop:
         curve = results.curve
         if not len(curve):
             raise ResultError(f"{results.directory}: nothing to analyse yet, curve.csv has no rows")
-        columns = ("time [s]", "displacement [m]", "force [N]", "contact_area [m^2]", "u_inf [m]")
-        time, displacement, force, area, u_inf = (column(curve, title) for title in columns)
+        columns = ("time [s]", "displacement [m]", "force [N]", "u_inf [m]")
+        time, displacement, force, u_inf = (column(curve, title) for title in columns)
+        areas = areas_of(results)
+        area = areas.get("contact", np.full(len(curve), np.nan))
         jump = np.isin(time, _jump_times(results))
         offset = float(results.run.get("indentation_offset_m") or 0.0)
         phase = column(curve, "phase")
@@ -77,12 +83,19 @@ class Loop:
         held = not slow or scene.get("drive", {}).get("control") == "load"
         name = name or results.directory.name
         loop = cls(name, time, displacement, force, area, u_inf, phase, jump, offset, held)
-        return dataclasses.replace(loop, **_known_to_the_run(results, loop))
+        others = {"overlap": areas.get("overlap"), "near": areas.get("near")}
+        return dataclasses.replace(loop, **others, **_known_to_the_run(results, loop))
 
     @property
     def indentation(self) -> Array:
         """How far the punch is pushed in [m]."""
         return -self.displacement - self.offset
+
+    @property
+    def areas(self) -> dict[str, Array]:
+        """The areas [m^2] that are known, in the order of KINDS_OF_AREA; none of a measured loop."""
+        found = {"contact": self.area, "overlap": self.overlap, "near": self.near}
+        return {kind: area for kind, area in found.items() if area is not None and not np.isnan(area).all()}
 
     @property
     def branches(self) -> dict[str, slice]:
@@ -131,6 +144,14 @@ class Loop:
         """Another loop with the same displacements and these forces [N], of shape (rows,), and without jumps."""
         jump = np.zeros_like(self.jump)
         return dataclasses.replace(self, force=force, jump=jump, work=None, separation=None, told={})
+
+
+def areas_of(results: Results) -> dict[str, Array]:
+    """The areas [m^2] of the rows of a run by what they are, "contact" first: all of KINDS_OF_AREA, or "overlap" alone
+    of a run that counted nothing else and called that its contact area."""
+    if results.counts_overlap:
+        return {"overlap": column(results.curve, "contact_area [m^2]")}
+    return {kind: column(results.curve, f"{kind}_area [m^2]") for kind in KINDS_OF_AREA}
 
 
 def column(table: Any, name: str) -> Array:

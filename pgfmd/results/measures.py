@@ -7,12 +7,13 @@ to be read off rows (of a run that goes on, a measured or a filtered curve) is f
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from . import uncertainty
-from .loop import Loop
+from .loop import Array, Loop
 from .works import net_work_of_rows, separation_of_rows
 
 UNEVEN = 4.0
@@ -37,14 +38,24 @@ class Dip:
 
 
 @dataclass(frozen=True)
+class Areas:
+    """An area [m^2] at the end of the approach, at its largest, and in the row nearest to the pull-off; None where the
+    loop does not get there."""
+
+    at_preload: float | None
+    largest: float
+    at_pull_off: float | None
+
+
+@dataclass(frozen=True)
 class Measures:
     """Numbers of one loop; None where the loop has no such thing, or does not get there.
 
     preload [N]: force at the end of the approach. largest_force [N]: at any row, what the turn adds included; None
     without compression. time_to_preload [s], from the first contact. pull_off: lowest force of the retraction, from
     where the punch turns round; snap_in: that of the approach. work_of_separation [J]: that the punch does while it
-    goes up against a tensile force. hysteresis [J]: net work of the punch over all rows. largest_area [m^2];
-    area_at_pull_off [m^2], of the row nearest to it. *_uncertainty: of a work [J].
+    goes up against a tensile force. hysteresis [J]: net work of the punch over all rows. areas: by what they are, of
+    "contact", "overlap" and "near" those that are known. *_uncertainty: of a work [J].
     """
 
     preload: float | None
@@ -54,10 +65,19 @@ class Measures:
     snap_in: Dip | None
     work_of_separation: float | None
     hysteresis: float
-    largest_area: float | None
-    area_at_pull_off: float | None
+    areas: Mapping[str, Areas]
     work_of_separation_uncertainty: float | None = None
     hysteresis_uncertainty: float | None = None
+
+    @property
+    def largest_area(self) -> float | None:
+        """The largest contact area [m^2]; None where contact is not known."""
+        return self.areas["contact"].largest if "contact" in self.areas else None
+
+    @property
+    def area_at_pull_off(self) -> float | None:
+        """The contact area [m^2] in the row nearest to the pull-off; None where contact is not known."""
+        return self.areas["contact"].at_pull_off if "contact" in self.areas else None
 
     @property
     def landmarks(self) -> dict[str, Dip]:
@@ -69,7 +89,7 @@ class Measures:
 
 def measure(loop: Loop) -> Measures:
     """The measures of a loop."""
-    pull_off = None
+    pull_off, row = None, None
     if loop.retracted:
         row = loop.turning_row + int(np.argmin(loop.force[loop.turning_row :]))
         pull_off = _tension(loop, row, "pull_off_force")
@@ -83,11 +103,15 @@ def measure(loop: Loop) -> Measures:
         snap_in=_tension(loop, snap, "snap_in_force"),
         work_of_separation=work_of_separation(loop) if loop.retracted else None,
         hysteresis=net_work(loop),
-        largest_area=_known(np.max(loop.area)),
-        area_at_pull_off=_known(loop.area[row]) if pull_off else None,
+        areas={kind: _areas(area, loop, row) for kind, area in loop.areas.items()},
         work_of_separation_uncertainty=loop.told.get("work_of_separation_uncertainty_J"),
         hysteresis_uncertainty=loop.told.get("work_uncertainty_J"),
     )
+
+
+def _areas(area: Array, loop: Loop, pull_off_row: int | None) -> Areas:
+    at_preload = float(area[loop.preload_row]) if loop.met_preload else None
+    return Areas(at_preload, float(np.max(area)), float(area[pull_off_row]) if pull_off_row is not None else None)
 
 
 def _tension(loop: Loop, row: int, key: str) -> Dip:
@@ -118,7 +142,8 @@ def _time_to_preload(loop: Loop) -> float | None:
     """Time [s] from the first contact to the end of the approach; None before, and where contact is not known."""
     if "time_to_preload_s" in loop.told:
         return loop.told["time_to_preload_s"]
-    touching = np.flatnonzero(loop.area > 0.0)
+    # Of a run that counted overlap alone, from the first overlap.
+    touching = np.flatnonzero(next(iter(loop.areas.values()), loop.area) > 0.0)
     if not (loop.met_preload and touching.size):
         return None
     return _known(max(loop.time[loop.preload_row] - loop.time[touching[0]], 0.0))

@@ -1,7 +1,8 @@
 """Pictures of a study: all curves, and the measured numbers against an axis. Reads files only, no MPI.
 
 curves.png: force against indentation; colour is the first axis, a panel the second, the style of the line the others.
-measures.png: pull-off force, work of separation and work of the loop against the first axis that has numbers.
+measures.png: pull-off force, work of separation, work of the loop and contact area at the preload against the first
+axis that has numbers.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from pgfmd.plots.thinning import seen
 from pgfmd.results import load
 from pgfmd.results.loop import branches, column
 
+from .areas import AT_PRELOAD, counted_overlap
 from .cases import short_names
 from .study_file import Axis
 from .table import Row
@@ -179,11 +181,12 @@ def measures_figure(plan: Plan, title: str) -> Any | None:
     numeric = [axis for axis in plan.axes if all(isinstance(row.places[axis.name], (int, float)) for row in plan.grid)]
     across = numeric[0] if numeric else plan.axes[0]
     others = [axis for axis in plan.axes if axis is not across]
-    figure = new_figure(9.6, 3.1)
-    panels = figure.subplots(1, len(SHOWN))
+    shown = {**SHOWN, **_areas_shown(done)}
+    figure = new_figure(2.8 * len(shown) + 1.2, 3.1)
+    panels = figure.subplots(1, len(shown))
     lines = list(_lines(plan, done, others))
     shades = colours(len(lines))
-    for panel, (name, (measure, unit)) in zip(panels, SHOWN.items(), strict=True):
+    for panel, (name, (measure, unit)) in zip(panels, shown.items(), strict=True):
         factor, unit = handy([row.measured[measure] for row in done if row.measured[measure] is not None], unit)
         panel.set_ylabel(f"{name} ({unit})")
         for number, (label, rows) in enumerate(lines):
@@ -193,12 +196,23 @@ def measures_figure(plan: Plan, title: str) -> Any | None:
             panel.plot(*zip(*points), marker + "-", color=shades[number], label=label, markersize=4) if points else None
         _singles(panel, [row for row in done if not row.case.places], across, measure, factor, bool(numeric))
         _x_axis(panel, plan, across, bool(numeric), done)
+        overlapping = sum(counted_overlap(row.measured) for row in done)
+        if measure == AT_PRELOAD.format("contact") and overlapping:
+            panel.set_title(f"without {overlapping} that counted overlap", fontsize=7.0)
     handles, names = panels[0].get_legend_handles_labels()
     if any(names):
         figure.legend(handles, names, loc="outside right upper")
     if title:
         figure.suptitle(literal(title), fontsize=9.5)
     return figure
+
+
+def _areas_shown(done: Sequence[Row]) -> dict[str, tuple[str, str]]:
+    """The panel of contact areas, or of overlap if no case knows its contact; none if no area is known."""
+    for kind in ("contact", "overlap"):
+        if any(row.measured[AT_PRELOAD.format(kind)] is not None for row in done):
+            return {f"{kind} area at the preload": (AT_PRELOAD.format(kind), "m^2")}
+    return {}
 
 
 def _lines(plan: Plan, done: Sequence[Row], others: Sequence[Axis]) -> Iterator[tuple[str, list[Row]]]:

@@ -14,6 +14,7 @@ from pgfmd.files import storage
 from pgfmd.files.regular_files import write_atomically
 from pgfmd.results.loop import WHOLE
 
+from . import areas
 from .cases import Case
 from .standing import Standing
 from .study_file import Axis
@@ -44,6 +45,8 @@ MEASURED = {
     "work_uncertainty [J]": "work_uncertainty_J",
 }
 """Columns after the axes, and the keys of `run.json` that they hold."""
+COLUMNS = (*MEASURED, *areas.COLUMNS)
+"""All columns after the axes and the state."""
 OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
 """Columns that mean nothing where the loop is not closed."""
 
@@ -51,7 +54,7 @@ OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
 @dataclass(frozen=True)
 class Row:
     """A case with its standing. places: its value on each axis, an SI number, a text, or None for a single case on an
-    axis of bundles; measured: numbers by the columns of MEASURED, None where there is none yet."""
+    axis of bundles; measured: numbers by COLUMNS, None where there is none yet."""
 
     case: Case
     standing: Standing
@@ -59,8 +62,10 @@ class Row:
     measured: dict[str, float | None]
 
 
-def rows_of(cases: Sequence[Case], axes: Sequence[Axis], standings: dict[str, Standing]) -> list[Row]:
-    """The rows of a study, in the order of its cases."""
+def rows_of(
+    cases: Sequence[Case], axes: Sequence[Axis], standings: dict[str, Standing], out: Path | None = None
+) -> list[Row]:
+    """The rows of a study, in the order of its cases. out: the folder of their folders; without it, without areas."""
     rows = []
     for case in cases:
         standing = standings[case.name]
@@ -68,6 +73,7 @@ def rows_of(cases: Sequence[Case], axes: Sequence[Axis], standings: dict[str, St
         measured = {column: record.get(key) for column, key in MEASURED.items()}
         if record.get("finished", WHOLE) != WHOLE:
             measured |= dict.fromkeys(OF_LOOP)
+        measured |= areas.areas_of(out / case.name) if out and record else dict.fromkeys(areas.COLUMNS)
         rows.append(Row(case, standing, {axis.name: place_of(case, axis) for axis in axes}, measured))
     return rows
 
@@ -87,7 +93,7 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     heads = [axis.name if axis.bundles else header(axis.name, unit_of(axis.name)) for axis in axes]
-    writer.writerow(["case", *heads, "state", *MEASURED])
+    writer.writerow(["case", *heads, "state", *COLUMNS])
     for row in rows:
         cells = [*row.places.values(), str(row.standing).splitlines()[0], *row.measured.values()]
         writer.writerow([row.case.name, *("" if cell is None else _plain(cell) for cell in cells)])
@@ -103,11 +109,12 @@ def _plain(cell: Any) -> Any:
 
 
 def overview(rows: Sequence[Row]) -> list[str]:
-    """The rows as lines for a terminal, with the numbers that are looked at first."""
+    """The rows as lines for a terminal, with the numbers that are looked at first; contact is that at the preload."""
     columns = {
         "pull-off [mN]": ("pull_off_force [N]", 1e3),
         "separation [nJ]": ("work_of_separation [J]", 1e9),
         "loop [nJ]": ("work [J]", 1e9),
+        "contact [mm2]": (areas.AT_PRELOAD.format("contact"), 1e6),
         "residual [%]": ("energy_residual [1]", 1e2),
         "steps": ("steps", 1.0),
         "wall [s]": ("wall [s]", 1.0),

@@ -8,19 +8,20 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from paper.pool import Run
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, contact_sites
 from pgfmd.plots.folder import GREY, RED, TURQUOISE
-from pgfmd.plots.maps import new_figure
+from pgfmd.plots.gap_classes import NEAR_LEVEL, class_numbers, gap_classes
+from pgfmd.plots.maps import MOST_PIXELS, new_figure
 from pgfmd.results import Results
+from pgfmd.results.loop import areas_of
 
 OCHRE, VIOLET, GREEN = "#d18f00", "#6a4c93", "#4c9f38"
 COLOURS = (TURQUOISE, RED, OCHRE, VIOLET, GREEN, "#303030")
 NAN = math.nan
-NEAR_LEVEL = 500e-9
-"""Gaps [m] below this the paper's figures shade as what a camera can't tell from contact."""
 CONTACT, OVERLAP = "contact", "overlap"
 """What counts as contact: a gap below that of the largest traction, and in results of version 0.1 a negative one."""
 
@@ -180,10 +181,27 @@ def area_below(run: Run, snapshot: int, limit: float) -> float:
     return float(np.sum(run.results.frame("gap", snapshot) < limit)) * (run.scene.grid.length / run.scene.grid.n) ** 2
 
 
+def draw_gaps(axis: Any, run: Run, snapshot: int) -> None:
+    """The gaps of a snapshot in greys: overlap, contact, near, open; nothing outside of the punch."""
+    gap = thin(run.results.frame("gap", snapshot))
+    classes = gap_classes(run.results.contact_gap, NEAR_LEVEL, run.results.counts_overlap)
+    numbers = np.ma.masked_invalid(class_numbers(gap, classes))
+    greys = ListedColormap([each.grey for each in classes])
+    bounds = BoundaryNorm(np.arange(len(classes) + 1) - 0.5, len(classes))
+    axis.imshow(numbers, origin="lower", interpolation="nearest", cmap=greys, norm=bounds)
+
+
+def thin(values: np.ndarray) -> np.ndarray:
+    """A map with not many more points than can be seen."""
+    stride = -(-4 * values.shape[0] // MOST_PIXELS)
+    return values[::stride, ::stride]
+
+
 def covered(run: Run, name: str = "contact", row: Any = None) -> Any:
     """Area of the kind "contact", "overlap" or "near" [% of all points of the punch] in rows of the curve, that of the
     preload by default. NaN where the run does not tell."""
-    area = np.asarray(run.results.curve[f"{name}_area [m^2]"], float)[run.loop.preload_row if row is None else row]
+    rows = run.loop.preload_row if row is None else row
+    area = areas_of(run.results).get(name, np.full(len(run.loop.force), NAN))[rows]
     # Points are counted, not areas: all of them are 100 %, to the last digit.
     cell = (run.scene.grid.length / run.scene.grid.n) ** 2
     return 100 * np.round(area / cell) / np.count_nonzero(~np.isnan(run.results.frame("gap", 0)))

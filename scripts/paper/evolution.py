@@ -15,6 +15,7 @@ from paper.drawing import (
     area_below,
     closed_at,
     count_of,
+    draw_gaps,
     in_contact,
     joins,
     near,
@@ -22,14 +23,13 @@ from paper.drawing import (
     percent,
     settings_of,
     share_below,
+    thin,
     times_of,
 )
 from paper.pool import Run, Runs
 from pgfmd.analysis.bulges import bulges
-from pgfmd.parts import law_of
-from pgfmd.plots.maps import MOST_PIXELS, robust_limit
+from pgfmd.plots.maps import robust_limit
 
-GREYS = ("#2b2b2b", "#666666", "#a8a8a8", "#ececec")
 TRI_COLUMNS = (1.0, 1.125, 1.25)
 SHADES = "From dark to light: gap below 0, contact, gap below 500 nm, open."
 LAST = "distance from the axis of the last third of saddles, over all"
@@ -41,22 +41,19 @@ HEX_COLUMNS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
 def draw_maps(rows: list[tuple[str, Run, list[int], str]]) -> Any:
     """A figure of maps: for each row its name, run, snapshots, and "gap" or "traction"."""
     from cmcrameri import cm
-    from matplotlib.colors import BoundaryNorm, ListedColormap
 
     columns = max(len(frames) for _, _, frames, _ in rows)
     figure = new_figure(1.25 * columns + 1.0, 1.5 * len(rows) + 0.5)
     axes = figure.subplots(len(rows), columns, squeeze=False)
-    # Overlap, contact, near, open; nothing outside of the punch.
-    greys = {"cmap": ListedColormap(GREYS), "norm": BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)}
     for line, (name, run, frames, what) in zip(axes, rows, strict=True):
-        arrays = {frame: thin(run.results.frame(what, frame)) for frame in frames}
-        limit, _ = robust_limit(arrays.values()) if what == "traction" else (0.0, False)
+        arrays = {frame: thin(run.results.frame("traction", frame)) for frame in frames if what == "traction"}
+        limit, _ = robust_limit(arrays.values()) if arrays else (0.0, False)
         image = None
-        for axis, (frame, values) in zip(line, arrays.items(), strict=False):
+        for axis, frame in zip(line, frames, strict=False):
             if what == "gap":
-                shades = np.ma.masked_invalid(levels(run, values))
-                axis.imshow(shades, origin="lower", interpolation="nearest", **greys)
+                draw_gaps(axis, run, frame)
             else:
+                values = arrays[frame]
                 image = axis.imshow(1e-3 * values, origin="lower", cmap=cm.vik, vmin=-1e-3 * limit, vmax=1e-3 * limit)
             force = 1e3 * float(run.results.fields["force"][frame])
             axis.set_title(f"{fractions(run)[frame]:.4g} t_pl\n{force:.3g} mN".replace("-", "−"), fontsize=7)
@@ -66,18 +63,6 @@ def draw_maps(rows: list[tuple[str, Run, list[int], str]]) -> Any:
         if image is not None:
             figure.colorbar(image, ax=line, shrink=0.8, pad=0.01, label="traction (kPa)")
     return figure
-
-
-def levels(run: Run, gap: np.ndarray) -> np.ndarray:
-    """0 overlap, 1 contact, 2 near, 3 open; NaN outside of the punch."""
-    limits = (0.0, law_of(run.scene.adhesion).contact_gap, NEAR_LEVEL)
-    return np.where(np.isnan(gap), np.nan, sum(1.0 * (gap >= limit) for limit in limits))
-
-
-def thin(values: np.ndarray) -> np.ndarray:
-    """A map with not many more points than can be seen."""
-    stride = -(-4 * values.shape[0] // MOST_PIXELS)
-    return values[::stride, ::stride]
 
 
 def nearest(run: Run, wanted: tuple[float, ...]) -> list[int]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from paper.drawing import (
     GREY,
@@ -16,10 +15,11 @@ from paper.drawing import (
     Drawing,
     count_of,
     covered,
+    draw_gaps,
     new_figure,
     settings_of,
 )
-from paper.evolution import GREYS, SHADES, levels, thin
+from paper.evolution import SHADES
 from paper.pool import Run, Runs
 
 SHOWN_FORCE = 60.0
@@ -52,8 +52,8 @@ def full(runs: Runs) -> Drawing:
             axis.legend(loc="lower right", fontsize=7)
     axes[0].set_ylabel("area (% of the punch)")
     caption = (
-        f"Full: contact; dotted: gap below 0; dashed: gap below 500 nm. Maps: the snapshots nearest to {SHOWN_FORCE:g} mN "
-        f"on the way in. {SHADES} {'; '.join(notes)}."
+        f"Full: contact; dotted: gap below 0; dashed: gap below 500 nm. Maps: the snapshots nearest to {SHOWN_FORCE:g} "
+        f"mN on the way in. {SHADES} {'; '.join(notes)}."
     )
     return Drawing(figure, caption, claims)
 
@@ -75,9 +75,7 @@ def _draw_map(axis: Any, run: Run, title: str) -> None:
     force, time = 1e3 * np.asarray(fields["force"][:]), np.asarray(fields["time"][:])
     way_in = np.flatnonzero(time <= run.loop.time[run.loop.preload_row] * (1 + 1e-12))
     frame = int(way_in[np.argmin(np.abs(force[way_in] - SHOWN_FORCE))])
-    shades = np.ma.masked_invalid(levels(run, thin(run.results.frame("gap", frame))))
-    greys = {"cmap": ListedColormap(GREYS), "norm": BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)}
-    axis.imshow(shades, origin="lower", interpolation="nearest", **greys)
+    draw_gaps(axis, run, frame)
     axis.set_title(f"{title}\n{force[frame]:.3g} mN", fontsize=7)
 
 

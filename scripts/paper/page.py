@@ -205,8 +205,8 @@ def block(figure: str, folder: Path) -> str:
             parts.append(f"Not run here ({word}): {told}. `{command}` runs them.")
         if stale := sum(row["size"] == size and row["count"] == OVERLAP for row in rows):
             parts.append(
-                f"Not counted anew ({word}): {stale} numbers, whose runs were made when contact was a negative gap, and "
-                f"are not there any more. `{command}` makes them again."
+                f"Not counted anew ({word}): {stale} numbers, whose runs were made when contact was a negative gap "
+                f"and are not there any more. `{command}` makes them again."
             )
     return "\n\n".join(parts)
 

@@ -3,6 +3,7 @@
 Hertz's pressure and closed-form gap, shifted by a constant pull, so that the numbers have the right look and size.
 """
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,9 @@ from pgfmd.files.storage import write_run_json
 from pgfmd.output.fields_file import FieldsFile
 
 RADIUS, MODULUS, PUNCH = 5e-3, 2.67e6, 375e-6
+CONTACT_GAP, NEAR_GAP = 180e-9, 400e-9
+OVERLAP, NEAR = 0.7, 1.3
+"""Areas of overlap and of what is near, as shares of the contact area."""
 
 
 def history(rows: int) -> list[CurveRow]:
@@ -38,7 +42,8 @@ def history(rows: int) -> list[CurveRow]:
         contact = np.sqrt(RADIUS * depth) if depth > 0 else 0.0
         force = 4 / 3 * MODULUS * contact**3 / RADIUS - (pull if contact else 0.0) * (1 + contact / 2e-4)
         area = np.pi * contact**2
-        found.append(CurveRow(10 * s, -indentation - 2e-6, indentation, force, area, area, 1.2 * area, 0.0, 10 / rows, phase))
+        areas = area, OVERLAP * area, NEAR * area
+        found.append(CurveRow(10 * s, -indentation - 2e-6, indentation, force, *areas, 0.0, 10 / rows, phase))
     return found
 
 
@@ -80,9 +85,29 @@ def write_results(
         write_energy(EnergyFile(directory / "energy.csv", comm), found)
     if contact:
         write_contact(directory, comm, found)
-    write_run_json(directory / "run.json", comm, {"finished": "detached", "steps": rows})
-    (directory / "scene.resolved.toml").write_text('[cell]\nlength = "1.5 mm"\nn = 192\n')
+    gaps = {"contact_gap_m": CONTACT_GAP, "near_gap_m": NEAR_GAP}
+    write_run_json(directory / "run.json", comm, {"finished": "detached", "steps": rows, **gaps})
+    scene = f'[cell]\nlength = "1.5 mm"\nn = 192\n[output]\nnear_gap = "{NEAR_GAP} m"\n'
+    (directory / "scene.resolved.toml").write_text(scene)
     return directory
+
+
+def as_version_0_1(folder: Path) -> Path:
+    """A results folder as that version would have left it: it counts gaps below zero alone, and calls that contact."""
+    header, *lines = (folder / "curve.csv").read_text().splitlines()
+    names = header.split(",")
+    contact, overlap, near = (names.index(f"{kind}_area [m^2]") for kind in ("contact", "overlap", "near"))
+    rows = [line.split(",") for line in lines]
+    for row in rows:
+        row[contact] = row[overlap]
+    kept = [[cell for k, cell in enumerate(row) if k not in (overlap, near)] for row in (names, *rows)]
+    (folder / "curve.csv").write_text("".join(",".join(row) + "\n" for row in kept))
+    record = json.loads((folder / "run.json").read_text())
+    record = {key: value for key, value in record.items() if key not in ("contact_gap_m", "near_gap_m")}
+    (folder / "run.json").write_text(json.dumps(record))
+    scene = (folder / "scene.resolved.toml").read_text().splitlines(keepends=True)
+    (folder / "scene.resolved.toml").write_text("".join(line for line in scene if not line.startswith("near_gap")))
+    return folder
 
 
 def write_energy(file: EnergyFile, found: list[CurveRow]) -> None:

@@ -7,7 +7,6 @@ import sys
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -28,7 +27,6 @@ from paper.drawing import (  # noqa: E402
     percent,
     share_below,
 )
-from paper.evolution import levels  # noqa: E402
 from paper.pool import SIZES, Pool, Run  # noqa: E402
 from paper.registry import FIGURES, STUDIES  # noqa: E402
 
@@ -126,8 +124,6 @@ def counts_of_one_run(run):
     assert 0 < shares["overlap"] < min(shares["contact"], shares["near"]) < 100
     held = in_contact(run.results, run.loop.time[run.loop.preload_row])["summit"]
     assert percent(held) == share_below(run, frame, "summit", limits["contact"]) > 0
-    shades = levels(run, run.results.frame("gap", frame))
-    assert np.nanmin(shades) == 0 and np.nanmax(shades) == 3 and np.isnan(shades[0, 0])
 
 
 def test_what_is_not_finished_is_not_drawn(tmp_path, capsys):

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from synthetic_results import history, sphere, write_results
+from synthetic_results import CONTACT_GAP, NEAR_GAP, history, sphere, write_results
 
 from pgfmd.errors import ResultError
 from pgfmd.files.curve_file import CURVE_COLUMNS
@@ -43,7 +43,9 @@ def test_all_parts_come_back(folder):
         check_curve(results.curve)
         assert isinstance(results.fields, xarray.Dataset)
         check_fields(results)
-        assert results.run == {"finished": "detached", "steps": 40}
+        assert results.run == {
+            "finished": "detached", "steps": 40, "contact_gap_m": CONTACT_GAP, "near_gap_m": NEAR_GAP,
+        }  # fmt: skip
         assert results.scene["cell"]["n"] == 192
         assert len(results.energy) == 39
         assert list(results.sites["event"]) == ["joins", "leaves"] and list(results.sites["in_contact"]) == [1, 0]

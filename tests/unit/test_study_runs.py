@@ -22,7 +22,7 @@ from pgfmd.study.pictures import Plan, curves_figure, draw_study, measures_figur
 from pgfmd.study.pool import LaunchFailed, Pool, Task, last_words
 from pgfmd.study.standing import Standing, standing_of
 from pgfmd.study.study_file import StudyError, study_from_mapping
-from pgfmd.study.table import MEASURED, overview, rows_of, write_table
+from pgfmd.study.table import COLUMNS, MEASURED, overview, rows_of, write_table
 
 sys.path.insert(0, str(Path(__file__).parent))
 from small_runs import SCENE, damage_an_array, run  # noqa: E402
@@ -323,7 +323,7 @@ def test_the_table(campaign, study, tmp_path):
     rows = rows_of(campaign.cases, study.axes, campaign.standings())
     write_table(tmp_path / "table.csv", rows, study.axes)
     found = list(csv.DictReader((tmp_path / "table.csv").read_text().splitlines()))
-    assert list(found[0]) == ["case", "drive.preload [N]", "drive.speed [m/s]", "state", *MEASURED]
+    assert list(found[0]) == ["case", "drive.preload [N]", "drive.speed [m/s]", "state", *COLUMNS]
     assert [float(row["drive.preload [N]"]) for row in found] == [1e-3, 1e-3, 2e-3, 2e-3, 1.5e-3]
     assert found[3]["state"] == "resumable (stopped by USR1)" and found[3]["work [J]"] == ""
     record = load(campaign.out / "beside").run

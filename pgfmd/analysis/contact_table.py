@@ -1,0 +1,68 @@
+"""What an analysis says of the contact: its areas, and the loads at which sites join and leave it.
+
+Of a run that counted overlap alone (`Results.counts_overlap`) nothing is called contact, not even a key of the record.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pgfmd.results import Results
+from pgfmd.results.loop import Loop
+from pgfmd.results.measures import Measures
+from pgfmd.units import UnitError, parse_quantity
+
+from .site_loads import site_loads
+from .table import Table
+
+COUNTED_OVERLAP = (
+    "an earlier version of pgfmd made this run and counted points with a negative gap, which leaves out what is held "
+    "under tension: areas, patches and sites are those of overlap, and contact is not known"
+)
+
+
+def add_areas(table: Table, results: Results, found: Measures) -> None:
+    """A section for each area that is known: at the preload, the largest, at the pull-off; and the gap below which
+    points count. A remark where contact is not among them."""
+    gaps = {"contact": results.contact_gap, "near": results.near_gap}
+    face = _face(results)
+    for kind, areas in found.areas.items():
+        if kind == "overlap" and "contact" in found.areas and not results.contact_gap:
+            # The same points.
+            continue
+        section, prefix = kind.capitalize(), "" if kind == "contact" else f"{kind}_"
+        if kind in gaps:
+            table.add(section, f"{kind}_gap", "gap below which points count", gaps[kind], "m")
+        for key, name, value in (
+            (f"{prefix}area_at_preload", f"{kind} area at the preload", areas.at_preload),
+            (f"largest_{prefix}area", f"largest {kind} area", areas.largest),
+            (f"{prefix}area_at_pull_off", f"{kind} area at pull-off", areas.at_pull_off),
+        ):
+            note = f"{100.0 * value / face:.3g} % of the punch" if value is not None and face else ""
+            if value is not None:
+                table.add(section, key, name, value, "m^2", note)
+    if results.counts_overlap:
+        table.remarks.append(COUNTED_OVERLAP)
+
+
+def _face(results: Results) -> float | None:
+    """Area [m^2] of the punch's face; None where it fills the cell."""
+    try:
+        return math.pi * parse_quantity(results.scene["punch"]["radius"], "length") ** 2
+    except (KeyError, UnitError):
+        return None
+
+
+def add_sites(table: Table, results: Results, loop: Loop) -> None:
+    """The loads at which the first and the last site of each kind joins the contact, and leaves it."""
+    section, mark, joins, leaves = "Loads at which sites change", "", "joins", "leaves"
+    if results.counts_overlap:
+        section, mark, joins, leaves = f"{section}, by overlap", "_overlap", "begins to overlap", "ends to overlap"
+    for kind in site_loads(results, loop):
+        most = f"{kind.most} of {kind.of} at most"
+        for key, name, value in (
+            ("first_joins", f"first {joins}", kind.first_joins), ("last_joins", f"last {joins}", kind.last_joins),
+            ("first_leaves", f"first {leaves}", kind.first_leaves), ("last_leaves", f"last {leaves}", kind.last_leaves),
+        ):  # fmt: skip
+            note = most if key == "first_joins" else ""
+            table.add(section, f"{kind.kind}{mark}_{key}", f"{kind.kind}: {name}", value, "N", note)
