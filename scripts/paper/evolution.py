@@ -224,7 +224,8 @@ def _hex_claims(name: str, run: Run) -> list[Claim]:
     return [
         Claim("summits in contact in the first frame", name, percent(early["summit"]), "%", "all", 99.9, 100, count,
               share_below(run, frames[0], "summit", 0.0)),
-        *(jump if run.quasistatic else ()),
+        # Under a curved punch most of the jumps are those of single summits.
+        *(jump if name == "quasistatic" else ()),
         Claim(f"{way}, least", name, least, "µm", *told, count=count),
         Claim(f"{way}, median", name, median, "µm", *told, count=count),
         Claim("force at contact in all summits", name, closed_at(results, "summit"), "mN", count=count),
