@@ -225,6 +225,9 @@ def counts_block(folder: Path, figures: Iterable[str]) -> str:
             # The same run with the other count comes first; an empty number of an old one is a "never", too.
             before = {"before": (best["before"] or old.get(place, "")).removesuffix(NEVER)}
             known = bool(best["before"]) or place in old
+            if not known and not best["low"]:
+                # Nothing to compare: neither an earlier number nor one of the paper.
+                continue
             what, settings, told = _told(best)
             then = (_shown(before["before"]), verdict(best | before, "before")) if known else ("", "")
             lines.append(_line(figure, what, settings, best["size"], told, *then, _shown(best["ours"]), verdict(best)))
