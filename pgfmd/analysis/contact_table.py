@@ -5,11 +5,12 @@ Of a run that counted overlap alone (`Results.counts_overlap`) nothing is called
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
 
 from pgfmd.results import Results
 from pgfmd.results.loop import Loop
 from pgfmd.results.measures import Measures
+from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.units import UnitError, parse_quantity
 
 from .site_loads import site_loads
@@ -21,36 +22,57 @@ COUNTED_OVERLAP = (
 )
 
 
+@dataclass(frozen=True)
+class Face:
+    """The punch's face on the grid: its points, and the area [m^2] of one."""
+
+    points: int
+    cell: float
+
+    def share(self, area: float) -> str:
+        """How much of the face an area [m^2] is; that all of it is, is said only where no point is missing."""
+        missing = self.points - round(area / self.cell)
+        if not missing:
+            return "all of the punch"
+        text = f"{100.0 * (1.0 - missing / self.points):.3g}"
+        return f"all of the punch but {missing} of {self.points} points" if text == "100" else f"{text} % of the punch"
+
+
+def _face_of(results: Results) -> Face | None:
+    """The face that a run's scene says; None if it can't be read off it."""
+    try:
+        grid, radius = results.scene["grid"], results.scene["punch"].get("radius")
+        cell = Grid(grid["n"], parse_quantity(grid["length"], "length"))
+        radius = None if radius is None else parse_quantity(radius, "length")
+    except (KeyError, UnitError):
+        return None
+    # All rows of the cell: nobody to share them with.
+    return Face(PunchPoints(cell, radius, None, (0, cell.n)).total, cell.cell_area)
+
+
 def add_areas(table: Table, results: Results, found: Measures) -> None:
     """A section for each area that is known: at the preload, the largest, at the pull-off; and the gap below which
     points count. A remark where contact is not among them."""
     gaps = {"contact": results.contact_gap, "near": results.near_gap}
-    face = _face(results)
+    face = _face_of(results)
     for kind, areas in found.areas.items():
         if kind == "overlap" and "contact" in found.areas and not results.contact_gap:
             # The same points.
             continue
         section, prefix = kind.capitalize(), "" if kind == "contact" else f"{kind}_"
         if kind in gaps:
-            table.add(section, f"{kind}_gap", "gap below which points count", gaps[kind], "m")
+            less = kind == "near" and results.near_gap <= results.contact_gap
+            note = "not above that of contact: an image sees less than what is held" if less else ""
+            table.add(section, f"{kind}_gap", "gap below which points count", gaps[kind], "m", note)
         for key, name, value in (
             (f"{prefix}area_at_preload", f"{kind} area at the preload", areas.at_preload),
             (f"largest_{prefix}area", f"largest {kind} area", areas.largest),
             (f"{prefix}area_at_pull_off", f"{kind} area at pull-off", areas.at_pull_off),
         ):
-            note = f"{100.0 * value / face:.3g} % of the punch" if value is not None and face else ""
             if value is not None:
-                table.add(section, key, name, value, "m^2", note)
+                table.add(section, key, name, value, "m^2", face.share(value) if face else "")
     if results.counts_overlap:
         table.remarks.append(COUNTED_OVERLAP)
-
-
-def _face(results: Results) -> float | None:
-    """Area [m^2] of the punch's face; None where it fills the cell."""
-    try:
-        return math.pi * parse_quantity(results.scene["punch"]["radius"], "length") ** 2
-    except (KeyError, UnitError):
-        return None
 
 
 def add_sites(table: Table, results: Results, loop: Loop) -> None:

@@ -19,7 +19,8 @@ class CurveTail:
     """Up to the last newline of a file, or up to `end` [bytes].
 
     rows: the last ones, oldest first; empty if there is none yet. strange: how many lines among them are no rows of a
-    curve, and are left out. written [s since 1970]: when the file was. OSError if it can't be read.
+    curve, and are left out. written [s since 1970]: when the file was. earlier: whether it is of version 0.1
+    (is_earlier). OSError if it can't be read.
     """
 
     def __init__(self, path: Path, end: int | None = None):
@@ -33,7 +34,8 @@ class CurveTail:
             text = file.read(end - start)
         # The header, or a row of which the beginning is missing; after the last newline, a row that is being written.
         lines = text[: text.rfind(b"\n") + 1].split(b"\n")[1:-1]
-        columns = EARLIER_CURVE_COLUMNS if is_earlier(path) else CURVE_COLUMNS
+        self.earlier = is_earlier(path)
+        columns = EARLIER_CURVE_COLUMNS if self.earlier else CURVE_COLUMNS
         found = [_row(line.decode(errors="replace"), columns) for line in lines]
         self.rows = [row for row in found if row]
         self.strange = len(found) - len(self.rows)

@@ -57,5 +57,5 @@ def full_contact_sinusoid(
     if start == "instantaneous":
         wave = wave * contact_relaxation(coupling, creep).relaxation(t)
     if np.any(mean + np.abs(wave) >= 0):
-        raise ValueError("the contact is not complete at every time: push in further (position more negative)")
+        raise ValueError("the gap is not negative everywhere at every time: push in further (position more negative)")
     return mean, wave

@@ -18,6 +18,11 @@ from pgfmd.solver.simulation import STOPPED_STEPS
 from .checkpoint_layout import Damaged, none_valid, read_head
 from .scene_changes import DERIVED, contents_of, differing, require_known, review
 
+OF_EARLIER = (
+    "holds a run of version 0.1 of pgfmd, which counts as contact only what overlaps: this version can't go on with it. "
+    "Go on with that version, or start anew with --fresh, which keeps the old results"
+)
+"""What is wrong with a folder whose contact is counted in another way than its next rows would be."""
 FAILED = "failed"
 """What `run.json` calls a run that could not go on; it has a checkpoint from before."""
 
@@ -47,10 +52,7 @@ def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
     if any(path.exists() for path in checkpoints):
         found = _plan_from(folder, checkpoints, scene, allow)
         if found.go_on and curve.exists() and is_earlier(curve):
-            raise ResultError(
-                f"{folder}: holds a run of version 0.1 of pgfmd, which counts as contact only what overlaps: this version "
-                "can't go on with it. Go on with that version, or start anew with --fresh, which keeps the old results"
-            )
+            raise ResultError(f"{folder}: {OF_EARLIER}")
         return found
     done = _of_finished(folder, finished_record(folder), scene)
     if done:

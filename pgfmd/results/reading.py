@@ -132,8 +132,8 @@ class Results:
         """The gap [m] below which a point is near, as an optical image sees it."""
         from pgfmd.scene.output_section import NEAR_GAP
 
-        said = self.scene.get("output", {}).get("near_gap")
-        return NEAR_GAP if said is None else parse_quantity(said, "length")
+        given = self.scene.get("output", {}).get("near_gap")
+        return NEAR_GAP if given is None else parse_quantity(given, "length")
 
     @property
     def _adhesion(self) -> dict:

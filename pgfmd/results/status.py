@@ -18,6 +18,7 @@ from pgfmd.files.curve_file import CurveRow
 from pgfmd.files.curve_tail import CurveTail, count_ends
 from pgfmd.forecast.progress import Moment, outlook
 from pgfmd.parts import drive_of
+from pgfmd.restart.resume import OF_EARLIER
 from pgfmd.scene import parse_scene
 
 from .inventory import Checkpoint, Inventory, take_inventory
@@ -78,6 +79,8 @@ def status_of(folder: Path) -> Status:
     if found.tail and found.tail.strange:
         strange = f"{found.tail.strange} of its last lines are no rows"
         status.warnings.append(f"{found.tail.path}: {strange}: `pgfmd verify` it")
+    if found.tail and found.tail.earlier and state == RESUMABLE:
+        status.warnings.append(f"{folder}: {OF_EARLIER}")
     _describe(status, found)
     if state in (RUNNING, RESUMABLE):
         _look_ahead(status, found)

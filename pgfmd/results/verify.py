@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +31,7 @@ from pgfmd.files.fields_layout import (
 )
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.restart.checkpoint_layout import Damaged, examine
+from pgfmd.units import UnitError
 
 from .inventory import Inventory, require_known, take_inventory
 from .reading import Results
@@ -234,6 +235,7 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
                  if _sum_of(file[name], frame) != file[checksum_of(name)][frame]]  # fmt: skip
         strange = [frame for frame in range(count) if not _numbers_are_right(file, frame)]
         wrong += [f"numbers or label of snapshot {frame}" for frame in strange]
+        wrong += _other_gaps(path.parent, file.attrs)
     if wrong:
         return Part(path, False, f"changed: {', '.join(wrong)}", "don't use that; put the file back if there is a copy")
     left_out = f", and {frames - count} not examined" if frames > count else ""
@@ -248,6 +250,17 @@ def _strange(file: h5py.File, layout: Layout, frames: int) -> list[str]:
     shapes["label"] = (frames, LABEL_BYTES) if file["label"].ndim == 2 else (frames,)
     found = [name for name, shape in shapes.items() if file[name].shape != shape]
     return found + [name for name, axis in layout.axes.items() if not np.array_equal(file[name], axis)]
+
+
+def _other_gaps(folder: Path, attributes: Mapping) -> list[str]:
+    """What the snapshots say of contact, where it is not what record and scene say."""
+    try:
+        results = Results(folder)
+        known = {"contact_gap_m": results.contact_gap, "near_gap_m": results.near_gap}
+    except (ResultError, UnitError):
+        # The part of the file that can't be read tells of that.
+        return []
+    return [f"attribute {name}" for name, gap in known.items() if attributes.get(name, gap) != gap]
 
 
 def _numbers_are_right(file: h5py.File, frame: int) -> bool:

@@ -46,6 +46,10 @@ NEVER_NEGATIVE = (
     "released_J",
 )  # fmt: skip
 """Entries of the record that are at least 0, apart from rounding."""
+AREAS = ("overlap_area [m^2]", "contact_area [m^2]", "near_area [m^2]")
+"""Columns of the curve that count points with a gap below a level, see `Folder.levels`."""
+HELD = {"cosine": 0.5, "repulsive": 0.0}
+"""Gap of the largest traction of a law, in ranges: below it a point is in contact."""
 
 
 @dataclass
@@ -93,6 +97,22 @@ class Folder:
     @property
     def finished(self) -> bool:
         return self.record is not None and self.code == 0
+
+    @property
+    def cell(self) -> float:
+        """Area of a grid point [m^2]."""
+        return (self.scene.grid.length / self.scene.grid.n) ** 2
+
+    @property
+    def levels(self) -> tuple[float, float, float]:
+        """Gaps [m] below which points count in AREAS."""
+        adhesion = self.scene.adhesion
+        return 0.0, HELD[adhesion.law] * adhesion.range, self.scene.output.near_gap
+
+    def areas_of(self, gap: np.ndarray) -> list[float]:
+        """AREAS of a snapshot's gap [m]."""
+        gap = gap[np.isfinite(gap)]
+        return [float(np.count_nonzero(gap < level)) * self.cell for level in self.levels]
 
     def column(self, name: str, table: str = "curve") -> np.ndarray:
         """A column of a table of numbers, or of texts."""
@@ -213,16 +233,28 @@ def curve(run: Folder) -> Iterator[Fault]:
         yield Fault("curve: equal rows", f"{same.sum()} of {len(rows)}, first row {int(np.argmax(same))}")
     if not np.array_equal(run.column("indentation [m]"), -run.column("displacement [m]")):
         yield Fault("curve: indentation is not -displacement")
-    area, grid = run.column("contact_area [m^2]"), run.scene.grid
-    points = area / (grid.length / grid.n) ** 2
-    if (np.abs(points - np.round(points)) > 1e-6).any() or (points < 0).any() or (points > grid.n**2 + 0.5).any():
-        yield Fault("curve: a contact area that is no number of grid points")
+    yield from _areas(run)
     phases = [name for k, name in enumerate(run.column("phase")) if k == 0 or name != run.column("phase")[k - 1]]
     if (
         phases != ["approach", "turn", "retract"][: len(phases)]
         and phases != ["approach", "turn", "dwell", "turn", "retract"][: len(phases)]
     ):
         yield Fault("curve: phases out of order", ", ".join(phases))
+
+
+def _areas(run: Folder) -> Iterator[Fault]:
+    """Each is a number of grid points, and the larger a level, the more of them are below it."""
+    counts = {name: run.column(name) / run.cell for name in AREAS}
+    for name, points in counts.items():
+        if (np.abs(points - np.round(points)) > 1e-6).any() or points.min() < 0 or points.max() > run.scene.grid.n**2:
+            yield Fault("curve: an area that is no number of grid points", name)
+    order = sorted(zip(run.levels, AREAS, strict=True))
+    for (_, lower), (_, upper) in zip(order[:-1], order[1:], strict=True):
+        if (counts[lower] > counts[upper] + 0.5).any():
+            yield Fault(f"curve: more {lower.split('_')[0]} than {upper.split('_')[0]} area")
+    told = (0.0, run.results.contact_gap, run.results.near_gap)
+    if told != run.levels or run.results.counts_overlap:
+        yield Fault("the results don't know the gaps that were counted", f"{told}, {run.levels}")
 
 
 def ends(run: Folder) -> Iterator[Fault]:
@@ -319,7 +351,7 @@ def snapshots(run: Folder) -> Iterator[Fault]:
         if run.finished and run.record["preload_N"] is not None:
             yield Fault("fields: none, not even of the preload")
         return
-    fields, cell = results.fields, (run.scene.grid.length / run.scene.grid.n) ** 2
+    fields = results.fields
     for k, label in enumerate(results.labels):
         time = float(np.asarray(fields["time"][k]))
         gap, traction = results.frame("gap", k), results.frame("traction", k)
@@ -327,22 +359,21 @@ def snapshots(run: Folder) -> Iterator[Fault]:
         if not inside.any() or not np.isfinite(traction[inside]).all():
             yield Fault("fields: not finite", label)
             continue
-        force, area = -float(traction[inside].sum()) * cell, float(np.count_nonzero(gap[inside] < 0)) * cell
+        force, areas = -float(traction[inside].sum()) * run.cell, run.areas_of(gap)
         rows = np.flatnonzero(run.time == time)
         if not len(rows):
             if run.scene.output.every == 1:
                 yield Fault("fields: a snapshot that has no row in the curve", f"{label}, t = {time!r} s")
             continue
-        row, rounding = rows[-1], run.accuracy * max(float(np.abs(traction[inside]).sum()) * cell, run.largest_force)
+        pulls = float(np.abs(traction[inside]).sum()) * run.cell
+        row, rounding = rows[-1], run.accuracy * max(pulls, run.largest_force)
         rows = rows[np.abs(run.force[rows] - force) <= 100 * rounding + run.unbalanced]
         if not len(rows):
             yield Fault("fields: a force that is not the curve's", f"{label}: {force:.9g} N, {run.force[row]:.9g} N")
             continue
-        if not any(math.isclose(run.column("contact_area [m^2]")[row], area, rel_tol=1e-6) for row in rows):
-            yield Fault(
-                "fields: a contact that is not the curve's",
-                f"{label}: {area:.6g} m^2, {run.column('contact_area [m^2]')[rows[-1]]:.6g} m^2",
-            )
+        counted = np.column_stack([run.column(name)[rows] for name in AREAS])
+        if not np.isclose(counted, areas, rtol=1e-6, atol=0.0).all(axis=1).any():
+            yield Fault("fields: areas that are not the curve's", f"{label}: {areas}, {counted[-1]} m^2")
         place, depth = float(np.asarray(fields["punch_position"][k])), run.column("displacement [m]")[rows]
         if np.abs(depth - place).min() > 1e-12 * np.abs(run.column("displacement [m]")).max():
             yield Fault("fields: a displacement that is not the curve's", f"{label}: {place!r}, {depth!r}")
@@ -351,13 +382,11 @@ def snapshots(run: Folder) -> Iterator[Fault]:
 def patches(run: Folder) -> Iterator[Fault]:
     """The patches of a snapshot have its contact area; sites join and leave in turn, and are counted right."""
     table, results = run.results.patches, run.results
-    cell = (run.scene.grid.length / run.scene.grid.n) ** 2
     if table is not None and results.has_fields:
         numbers, areas = run.column("snapshot", "patches"), run.column("area [m^2]", "patches")
         for k, label in enumerate(results.labels):
-            gap = results.frame("gap", k)
-            area = np.count_nonzero(gap[np.isfinite(gap)] < 0) * cell
-            if not math.isclose(areas[numbers == k].sum(), area, rel_tol=1e-9, abs_tol=1e-9 * cell):
+            _, area, _ = run.areas_of(results.frame("gap", k))
+            if not math.isclose(areas[numbers == k].sum(), area, rel_tol=1e-9, abs_tol=1e-9 * run.cell):
                 yield Fault(
                     "patches: not the contact of the snapshot",
                     f"{label}: {areas[numbers == k].sum():.6g}, {area:.6g} m^2",

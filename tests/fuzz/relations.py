@@ -15,6 +15,7 @@ import numpy as np
 
 from pgfmd.parts import series_of
 from pgfmd.physics.heightfile import read_heights
+from pgfmd.scene.output_section import NEAR_GAP
 from pgfmd.scene.reading import scene_from_mapping
 from pgfmd.units import DIMENSIONS, UnitError, parse_quantity
 
@@ -120,6 +121,8 @@ def _other_units(pair: Pair) -> list[Fault]:
         keys = scene.get(key.section, {})
         if key.name in keys and (key.dimension in DIMENSIONS or key.kind == "times"):
             keys[key.name] = other(keys[key.name], "time" if key.kind == "times" else key.dimension)
+    # The one length that no other key gives where the scene leaves it out.
+    scene.setdefault("output", {}).setdefault("near_gap", other(f"{NEAR_GAP!r} m", "length"))
     name = scene["punch"].get("file")
     if name:
         heights, size = read_heights(pair.folder / name)

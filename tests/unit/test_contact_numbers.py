@@ -2,7 +2,6 @@
 
 import csv
 import json
-import math
 import shutil
 from pathlib import Path
 
@@ -12,19 +11,20 @@ from small_runs import SCENE, run
 from synthetic_results import as_version_0_1
 from typer.testing import CliRunner
 
+from pgfmd.analysis.contact_table import Face
 from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
+from pgfmd.files.hdf5 import open_serial
 from pgfmd.results import load
 from pgfmd.results.loop import KINDS_OF_AREA, Loop
 from pgfmd.results.measures import measure
+from pgfmd.results.verify import verify
 from pgfmd.study.areas import AREAS, GAPS, remarks
 from pgfmd.study.cases import cases_of
 from pgfmd.study.pictures import Plan, measures_figure
 from pgfmd.study.standing import standing_of
 from pgfmd.study.study_file import study_from_mapping
 from pgfmd.study.table import COLUMNS, overview, rows_of, write_table
-
-FACE = math.pi * 375e-6**2
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,13 @@ def test_analyse_names_what_was_counted(folders):
     assert new.record["near"]["near_gap_m"] == results.near_gap and new.record["near"]["largest_near_area_m2"] > 0.0
     assert new.record["overlap"]["largest_overlap_area_m2"] == new.loop.overlap.max()
     notes = {row.key: row.note for row in new.table.sections["Contact"]}
-    assert notes["largest_area"] == f"{100 * new.loop.area.max() / FACE:.3g} % of the punch"
+    fields = results.fields["gap"]
+    points = int(np.isfinite(fields[0]).sum())
+    share = new.loop.area.max() / (points * (1.5e-3 / 24) ** 2)
+    assert notes["largest_area"] == f"{100 * share:.3g} % of the punch"
+    # On so coarse a grid the range is long: contact reaches further than an image sees.
+    (near, *_) = new.table.sections["Near"]
+    assert results.near_gap < results.contact_gap and near.note.startswith("not above that of contact")
     assert "loads_at_which_sites_change" in new.record and not any("earlier" in text for text in new.table.remarks)
 
     assert old.record["overlap"] == new.record["overlap"]
@@ -96,6 +102,15 @@ def test_analyse_names_what_was_counted(folders):
     assert times == {"new": "from the first contact", "old": "from the first overlap"}
 
 
+def test_that_all_is_in_contact_is_said_where_no_point_is_missing():
+    face = Face(1000000, 1e-12)
+    texts = [face.share(points * 1e-12) for points in (0, 4321, 999000, 999999, 1000000)]
+    assert texts == [
+        "0 % of the punch", "0.432 % of the punch", "99.9 % of the punch",
+        "all of the punch but 1 of 1000000 points", "all of the punch",
+    ]  # fmt: skip
+
+
 def test_compare_says_which_curves_count_what(folders, tmp_path):
     def told(*sources):
         done = CliRunner().invoke(app, ["compare", *map(str, sources), "--out", str(tmp_path / "both.png")])
@@ -105,10 +120,22 @@ def test_compare_says_which_curves_count_what(folders, tmp_path):
     new, old = folders / "new" / "preload-1mN", folders / "old" / "preload-2mN"
     both = told(new, old)
     assert "contact area at the preload" in both and "overlap area at the preload" in both
-    assert "preload-2mN: run by an earlier version of pgfmd, which counted overlap (gap < 0), not contact; the areas" in both
+    assert (
+        "preload-2mN: run by an earlier version of pgfmd, which counted overlap (gap < 0), not contact; the areas"
+        in both
+    )
     assert "overlap" not in told(new)
     alone = told(old)
     assert "contact area" not in alone and "not contact; the areas" not in alone and "not contact" in alone
+
+
+def test_verify_compares_what_snapshots_say_of_contact(folders, tmp_path):
+    folder = shutil.copytree(folders / "new" / "preload-1mN", tmp_path / "run")
+    assert all(part.fine for part in verify(folder))
+    with open_serial(folder / "fields.h5", "r+") as file:
+        file.attrs["contact_gap_m"] = 1.01 * file.attrs["contact_gap_m"]
+    (part,) = (part for part in verify(folder) if not part.fine)
+    assert part.path.name == "fields.h5" and part.found == "changed: attribute contact_gap_m"
 
 
 @pytest.fixture

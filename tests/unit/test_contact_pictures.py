@@ -1,4 +1,4 @@
-"""Maps and curves say what contact is: greys and legends by the run's own thresholds, old folders by their old count."""
+"""Maps and curves say what contact is: greys and legends by the run's own gaps, old folders by their old count."""
 
 import math
 
@@ -35,7 +35,8 @@ def test_greys_are_told_apart_in_print(greys):
 @pytest.mark.parametrize(
     "thresholds, labels, greys",
     [
-        ((RANGE_HALF, NEAR), ["overlap (gap < 0)", "contact (gap < 264 nm)", "near (gap < 500 nm)", "open"], FOUR_GREYS),
+        ((RANGE_HALF, NEAR), ["overlap (gap < 0)", "contact (gap < 264 nm)", "near (gap < 500 nm)", "open"],
+         FOUR_GREYS),
         ((RANGE_HALF, NEAR, False, 3), ["contact (gap < 264 nm)", "near (gap < 500 nm)", "open"], GREYS),
         ((0.0, NEAR), ["contact (gap < 0)", "near (gap < 500 nm)", "open"], GREYS),
         ((0.0, NEAR, True), ["overlap (gap < 0)", "near (gap < 500 nm)", "open"], GREYS),

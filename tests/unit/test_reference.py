@@ -445,7 +445,7 @@ def test_full_contact_sinusoid_limits():
 
 def test_full_contact_sinusoid_refuses_what_is_not_linear():
     creep = SERIES.to_creep()
-    with pytest.raises(ValueError, match="not complete"):
+    with pytest.raises(ValueError, match="not negative everywhere"):
         sinusoid.full_contact_sinusoid([0.0, 1.0], [-1e-6, -2e-7], creep=creep, **SINE)
     with pytest.raises(ValueError, match="start must be"):
         sinusoid.full_contact_sinusoid(0.0, -1e-6, creep=creep, start="cold", **SINE)

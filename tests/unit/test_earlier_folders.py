@@ -1,0 +1,118 @@
+"""Folders as version 0.1 wrote them, whose contact is overlap: read with that meaning, and not gone on with."""
+
+import json
+import shutil
+
+import h5py
+import numpy as np
+import pytest
+from mpi4py import MPI
+from small_runs import run
+from typer.testing import CliRunner
+
+from pgfmd.analysis.summary import analyse
+from pgfmd.cli import app
+from pgfmd.errors import ResultError
+from pgfmd.files.curve_file import CURVE_COLUMNS, EARLIER_CURVE_COLUMNS, LATER_COLUMNS
+from pgfmd.files.curve_tail import CurveTail
+from pgfmd.results import load
+from pgfmd.results.status import status_of
+from pgfmd.results.verify import verify
+from pgfmd.runner import run_scene
+from pgfmd.scene import load_scene
+
+SCENE = ("tri-tack", ["grid.n=24", "drive.preload=1 mN", 'output.snapshots=["1 s"]'])
+"""That of small_runs."""
+
+
+def as_earlier(folder):
+    """Makes of a run's folder what version 0.1 would have left: overlap in the column of contact, fewer columns and
+    keys."""
+    lines = [line.split(",") for line in (folder / "curve.csv").read_text().splitlines()]
+    overlap = CURVE_COLUMNS.index("overlap_area [m^2]")
+    old = [list(EARLIER_CURVE_COLUMNS)]
+    for row in lines[1:]:
+        row[overlap - 1] = row[overlap]
+        old.append([value for name, value in zip(CURVE_COLUMNS, row) if name not in LATER_COLUMNS])
+    (folder / "curve.csv").write_text("".join(",".join(row) + "\n" for row in old))
+    if (folder / "run.json").exists():
+        record = json.loads((folder / "run.json").read_text())
+        del record["contact_gap_m"], record["near_gap_m"], record["outputs"]
+        (folder / "run.json").write_text(json.dumps(record))
+    scene = (folder / "scene.resolved.toml").read_text().splitlines()
+    (folder / "scene.resolved.toml").write_text("\n".join(line for line in scene if "near_gap" not in line) + "\n")
+    with h5py.File(folder / "fields.h5", "r+") as file:
+        del file.attrs["contact_gap_m"], file.attrs["near_gap_m"]
+    return folder
+
+
+@pytest.fixture(scope="module")
+def new(tmp_path_factory):
+    return run(tmp_path_factory.mktemp("new") / "out")
+
+
+@pytest.fixture
+def old(new, tmp_path):
+    return as_earlier(shutil.copytree(new, tmp_path / "old"))
+
+
+def test_what_a_run_has_counted_is_known(new, tmp_path):
+    with load(new) as results:
+        reach, curve = results.run["range_m"], results.curve
+        assert (results.contact_gap, results.near_gap, results.counts_overlap) == (reach / 2, 5e-7, False)
+        told = results.fields.attrs
+        assert (told["contact_gap_m"], told["near_gap_m"]) == (reach / 2, 5e-7)
+        for k, time in enumerate(results.fields["time"].values):
+            gap, row = results.frame("gap", k), curve[curve["time [s]"] == time].iloc[0]
+            cell = results.scene["grid"]["n"] ** -2 * 1.5e-3**2
+            for name, level in (("contact", reach / 2), ("overlap", 0.0), ("near", 5e-7)):
+                assert row[f"{name}_area [m^2]"] == pytest.approx(cell * np.count_nonzero(gap < level), rel=1e-12)
+            assert row["contact_area [m^2]"] > 1.2 * row["overlap_area [m^2]"]
+    # Of a run that goes on there is no record yet.
+    live = shutil.copytree(new, tmp_path / "live")
+    (live / "run.json").unlink()
+    assert load(live).contact_gap == pytest.approx(reach / 2, rel=1e-15) and not load(live).counts_overlap
+
+
+def test_an_earlier_folder_is_read_with_its_own_meaning(new, old):
+    now, before = load(new), load(old)
+    assert (before.contact_gap, before.near_gap, before.counts_overlap) == (0.0, 5e-7, True)
+    assert np.array_equal(before.curve["contact_area [m^2]"], now.curve["overlap_area [m^2]"])
+    assert before.curve[list(LATER_COLUMNS)].isna().all().all()
+    assert np.array_equal(before.curve["force [N]"], now.curve["force [N]"])
+    tail = CurveTail(old / "curve.csv")
+    assert tail.earlier and not tail.strange and tail.rows[-1].force == CurveTail(new / "curve.csv").rows[-1].force
+    assert np.isnan(tail.rows[-1].near_area) and tail.rows[-1].phase == "retract"
+    analyse(old)
+    assert status_of(old).state == "finished" and status_of(old).warnings == []
+    assert {part.path.name for part in verify(old) if not part.fine} == {"curve.csv"}
+    invoked = CliRunner().invoke(app, ["compare", str(old), str(new), "--out", str(old.parent / "both")])
+    assert invoked.exit_code == 0, invoked.output
+
+
+def test_without_attraction_nothing_has_changed_its_meaning(new, old):
+    path = old / "scene.resolved.toml"
+    path.write_text(path.read_text().replace('law = "cosine"', 'law = "repulsive"'))
+    assert load(old).counts_overlap is False and load(old).contact_gap == 0.0
+
+
+def test_an_earlier_run_is_not_gone_on_with(tmp_path):
+    stopped = run(tmp_path / "out", stop_after=20)
+    as_earlier(stopped)
+    before = {path.name: path.read_bytes() for path in stopped.iterdir() if path.is_file()}
+    with pytest.raises(ResultError, match="version 0.1 of pgfmd.*can't go on.*--fresh"):
+        run_scene(load_scene(*SCENE), MPI.COMM_SELF, stopped, lambda line: None)
+    assert {path.name: path.read_bytes() for path in stopped.iterdir() if path.is_file()} == before
+    (told,) = status_of(stopped).warnings
+    assert "version 0.1" in told and "--fresh" in told
+
+
+def test_an_earlier_run_that_had_not_begun_is_begun(tmp_path):
+    (tmp_path / "curve.csv").write_text(",".join(EARLIER_CURVE_COLUMNS) + "\n")
+    assert load(run(tmp_path, "solver.max_steps=3")).counts_overlap is False
+
+
+def test_an_earlier_run_that_is_finished_is_left_alone(old):
+    told = []
+    record = run_scene(load_scene(*SCENE), MPI.COMM_SELF, old, told.append)
+    assert record["finished"] == "detached" and "contact_gap_m" not in record and "this run is finished" in told[-1]
