@@ -63,13 +63,11 @@ def keep(
     _write_rows(folder, rows + rows_of(size, figure, drawing.claims if drawing else ()), order)
     captions = read_captions(folder)
     captions.pop(key, None)
-    captions.pop(f"{key}-missing", None)
+    _note(captions, key, missing)
     if drawing:
         captions[key] = drawing.caption
     else:
         (folder / f"{key}.png").unlink(missing_ok=True)
-    if missing:
-        captions[f"{key}-missing"] = missing
     _write_json(folder / "captions.json", captions)
     known = read_runs(folder)
     known.pop(key, None)
@@ -78,15 +76,27 @@ def keep(
     _write_json(folder / "runs.json", known)
 
 
-def recount(folder: Path, size: str, figure: str, drawing: Drawing, figures: Iterable[str]) -> None:
+def recount(
+    folder: Path, size: str, figure: str, drawing: Drawing | None, figures: Iterable[str], missing: str = ""
+) -> None:
     """Of a figure whose picture and numbers stay, since some of their runs are not there: puts what the others say
-    about contact in place of what was said with another count."""
-    fresh = {_key(row): row for row in rows_of(size, figure, drawing.claims) if row["count"] == CONTACT}
+    about contact in place of what was said with another count. Arguments as of `keep`."""
+    claims = drawing.claims if drawing else ()
+    fresh = {_key(row): row for row in rows_of(size, figure, claims) if row["count"] == CONTACT}
     rows = []
     for row in read_rows(folder):
         mine = (row["size"], row["figure"]) == (size, figure)
         rows.append(fresh.pop(_key(row), row) if mine else row)
     _write_rows(folder, rows + list(fresh.values()), list(figures))
+    captions = read_captions(folder)
+    _note(captions, f"{figure}-{size}", missing)
+    _write_json(folder / "captions.json", captions)
+
+
+def _note(captions: dict[str, str], key: str, missing: str) -> None:
+    captions.pop(f"{key}-missing", None)
+    if missing:
+        captions[f"{key}-missing"] = missing
 
 
 def _key(row: Row) -> tuple[str, str]:

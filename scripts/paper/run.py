@@ -116,9 +116,11 @@ def draw(name: str, pool: Pool, out: Path, finished: set[str], folder: Path) -> 
     figure = FIGURES[name]
     runs = pool.runs(figure.studies, out, finished)
     chosen = pool.chosen(figure.studies)
-    missing = told_of([entry for entry in chosen if entry.owner not in finished], len(chosen))
-    own = {f"{run.study}/{run.name}" for run in runs}
-    lost = set(page.read_runs(folder).get(f"{name}-{pool.size}", ())) - own
+    known = set(page.read_runs(folder).get(f"{name}-{pool.size}", ()))
+    lost = known - {f"{run.study}/{run.name}" for run in runs}
+    # Those of an earlier drawing are not missed: what they gave is kept.
+    there = [entry for entry in chosen if entry.owner in finished or known & set(entry.users)]
+    missing = told_of([entry for entry in chosen if entry not in there], len(chosen))
     drawing = None
     try:
         if figure.studies and not runs:
@@ -135,12 +137,13 @@ def draw(name: str, pool: Pool, out: Path, finished: set[str], folder: Path) -> 
         for run in runs:
             if "results" in run.__dict__:
                 run.results.close()
-    if not lost:
-        page.keep(folder, pool.size, name, drawing, FIGURES, missing, own)
+    if lost:
+        page.recount(folder, pool.size, name, drawing, FIGURES, missing)
+    else:
+        page.keep(folder, pool.size, name, drawing, FIGURES, missing, {f"{run.study}/{run.name}" for run in runs})
     if not drawing:
         return False
     if lost:
-        page.recount(folder, pool.size, name, drawing, FIGURES)
         say(f"{name}: left as it is but for the count of contact, since {len(lost)} of its runs are not there any more")
     else:
         say(f"{path}" + (f", without {missing}" if missing else ""))
