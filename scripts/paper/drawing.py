@@ -8,24 +8,33 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from paper.pool import Run
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, contact_sites
 from pgfmd.plots.folder import GREY, RED, TURQUOISE
-from pgfmd.plots.gap_classes import NEAR_LEVEL
-from pgfmd.plots.maps import new_figure
+from pgfmd.plots.gap_classes import NEAR_LEVEL, class_numbers, gap_classes
+from pgfmd.plots.maps import MOST_PIXELS, new_figure
 from pgfmd.results import Results
+from pgfmd.results.loop import areas_of
 
 OCHRE, VIOLET, GREEN = "#d18f00", "#6a4c93", "#4c9f38"
 COLOURS = (TURQUOISE, RED, OCHRE, VIOLET, GREEN, "#303030")
 NAN = math.nan
+CONTACT, OVERLAP = "contact", "overlap"
+"""What counts as contact: a gap below that of the largest traction, and in results of version 0.1 a negative one."""
 
 
 @dataclass(frozen=True)
 class Claim:
     """A number of the paper beside ours, both in `unit`. low, high: what the paper's words admit, NaN where it says
-    nothing; told: its words. settings must be the same for all sizes."""
+    nothing; told: its words. settings must be the same for all sizes.
+
+    count: what counts as contact where ours depends on it, CONTACT or OVERLAP, by `count_of`; empty where it does not.
+    before: the same of the same run with OVERLAP counted, None where the run does not tell. A number with a count must
+    be of one run alone: it is replaced when the other runs of its figure are not there.
+    """
 
     what: str
     settings: str
@@ -34,6 +43,8 @@ class Claim:
     told: str = ""
     low: float = NAN
     high: float = NAN
+    count: str = ""
+    before: float | None = None
 
 
 @dataclass(frozen=True)
@@ -145,14 +156,55 @@ def closed_at(results: Results, kind: str) -> float:
     return 1e3 * float(found["force [N]"].max())
 
 
-def near(run: Run, snapshot: int, kind: str) -> float:
-    """Share [%] of the sites of a kind whose gap is below 500 nm in a snapshot: what a camera takes for contact."""
+def count_of(run: Run) -> str:
+    """What counts as contact in the tables of a run."""
+    return OVERLAP if run.results.counts_overlap else CONTACT
+
+
+def share_below(run: Run, snapshot: int, kind: str, limit: float) -> float:
+    """Share [%] of the sites of a kind whose gap is below a limit [m] in a snapshot."""
     sites = contact_sites(topography_of(run.scene.punch), run.scene.grid.length)
     chosen = np.flatnonzero(sites.kind == KINDS.index(kind))
     fields, gap = run.results.fields, run.results.frame("gap", snapshot)
     x, y = np.asarray(fields["x"][:]), np.asarray(fields["y"][:])
     columns, rows = (np.abs(line[:, None] - at[chosen]).argmin(axis=0) for line, at in ((x, sites.x), (y, sites.y)))
-    return 100.0 * float(np.mean(gap[rows, columns] < NEAR_LEVEL)) if chosen.size else 0.0
+    return 100.0 * float(np.mean(gap[rows, columns] < limit)) if chosen.size else 0.0
+
+
+def near(run: Run, snapshot: int, kind: str) -> float:
+    """Share [%] of the sites of a kind whose gap is below 500 nm in a snapshot: what a camera takes for contact."""
+    return share_below(run, snapshot, kind, NEAR_LEVEL)
+
+
+def area_below(run: Run, snapshot: int, limit: float) -> float:
+    """Area [m^2] in which the gap is below a limit [m] in a snapshot."""
+    return float(np.sum(run.results.frame("gap", snapshot) < limit)) * (run.scene.grid.length / run.scene.grid.n) ** 2
+
+
+def draw_gaps(axis: Any, run: Run, snapshot: int) -> None:
+    """The gaps of a snapshot in greys: overlap, contact, near, open; nothing outside of the punch."""
+    gap = thin(run.results.frame("gap", snapshot))
+    classes = gap_classes(run.results.contact_gap, NEAR_LEVEL, run.results.counts_overlap)
+    numbers = np.ma.masked_invalid(class_numbers(gap, classes))
+    greys = ListedColormap([each.grey for each in classes])
+    bounds = BoundaryNorm(np.arange(len(classes) + 1) - 0.5, len(classes))
+    axis.imshow(numbers, origin="lower", interpolation="nearest", cmap=greys, norm=bounds)
+
+
+def thin(values: np.ndarray) -> np.ndarray:
+    """A map with not many more points than can be seen."""
+    stride = -(-4 * values.shape[0] // MOST_PIXELS)
+    return values[::stride, ::stride]
+
+
+def covered(run: Run, name: str = "contact", row: Any = None) -> Any:
+    """Area of the kind "contact", "overlap" or "near" [% of all points of the punch] in rows of the curve, that of the
+    preload by default. NaN where the run does not tell."""
+    rows = run.loop.preload_row if row is None else row
+    area = areas_of(run.results).get(name, np.full(len(run.loop.force), NAN))[rows]
+    # Points are counted, not areas: all of them are 100 %, to the last digit.
+    cell = (run.scene.grid.length / run.scene.grid.n) ** 2
+    return 100 * np.round(area / cell) / np.count_nonzero(~np.isnan(run.results.frame("gap", 0)))
 
 
 def times_of(results: Results) -> np.ndarray:

@@ -9,47 +9,51 @@ import numpy as np
 from paper.cell import fractions
 from paper.drawing import (
     NAN,
+    NEAR_LEVEL,
     Claim,
     Drawing,
+    area_below,
     closed_at,
+    count_of,
+    draw_gaps,
     in_contact,
     joins,
     near,
     new_figure,
     percent,
     settings_of,
+    share_below,
+    thin,
     times_of,
 )
 from paper.pool import Run, Runs
 from pgfmd.analysis.bulges import bulges
-from pgfmd.plots.gap_classes import GREYS, NEAR_LEVEL
-from pgfmd.plots.maps import MOST_PIXELS, robust_limit
+from pgfmd.plots.maps import robust_limit
 
 TRI_COLUMNS = (1.0, 1.125, 1.25)
+SHADES = "From dark to light: gap below 0, contact, gap below 500 nm, open."
 LAST = "distance from the axis of the last third of saddles, over all"
+NEARLY = 0.98
+"""Share of the largest tension: the force has a flat minimum, over which saddle after saddle lets go."""
 HEX_COLUMNS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 
 def draw_maps(rows: list[tuple[str, Run, list[int], str]]) -> Any:
     """A figure of maps: for each row its name, run, snapshots, and "gap" or "traction"."""
     from cmcrameri import cm
-    from matplotlib.colors import BoundaryNorm, ListedColormap
 
     columns = max(len(frames) for _, _, frames, _ in rows)
     figure = new_figure(1.25 * columns + 1.0, 1.5 * len(rows) + 0.5)
     axes = figure.subplots(len(rows), columns, squeeze=False)
-    # Contact, near, open: the paper's greys; nothing outside of the punch.
-    greys = {"cmap": ListedColormap(GREYS), "norm": BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3)}
     for line, (name, run, frames, what) in zip(axes, rows, strict=True):
-        arrays = {frame: _thin(run.results.frame(what, frame)) for frame in frames}
-        limit, _ = robust_limit(arrays.values()) if what == "traction" else (0.0, False)
+        arrays = {frame: thin(run.results.frame("traction", frame)) for frame in frames if what == "traction"}
+        limit, _ = robust_limit(arrays.values()) if arrays else (0.0, False)
         image = None
-        for axis, (frame, values) in zip(line, arrays.items(), strict=False):
+        for axis, frame in zip(line, frames, strict=False):
             if what == "gap":
-                held = values < run.results.contact_gap
-                values = np.where(np.isnan(values), np.nan, 2.0 - held - (held | (values < NEAR_LEVEL)))
-                axis.imshow(np.ma.masked_invalid(values), origin="lower", interpolation="nearest", **greys)
+                draw_gaps(axis, run, frame)
             else:
+                values = arrays[frame]
                 image = axis.imshow(1e-3 * values, origin="lower", cmap=cm.vik, vmin=-1e-3 * limit, vmax=1e-3 * limit)
             force = 1e3 * float(run.results.fields["force"][frame])
             axis.set_title(f"{fractions(run)[frame]:.4g} t_pl\n{force:.3g} mN".replace("-", "−"), fontsize=7)
@@ -59,11 +63,6 @@ def draw_maps(rows: list[tuple[str, Run, list[int], str]]) -> Any:
         if image is not None:
             figure.colorbar(image, ax=line, shrink=0.8, pad=0.01, label="traction (kPa)")
     return figure
-
-
-def _thin(values: np.ndarray) -> np.ndarray:
-    stride = -(-4 * values.shape[0] // MOST_PIXELS)
-    return values[::stride, ::stride]
 
 
 def nearest(run: Run, wanted: tuple[float, ...]) -> list[int]:
@@ -87,9 +86,9 @@ def tension(run: Run) -> int:
 
 
 def tri(runs: Runs) -> Drawing:
-    """Contact on the way back from 40 mN with two parametrisations, and the stress of the default one: FIG tri1ums."""
-    rows, claims = [], []
-    for name in ("alternative", "default"):
+    """Contact on the way back from 40 mN with two parametrisations and with curvature, and its stress: FIG tri1ums."""
+    rows, claims, names = [], [], ("alternative", "default", "curved")
+    for name in names:
         run = runs.one("contact", name)
         if run is None or "largest tension" not in run.results.labels:
             continue
@@ -99,10 +98,9 @@ def tri(runs: Runs) -> Drawing:
     if not rows:
         raise LookupError("no run of the study contact has pulled off")
     rows.append(_stress(rows[-1]))
-    note = "; ".join(f"{name}: {settings_of(runs.one('contact', name))}"
-                     for name in ("alternative", "default") if runs.one("contact", name))  # fmt: skip
+    note = "; ".join(f"{name}: {settings_of(run)}" for name in names if (run := runs.one("contact", name)))
     caption = (
-        f"Retraction from 40 mN at 1 µm/s. {note}. Dark: contact; medium: gap below 500 nm; light: open. "
+        f"Retraction from 40 mN at 1 µm/s. {note}. {SHADES} "
         "Columns: 1, 1.125 and 1.25 t_pl, before and after most saddles let go, largest tension."
     )
     return Drawing(draw_maps(rows), caption, claims)
@@ -118,47 +116,41 @@ def _short(run: Run) -> str:
 
 
 def _tri_claims(name: str, run: Run) -> list[Claim]:
-    results, loop = run.results, run.loop
+    results, loop, count = run.results, run.loop, count_of(run)
     times = times_of(results)
     start, later = nearest(run, TRI_COLUMNS[:2])
-    sites = in_contact(results, times[start])
+    end = tension(run)
+    sites, pulled = in_contact(results, times[start]), in_contact(results, times[end])
     saddles = joins(results, "saddle")
-    radius = run.scene.punch.radius
     # The mean distance of all points of a disc is 2/3 a.
-    distance = np.hypot(saddles["x [m]"], saddles["y [m]"])
-    grown = _area(loop, times[later]) / _area(loop, times[start])
-    pulled = in_contact(results, times[tension(run)])
+    distance = np.hypot(saddles["x [m]"], saddles["y [m]"]) / run.scene.punch.radius
+    mean = float(distance.mean()) if distance.size else NAN
+    grown = float(np.divide(*np.interp(times[[later, start]], loop.time, loop.area)))
     bulge = next((-1e6 * each.displacement for each in bulges(loop) if each.force > 0), NAN)
     at = 1e6 * loop.indentation[int(np.argmin(loop.force))]
+    held = 0.01 * share_below(run, end, "saddle", 0.0) * pulled["saddle"][1]
     return [
-        Claim("summits in contact at the preload", name, percent(sites["summit"]), "%", "all", 99.9, 100),
-        Claim("saddles in contact at the preload", name, percent(sites["saddle"]), "%",
-              "those near the rim", 1, 60),
-        Claim("their mean distance from the axis", name, float(distance.mean()) / radius if distance.size else NAN, "a",
-              "close to the rim", 0.75, 1.0),
-        Claim("contact area at 1.125 t_pl over that at 1", name, grown, "", "grows slightly", 1.0, 1.3),
+        Claim("summits in contact at the preload", name, percent(sites["summit"]), "%", "all", 99.9, 100, count,
+              share_below(run, start, "summit", 0.0)),
+        Claim("saddles in contact at the preload", name, percent(sites["saddle"]), "%", "those near the rim", 1, 60,
+              count, share_below(run, start, "saddle", 0.0)),
+        Claim("their mean distance from the axis", name, mean, "a", "close to the rim", 0.75, 1.0, count),
+        Claim("contact area at 1.125 t_pl over that at 1", name, grown, "", "grows slightly", 1.0, 1.3, count,
+              area_below(run, later, 0.0) / area_below(run, start, 0.0)),
         Claim("area closer than 500 nm at 1.125 t_pl over that at 1", name,
-              _near_area(run, later) / _near_area(run, start), "", "grows slightly", 1.0, 1.3),
-        Claim("saddles in contact at the largest tension", name, pulled["saddle"][0], "", "0", 0, 0),
-        Claim("summits in contact at the largest tension", name, percent(pulled["summit"]), "%",
-              "all", 99.9, 100),
+              area_below(run, later, NEAR_LEVEL) / area_below(run, start, NEAR_LEVEL), "", "grows slightly", 1.0, 1.3),
+        Claim("saddles in contact at the largest tension", name, pulled["saddle"][0], "", "0", 0, 0, count, held),
+        Claim("summits in contact at the largest tension", name, percent(pulled["summit"]), "%", "all", 99.9, 100,
+              count, share_below(run, end, "summit", 0.0)),
         Claim("indentation at the largest tension", name, at, "µm", "near −1", -1.5, -0.5),
         Claim("indentation at the bulge under pressure", name, bulge, "µm", "5 to 6", 5, 6),
     ]  # fmt: skip
 
 
-def _near_area(run: Run, snapshot: int) -> float:
-    return float(np.sum(run.results.frame("gap", snapshot) < NEAR_LEVEL))
-
-
-def _area(loop: Any, time: float) -> float:
-    return float(np.interp(time, loop.time, loop.area))
-
-
 def hexagonal(runs: Runs) -> Drawing:
     """Contact on the way in, viscoelastic and quasi-static, with the stress of the latter: FIG hex1ums."""
     rows, claims = [], []
-    for name in ("viscous", "quasistatic"):
+    for name in ("viscous", "quasistatic", "curved-viscous", "curved-quasistatic"):
         run = runs.one("approach", name)
         if run is None or "largest tension" not in run.results.labels:
             continue
@@ -172,7 +164,7 @@ def hexagonal(runs: Runs) -> Drawing:
         "Approach at 1 µm/s, columns at fractions of t_pl, the last one at the largest tension of the retraction. "
         "Preload "
         + ", ".join(f"{name} {run.preload:g} mN" for name, run, _, what in _named(rows) if what == "gap")
-        + ". Greys as above."
+        + f"; curved: a macroscopic curvature of 40 mm. {SHADES}"
     )
     return Drawing(draw_maps(rows), caption, claims)
 
@@ -196,7 +188,7 @@ def saddle_delays(run: Run) -> tuple[float, float]:
 
 def jump_way(run: Run) -> float:
     """Way [um] from the first jump to the one after it, still on the way in, that releases most: that of the saddles.
-    A saddle under tension has no negative gap and is no join."""
+    A second way to `saddle_delays`, which does without a count of contact."""
     events, loop = run.results.events, run.loop
     time, place = np.asarray(events["time [s]"]), np.asarray(events["displacement [m]"])
     released = np.asarray(events["released [J]"])
@@ -213,25 +205,37 @@ def rim_last(run: Run) -> float:
     return float(distance[-max(len(distance) // 3, 1) :].mean() / distance.mean()) if distance.size else NAN
 
 
+def _nearly_pulled(run: Run) -> float:
+    """Time [s] at which the way back reaches nearly its largest tension."""
+    loop, rows = run.loop, run.loop.branches["retraction"]
+    return float(loop.time[rows][np.flatnonzero(loop.force[rows] <= NEARLY * loop.force[rows].min())[0]])
+
+
 def _hex_claims(name: str, run: Run) -> list[Claim]:
-    results = run.results
-    frames = nearest(run, HEX_COLUMNS)
-    early, pulled = (in_contact(results, times_of(results)[k]) for k in (frames[0], tension(run)))
+    results, count = run.results, count_of(run)
+    frames, end = nearest(run, HEX_COLUMNS), tension(run)
+    early, pulled = (in_contact(results, times_of(results)[k]) for k in (frames[0], end))
     least, median = saddle_delays(run)
     seen = next((1e3 * float(results.fields["force"][k]) for k in frames if near(run, k, "saddle") > 99.9), NAN)
     # The paper's force is that of its viscous loops, its way that of the quasi-static one.
     told, about = (("0.7", 0.6, 0.8), ()) if run.quasistatic else ((), ("about 4", 3.5, 4.5))
     jump = [Claim("way from the jump of the summits to that of the saddles", name, jump_way(run), "µm", *told)]
+    way = "way from summits to contact at the saddle between"
     return [
-        Claim("summits in contact in the first frame", name, percent(early["summit"]), "%", "all", 99.9, 100),
-        *(jump if run.quasistatic else ()),
-        Claim("way from summits to negative gap at the saddle between, least", name, least, "µm", *told),
-        Claim("way from summits to negative gap at the saddle between, median", name, median, "µm", *told),
+        Claim("summits in contact in the first frame", name, percent(early["summit"]), "%", "all", 99.9, 100, count,
+              share_below(run, frames[0], "summit", 0.0)),
+        # Under a curved punch most of the jumps are those of single summits.
+        *(jump if name == "quasistatic" else ()),
+        Claim(f"{way}, least", name, least, "µm", *told, count=count),
+        Claim(f"{way}, median", name, median, "µm", *told, count=count),
+        Claim("force at contact in all summits", name, closed_at(results, "summit"), "mN", count=count),
         Claim("force of the first map with all saddles closer than 500 nm", name, seen, "mN", *about),
-        Claim("force at contact in all saddles", name, closed_at(results, "saddle"), "mN", *about),
-        Claim(LAST, name, rim_last(run), "", "the rim comes last", 1.05, 2.0),
-        Claim("saddles in contact at the largest tension", name, percent(pulled["saddle"]), "%",
-              "most", 50, 100),
-        Claim("saddles closer than 500 nm at the largest tension", name, near(run, tension(run), "saddle"), "%",
+        Claim("force at contact in all saddles", name, closed_at(results, "saddle"), "mN", *about, count=count),
+        Claim(LAST, name, rim_last(run), "", "the rim comes last", 1.05, 2.0, count),
+        Claim("saddles in contact at the largest tension", name, percent(pulled["saddle"]), "%", "most", 50, 100, count,
+              share_below(run, end, "saddle", 0.0)),
+        Claim(f"saddles in contact when {100 * NEARLY:g} % of the largest tension is reached", name,
+              percent(in_contact(results, _nearly_pulled(run))["saddle"]), "%", count=count),
+        Claim("saddles closer than 500 nm at the largest tension", name, near(run, end, "saddle"), "%",
               "most", 50, 100),
     ]  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from paper import beyond, cell, evolution, printed, rheologies, sensitivity, tack
+from paper import beyond, cell, evolution, fullness, printed, rheologies, sensitivity, tack
 from paper.drawing import Drawing
 from paper.pool import Runs
 
@@ -34,6 +34,7 @@ FIGURES: dict[str, Figure] = {
     "profile": Figure(printed.profile, "printCurv"),
     "curvature": Figure(sensitivity.curvature, "", ("curvature-tri", "curvature-hex")),
     "still": Figure(sensitivity.still, "", ("still-tri", "still-hex")),
+    "full": Figure(fullness.full, "", ("full-tri",)),
     "curved": Figure(tack.curved, "", ("curved-tri", "curved-hex")),
     "range": Figure(sensitivity.ranges, "", ("range",)),
     "halved": Figure(sensitivity.halved, "", ("halved",)),

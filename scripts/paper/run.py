@@ -8,7 +8,8 @@
     python scripts/paper/run.py --draw-only                     figures and page from what is there
 
 Results are in out/paper-<size>/<study>/<case>; a run that several figures need is made once. What is finished is left
-as it is, what was stopped goes on. Figures, numbers.csv and the page are those of docs, but at the size `quick`.
+as it is, what was stopped goes on. Figures, numbers.csv and the page are those of docs, but at the size `quick`. A picture whose runs are
+not all there any more stays; of its numbers, those that count contact are made again from the runs that are.
 """
 
 from __future__ import annotations
@@ -107,31 +108,45 @@ def told_of(missing: list[Entry], total: int) -> str:
 
 
 def draw(name: str, pool: Pool, out: Path, finished: set[str], folder: Path) -> bool:
-    """Draws a figure from the finished runs into the folder; tells why not where there are too few."""
+    """Draws a figure from the finished runs into the folder; tells why not where there are too few.
+
+    Where runs of an earlier drawing are not there any more, its picture and its numbers stay, but those of contact that
+    the runs that are there have counted.
+    """
     figure = FIGURES[name]
     runs = pool.runs(figure.studies, out, finished)
     chosen = pool.chosen(figure.studies)
-    missing = told_of([entry for entry in chosen if entry.owner not in finished], len(chosen))
-    if figure.studies and not runs:
-        say(f"{name}: not drawn, none of its runs is finished")
-        page.keep(folder, pool.size, name, None, FIGURES, missing)
-        return False
+    known = set(page.read_runs(folder).get(f"{name}-{pool.size}", ()))
+    lost = known - {f"{run.study}/{run.name}" for run in runs}
+    # Those of an earlier drawing are not missed: what they gave is kept.
+    there = [entry for entry in chosen if entry.owner in finished or known & set(entry.users)]
+    missing = told_of([entry for entry in chosen if entry not in there], len(chosen))
+    drawing = None
     try:
+        if figure.studies and not runs:
+            raise LookupError("none of its runs is finished")
         with rc_context(STYLE):
             drawing = figure.draw(runs)
             path = folder / f"{name}-{pool.size}.png"
-            # The reduced metadata leave the file the same from run to run.
-            drawing.figure.savefig(path, dpi=120, metadata={"Software": None})
+            if not lost:
+                # The reduced metadata leave the file the same from run to run.
+                drawing.figure.savefig(path, dpi=120, metadata={"Software": None})
     except LookupError as error:
-        say(f"{name}: not drawn: {error}")
-        page.keep(folder, pool.size, name, None, FIGURES, missing)
-        return False
+        say(f"{name}: not drawn: {error}" if not lost else f"{name}: left as it is: {error}")
     finally:
         for run in runs:
             if "results" in run.__dict__:
                 run.results.close()
-    page.keep(folder, pool.size, name, drawing, FIGURES, missing)
-    say(f"{path}" + (f", without {missing}" if missing else ""))
+    if lost:
+        page.recount(folder, pool.size, name, drawing, FIGURES, missing)
+    else:
+        page.keep(folder, pool.size, name, drawing, FIGURES, missing, {f"{run.study}/{run.name}" for run in runs})
+    if not drawing:
+        return False
+    if lost:
+        say(f"{name}: left as it is but for the count of contact, since {len(lost)} of its runs are not there any more")
+    else:
+        say(f"{path}" + (f", without {missing}" if missing else ""))
     for claim in drawing.claims:
         told = f"   paper: {claim.told}" if claim.told else ""
         say(f"    {claim.what}, {claim.settings}: {claim.ours:.4g} {claim.unit}{told}")
@@ -164,6 +179,7 @@ def main(texts: list[str] | None = None) -> int:
         draw(name, pool, wanted.out, finished, folder)
     if in_docs:
         fill(page.PAGE, "figure", lambda name: page.block(name, folder))
+        fill(page.PAGE, "count", lambda name: page.counts_block(folder, FIGURES))
     return code
 
 

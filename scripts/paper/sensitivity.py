@@ -12,6 +12,7 @@ from paper.drawing import (
     Claim,
     Drawing,
     closed_at,
+    count_of,
     draw_loop,
     force_axes,
     joins,
@@ -41,11 +42,7 @@ def curvature(runs: Runs) -> Drawing:
             label = "no curvature" if name == "flat" else name.replace("mm", " mm").replace("-layers", ", layers")
             draw_loop(axis, run, colour, label, approach=False, ls=":" if "layers" in name else "-")
             claims.append(Claim("pull-off force", f"{title}, {label}", pull_off(run), "mN"))
-            claims.append(Claim("saddles closed on the way in", f"{title}, {label}", _share(run, "saddle"), "%"))
-            if study == "curvature-hex":
-                settings, closed = f"{title}, {label}", closed_at(run.results, "saddle")
-                claims.append(Claim("force at contact in all saddles", settings, closed, "mN", "about 4", 3.5, 4.5))
-                claims.append(Claim(LAST, settings, rim_last(run), "", "the rim comes last", 1.05, 2.0))
+            claims += _contact_claims(run, f"{title}, {label}", study == "curvature-hex")
         load = next(iter(found.values())).preload if found else 0
         force_axes(axis, f"{title}, {load:g} mN")
         zoom(axis, found.values())
@@ -54,6 +51,17 @@ def curvature(runs: Runs) -> Drawing:
     notes = "; ".join(f"{title}: {settings_of(run)}" for study, title in patterns.items() if (run := runs.one(study)))
     caption = f"Way back at 1 µm/s for radii of the macroscopic curvature; it lifts the rim by {rims}. {notes}."
     return Drawing(figure, caption, claims)
+
+
+def _contact_claims(run: Run, settings: str, hexagonal: bool) -> list[Claim]:
+    count = count_of(run)
+    claims = [Claim("saddles closed on the way in", settings, _share(run, "saddle"), "%", count=count)]
+    if hexagonal:
+        closed = closed_at(run.results, "saddle")
+        words = ("force at contact in all saddles", settings, closed, "mN", "about 4", 3.5, 4.5)
+        claims.append(Claim(*words, count=count))
+        claims.append(Claim(LAST, settings, rim_last(run), "", "the rim comes last", 1.05, 2.0, count=count))
+    return claims
 
 
 def _share(run: Run, kind: str) -> float:

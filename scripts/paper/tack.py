@@ -12,6 +12,8 @@ from paper.drawing import (
     Claim,
     Drawing,
     closed_at,
+    count_of,
+    covered,
     draw_loop,
     force_axes,
     joins,
@@ -44,9 +46,10 @@ def minima(run: Run) -> int:
     return len(bulges(run.loop))
 
 
-def covered(run: Run) -> float:
-    """Contact area at the preload [% of the punch's]."""
-    return 100 * float(run.loop.area[run.loop.preload_row]) / (np.pi * run.scene.punch.radius**2)
+def area_claim(run: Run, settings: str) -> Claim:
+    """The contact area at the preload beside the full one."""
+    words = ("contact area at the preload, of the punch", settings, covered(run), "%", "full", 95, 100)
+    return Claim(*words, count=count_of(run), before=covered(run, "overlap"))
 
 
 def tri(runs: Runs) -> Drawing:
@@ -73,15 +76,14 @@ def tri(runs: Runs) -> Drawing:
             claims.append(Claim("pull-off force", f"{load:g} mN, {speed:g} µm/s", force, "mN", told, low, high))
     run = runs.one("tri", preload=80.0, speed=1.0)
     if run:
-        full, told = closed_at(run.results, "valley"), "a little before 60"
-        claims.append(Claim("force at full contact (all valleys)", "80 mN, 1 µm/s", full, "mN", told, 55, 60))
-        claims.append(Claim("force at contact in all saddles", "80 mN, 1 µm/s", closed_at(run.results, "saddle"), "mN"))
+        told = ("a little before 60", 55, 60)
+        for kind, what, words in (("valley", "force at full contact (all valleys)", told),
+                                  ("saddle", "force at contact in all saddles", ())):  # fmt: skip
+            closed = closed_at(run.results, kind)
+            claims.append(Claim(what, "80 mN, 1 µm/s", closed, "mN", *words, count=count_of(run)))
     for load in (60.0, 80.0):
-        run = runs.one("tri", preload=load, speed=1.0)
-        if run:
-            settings = f"{load:g} mN, 1 µm/s"
-            area = covered(run)
-            claims.append(Claim("contact area at the preload, of the punch", settings, area, "%", "full", 95, 100))
+        if run := runs.one("tri", preload=load, speed=1.0):
+            claims.append(area_claim(run, f"{load:g} mN, 1 µm/s"))
     for load, speed, told, count in ((40.0, 0.5, "2", 2), (80.0, 25.0, "1", 1)):
         run = runs.one("tri", preload=load, speed=speed)
         if run:
@@ -148,11 +150,11 @@ def hexagonal(runs: Runs) -> Drawing:
     if still:
         claims.append(Claim("pull-off force", "quasi-static", pull_off(still), "mN", "1.2", 1.15, 1.25))
         jumped, what = _first_jump(still), "tension right after the jump into contact"
-        claims.append(Claim(what, "quasi-static", jumped, "mN", "0.8", 0.75, 0.85))
+        claims.append(Claim(what, "quasi-static", jumped, "mN", "0.8", 0.75, 0.85, count=count_of(still)))
     run = runs.one("hex", preload=10.0, speed=1.0)
     if run:
-        closed = closed_at(run.results, "saddle")
-        claims.append(Claim("force at contact in all saddles", "10 mN, 1 µm/s", closed, "mN", "about 4", 3.5, 4.5))
+        words = ("force at contact in all saddles", "10 mN, 1 µm/s", closed_at(run.results, "saddle"), "mN")
+        claims.append(Claim(*words, "about 4", 3.5, 4.5, count=count_of(run)))
     caption = f"Way in dashed, way back full; {_common(runs)}. Displacements as in the cell, uncorrected."
     return Drawing(figure, caption, claims)
 
@@ -195,13 +197,13 @@ def _curved_tri(runs: Runs) -> list[Claim]:
         claims.append(Claim(*words, max(forces), "mN", *TRI_PULL_OFF[80.0]))
     for load in (60.0, 80.0):
         if run := runs.one("curved-tri", preload=load, speed=1.0):
-            words = ("contact area at the preload, of the punch", f"triangular, {load:g} mN, 1 µm/s")
-            claims.append(Claim(*words, covered(run), "%", "full", 95, 100))
+            claims.append(area_claim(run, f"triangular, {load:g} mN, 1 µm/s"))
     if run := runs.one("curved-tri", preload=40.0, speed=1.0):
         saddles = joins(run.results, "saddle")
         far = np.hypot(saddles["x [m]"], saddles["y [m]"]) / run.scene.punch.radius
         words = ("mean distance of closed saddles from the axis", "triangular, 40 mN, 1 µm/s")
-        claims.append(Claim(*words, float(far.mean()) if far.size else np.nan, "a", "close to the rim", 0.75, 1.0))
+        mean = float(far.mean()) if far.size else np.nan
+        claims.append(Claim(*words, mean, "a", "close to the rim", 0.75, 1.0, count=count_of(run)))
     return claims
 
 
@@ -211,6 +213,6 @@ def _curved_hex(runs: Runs) -> list[Claim]:
         return []
     closed = closed_at(run.results, "saddle")
     return [
-        Claim("force at contact in all saddles", settings, closed, "mN", "about 4", 3.5, 4.5),
-        Claim(LAST, settings, rim_last(run), "", "the rim comes last", 1.05, 2.0),
+        Claim("force at contact in all saddles", settings, closed, "mN", "about 4", 3.5, 4.5, count=count_of(run)),
+        Claim(LAST, settings, rim_last(run), "", "the rim comes last", 1.05, 2.0, count=count_of(run)),
     ]

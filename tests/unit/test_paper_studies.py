@@ -1,5 +1,7 @@
 """The studies behind docs/paper.md: files, shared runs, the page, and one figure from a tiny run to its table."""
 
+import csv
+import math
 import re
 import sys
 from functools import partial
@@ -13,8 +15,19 @@ sys.path.insert(0, str(ROOT / "scripts"))
 from marked_page import filled  # noqa: E402
 from paper import HERE, page  # noqa: E402
 from paper import run as driver  # noqa: E402
-from paper.drawing import Claim, Drawing  # noqa: E402
-from paper.pool import SIZES, Pool  # noqa: E402
+from paper.drawing import (  # noqa: E402
+    CONTACT,
+    OVERLAP,
+    Claim,
+    Drawing,
+    area_below,
+    count_of,
+    covered,
+    in_contact,
+    percent,
+    share_below,
+)
+from paper.pool import SIZES, Pool, Run  # noqa: E402
 from paper.registry import FIGURES, STUDIES  # noqa: E402
 
 PAGE = page.PAGE.read_text(encoding="utf-8")
@@ -89,11 +102,33 @@ def test_a_figure_from_its_runs_to_its_numbers(tmp_path, capsys, monkeypatch):
     assert rows["6 u(L/2, L/2) − 5 u(L/2, 0) from the surface, over u_∞"] == pytest.approx(1.0, abs=0.05)
     assert driver.main(["compliance", "--size", "quick", "--out", str(tmp_path), "--draw-only", *small]) == 0
     assert len(page.read_rows(tmp_path / "figures")) == len(rows)
+    run = Run("cell", "run", Pool(("cell",), "quick", small[1::2]).cases["cell/run"].case().scene, tmp_path / "cell" / "run")
+    counts_of_one_run(run)
+    # Without its runs a figure stays as it is, numbers and all.
+    (tmp_path / "cell").rename(tmp_path / "away")
+    assert driver.main(["compliance", "--size", "quick", "--out", str(tmp_path), "--draw-only", *small]) == 0
+    assert "compliance: left as it is: none of its runs is finished" in capsys.readouterr().out
+    assert len(page.read_rows(tmp_path / "figures")) == len(rows)
+    assert (tmp_path / "figures" / "compliance-quick.png").exists()
+
+
+def counts_of_one_run(run):
+    """The columns of the curve and the maps of the snapshots are two ways to the same counts."""
+    assert count_of(run) == CONTACT
+    frame = run.results.labels.index("preload")
+    limits = {"overlap": 0.0, "contact": run.results.contact_gap, "near": 500e-9}
+    every = area_below(run, frame, math.inf)
+    shares = {name: 100 * area_below(run, frame, limit) / every for name, limit in limits.items()}
+    assert {name: covered(run, name) for name in limits} == pytest.approx(shares, rel=1e-12)
+    # The range is longer than 500 nm on such a grid.
+    assert 0 < shares["overlap"] < min(shares["contact"], shares["near"]) < 100
+    held = in_contact(run.results, run.loop.time[run.loop.preload_row])["summit"]
+    assert percent(held) == share_below(run, frame, "summit", limits["contact"]) > 0
 
 
 def test_what_is_not_finished_is_not_drawn(tmp_path, capsys):
     assert driver.main(["hex", "--size", "quick", "--out", str(tmp_path), "--draw-only"]) == 0
-    assert "hex: not drawn, none of its runs is finished" in capsys.readouterr().out
+    assert "hex: not drawn: none of its runs is finished" in capsys.readouterr().out
     assert not list((tmp_path / "figures").glob("*.png"))
     told = page.read_captions(tmp_path / "figures")["hex-quick-missing"]
     assert told.startswith("7 of 7 runs; expected: ") and "transform pairs" in told
@@ -128,7 +163,45 @@ def test_the_page_has_both_sizes_side_by_side_and_keeps_the_rest(tmp_path):
     assert filled(text, "figure", block) == text
 
 
+def claims(*rows):
+    return Drawing(None, "", [Claim(*row[:3], "mN", "about 4", 3.5, 4.5, *row[3:]) for row in rows])
+
+
+def test_no_number_of_another_count_passes_as_one_of_contact(tmp_path):
+    both = claims(("closed", "1 mN", 8.0, OVERLAP), ("closed", "2 mN", 9.0, OVERLAP), ("pull-off", "1 mN", 3.0))
+    page.keep(tmp_path, "reduced", "hex", both, FIGURES, runs=("hex/one", "hex/two"))
+    text = page.block("hex", tmp_path)
+    assert "| closed [mN] | 1 mN | about 4 | not counted anew |  |" in text and "| 3 | 14\N{NO-BREAK SPACE}% below |" in text
+    assert "Not counted anew (reduced): 2 numbers" in text and "| 8" not in text
+    assert page.read_runs(tmp_path) == {"hex-reduced": ["hex/one", "hex/two"]}
+    # One of the runs is made again: of its numbers only the one that counts contact is replaced.
+    again = claims(("closed", "1 mN", 4.25, CONTACT, 8.0), ("pull-off", "1 mN", 3.7), ("new", "1 mN", 4.0, CONTACT, math.nan))
+    page.recount(tmp_path, "reduced", "hex", again, FIGURES)
+    text = page.block("hex", tmp_path)
+    assert "| closed [mN] | 1 mN | about 4 | 4.25 | agrees |" in text
+    assert "| closed [mN] | 2 mN | about 4 | not counted anew |  |" in text and "| 3 | 14" in text
+    assert "| new [mN] | 1 mN | about 4 | 4 | agrees |" in text and "(reduced): 1 numbers" in text
+    # A larger size with the other count is no verdict.
+    page.keep(tmp_path, "paper", "hex", claims(("closed", "1 mN", 7.0, OVERLAP)), FIGURES)
+    assert "| closed [mN] | 1 mN | about 4 | 4.25 | not counted anew | agrees |" in page.block("hex", tmp_path)
+    # Before and after of what is counted anew, and of nothing else.
+    told = page.counts_block(tmp_path, FIGURES).splitlines()
+    assert told[2] == "| hex | closed [mN] | 1 mN | reduced | about 4 | 8 | 78\N{NO-BREAK SPACE}% above | 4.25 | agrees |"
+    assert told[3] == "| hex | new [mN] | 1 mN | reduced | about 4 | never | not reached | 4 | agrees |" and len(told) == 4
+
+
+def test_numbers_of_the_old_count_are_of_rows_that_there_are():
+    here = {(row["size"], row["figure"], row["what"], row["settings"]): row for row in page.read_rows(page.FOLDER)}
+    with page.OLD_COUNT.open(encoding="utf-8", newline="") as file:
+        old = list(csv.DictReader(file))
+    for row in old:
+        # A row whose name has changed would have no before and nobody would see it.
+        assert here[row["size"], row["figure"], row["what"], row["settings"]]["count"] in (CONTACT, OVERLAP)
+
+
 def test_the_page_is_what_its_numbers_make_it():
     assert filled(PAGE, "figure", partial(page.block, folder=page.FOLDER)) == PAGE
+    counts = page.counts_block(page.FOLDER, FIGURES)
+    assert filled(PAGE, "count", lambda _: counts) == PAGE
     for name in re.findall(r"\]\(figures/paper/([\w-]+\.png)\)", PAGE):
         assert (page.FOLDER / name).stat().st_size < 400_000
