@@ -9,6 +9,7 @@ folder, or not at all and compiled at each start.
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import os
 import stat
@@ -78,10 +79,15 @@ def _mark_of(what: str) -> Path | None:
     folder = place()
     if folder is None:
         return None
-    sources = sorted(Path(__file__).parent.glob("*kernels.py"))
-    parts = [numba.__version__, llvmlite.binding.get_host_cpu_name(), *(source.read_text("utf-8") for source in sources)]
-    digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
-    return folder / f"{what}-{digest}.kept"
+    digest = hashlib.sha256("\0".join((numba.__version__, llvmlite.binding.get_host_cpu_name(), _sources())).encode())
+    return folder / f"{what}-{digest.hexdigest()[:16]}.kept"
+
+
+@functools.cache
+def _sources() -> str:
+    """A digest of the sources of all kernels."""
+    texts = (source.read_bytes() for source in sorted(Path(__file__).parent.glob("*kernels.py")))
+    return hashlib.sha256(b"\0".join(texts)).hexdigest()
 
 
 _notes: dict[str, str] = {}
@@ -93,6 +99,14 @@ def _note(matter: str, text: str) -> None:
         _notes[matter] = text
         if _listener is not None:
             _listener(text)
+
+
+class _Cache(FunctionCache):
+    """numba's own cache. It looks for changes in a kernel's own file; but kernels have what they call from other files
+    compiled in, and must not outlive it."""
+
+    def _index_key(self, *about: Any) -> tuple:
+        return (*super()._index_key(*about), _sources())
 
 
 class KernelCache(NullCache):
@@ -110,7 +124,7 @@ class KernelCache(NullCache):
 
     def first(self) -> FunctionCache | None:
         """numba's own cache; None if it has no place for one."""
-        return self._open(FunctionCache)
+        return self._open(_Cache)
 
     def second(self) -> FunctionCache | None:
         """The cache in the temporary folder, made if it is not there; None if it can't be."""
@@ -209,5 +223,5 @@ class _TemporaryImpl(CompileResultCacheImpl):
     _locator_classes = [_TemporaryLocator]
 
 
-class _TemporaryCache(FunctionCache):
+class _TemporaryCache(_Cache):
     _impl_class = _TemporaryImpl

@@ -89,8 +89,7 @@ class SitePoints:
         self.local = local[self.mine]
 
     def collect(self, values: NDArray) -> NDArray:
-        """One whole number >= -1, or truth value, of each of this rank's sites, as one of each site of the face; -1 or
-        False for a site without a point. Collective."""
+        """Of each site of the face, from those of this rank: a whole number, -1 without a point; or a truth value. Collective."""
         found = np.full(len(self.sites), -1, np.int64)
         found[self.mine] = values
         found = _reduced(self.comm, found, "MAX")

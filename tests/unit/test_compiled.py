@@ -54,6 +54,13 @@ def test_a_kernel_is_kept_and_found_again(world):
     assert not told and not list((folder / "temporary").iterdir()) and list((folder / "cache").rglob("*.nbc"))
 
 
+def test_a_kernel_is_compiled_anew_when_any_kernel_changes(world, monkeypatch):
+    folder, _ = world
+    kernel(folder)
+    monkeypatch.setattr(compiled, "_sources", lambda: "of another kernel, which this one may have compiled in")
+    assert [kernel(folder) for _ in range(2)] == [False, True]
+
+
 @pytest.mark.parametrize(("ending", "size"), [("nbi", 0), ("nbi", 100), ("nbc", 0), ("nbc", 1000)])
 def test_half_a_file_is_compiled_anew(world, ending, size):
     folder, told = world
