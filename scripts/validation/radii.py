@@ -197,6 +197,7 @@ def _vanishing_range(axis, quick: bool) -> list[Line]:
         errors.append([path.radius()[at] / by_force - 1, path.radius()[at] / by_height - 1])
     for index, column in enumerate(np.array(errors).T):
         convergence(axis, ran, column, index, ls="none", label=None if index else "pgfmd")
+    axis.set_xticks(ran, [f"{reach:.2g}" for reach in ran])
     limit = 1 - float(jkr.compressed_radius(REST, *ABOUT)) / REST
     axis.axhline(limit, color=GREY, lw=0.8, ls=":")
     triangle(axis, 1.2, 2.4, 0.022, 1.5)
