@@ -85,17 +85,17 @@ def test_contact_reaches_to_the_outer_radius_of_maugis(loop):
 
 
 def test_radius_is_jkrs_within_four_per_cent_at_tabor_number_1_8():
-    """Down to a pull of 0.9 pi w R at the same force, and to the largest tension at the same height, where no JKR state
-    has the same force: pull-off at a finite range is beyond JKR's 1.5 pi w R."""
-    path = sphere_loop(1.8, 240, "solver.accuracy=0.2", outline=350e-6, preload=0.1e-3)
+    """Down to a pull of 0.7 pi w R at the same force; and, within 5 % on this grid, to the largest tension at the same
+    height: there no JKR state has the same force, as pull-off at a finite range is beyond JKR's 1.5 pi w R."""
+    path = sphere_loop(1.8, 200, "solver.accuracy=0.2", outline=350e-6, preload=0.05e-3)
     back = np.flatnonzero(path.within(*UNLOADING) & (path.contact > 0))
     tension = back[np.argmin(path.force[back])]
     assert -1.6 < path.force[tension] / TENSION < -1.5
     held = back[back <= tension]
     radius = path.radius()
     at_height = radius[held] / jkr.contact_radius_at_indentation(path.depth[held], *ABOUT) - 1
-    assert np.all((at_height > 0.0) & (at_height < 0.045)) and np.median(at_height) < 0.03
-    pulled = held[path.force[held] > -0.9 * TENSION]
+    assert np.all((at_height > 0.0) & (at_height < 0.05)) and np.median(at_height) < 0.03
+    pulled = held[path.force[held] > -0.7 * TENSION]
     at_force = radius[pulled] / jkr.contact_radius_at_force(path.force[pulled], *ABOUT) - 1
     assert pulled.size > 10 and np.all((at_force > 0.015) & (at_force < 0.04))
     overlap = path.radius("overlap")[pulled] / jkr.contact_radius_at_force(path.force[pulled], *ABOUT) - 1
