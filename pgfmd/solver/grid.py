@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MOST_KINDS = 12
+MOST_KINDS = 14
 """Numbers a row that are brought to all ranks at a time, at most."""
 
 
