@@ -213,9 +213,10 @@ class Quasistatic(PathFollowing):
         wanted. Returns the last outcome, and whether an instability was met."""
         u, w = surface
         noise, quiet = self._noise(state, trial, tolerance), 0
+        before = None if u is state.displacement else (state.position, state.displacement)
         for slide in range(MOST_SLIDES):
             seed = MOST_SLIDES * (state.counters.steps + 1) + slide
-            curvature = self.soft_mode.search(state.soft_mode, state.soft_load, seed)
+            curvature = self.soft_mode.search(state.soft_mode, state.soft_load, seed, before)
             trial.cg_iterations += curvature.iterations
             if curvature.lowest >= 0.0:
                 return outcome, left
