@@ -62,6 +62,12 @@ class Descent:
         self._rows = np.zeros((14, solver.points.rows))
         self._modes = np.zeros((4, 3))
 
+    @staticmethod
+    def modes(solver: NewtonSolver) -> dict[str, np.ndarray]:
+        """A softest mode and its dual that are still unknown, for `solve`; none without attraction."""
+        names = ("mode", "dual") if solver.law.attractive else ()
+        return {name: solver.points.zeros(solver.rough.dtype) for name in names}
+
     def solve(
         self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False,
         timid: bool = False, largest_force: float = 0.0, mode=None, dual=None,
