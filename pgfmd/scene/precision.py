@@ -30,8 +30,10 @@ def best_precision(scene) -> Choice:
     solver, side = scene.solver, transform_side_about(scene)
     if solver.scheme == "gfmd":
         return Choice("double", "the scheme gfmd has no other")
+    if scene.drive.control == "load":
+        return Choice("double", "load control has no other")
     if solver.scheme == "quasistatic":
-        return Choice("double", "rounding in single corrections lets quasi-static jumps begin elsewhere: audits close several times worse")
+        return Choice("double", "quasi-static paths in mixed precision have been measured on small grids only")
     if solver.accuracy < FINEST_MIXED:
         return Choice("double", f"an accuracy below {FINEST_MIXED:g} is at the rounding of single corrections")
     if side < LEAST_SIDE:
