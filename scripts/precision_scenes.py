@@ -101,6 +101,7 @@ CASES = (
         "hex, quasistatic, spring, n = 48", "hex-tack",
         ("grid.n=48", "solver.scheme=quasistatic", "drive.machine_stiffness=2 kN/m", "drive.preload=2 mN"), SLOW, 1e-3,
     ),
+    Case("hex, quasistatic, n = 128", "hex-tack", ("grid.n=128", "solver.scheme=quasistatic", "drive.preload=2 mN"), (0.1, 0.03), 3e-3),
     Case("flat, quasistatic, n = 48", "flat-punch", ("grid.n=48", "solver.scheme=quasistatic"), SLOW, 1e-3),
     Case(
         "sphere, quasistatic, n = 48", "hertz", ("grid.n=48", *SPHERE, "solver.scheme=quasistatic"), SLOW, 1e-3,

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 FINEST_MIXED = 1e-5
 """The finest accuracy at which mixed precision was found to have the error of double."""
 LEAST_SIDE = 256
-"""Points a side of the transform from which on mixed precision is clearly cheaper: by a tenth at 256, by a sixth at 512.
-The two cost the same between 128 and 192; on the smaller grids the bits stay those of double."""
+"""Points a side of the transform from which on mixed precision is clearly cheaper: by a tenth at 256, a sixth at 512, a
+quarter at 1024. The two cost the same between 128 and 192; smaller scenes keep the bits of double."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def best_precision(scene) -> Choice:
 
 
 def transform_side_about(scene) -> int:
-    """About how many points a side the transforms have: those of the cell, or twice those across a punch that is alone."""
+    """About how many points a side the transforms have: those of the cell, or twice those across a punch alone."""
     n, radius = scene.grid.n, scene.punch.radius
     if scene.substrate.boundary == "periodic" or radius is None:
         return n
