@@ -6,8 +6,8 @@
     python scripts/precision.py cost             processor time alone, double and mixed in turns
     python scripts/precision.py page             the tables from the rows that are there
 
-Rows that are in the CSV already are not measured again; delete it, or lines of it, to have them measured anew. Half an
-hour of one core in all.
+Rows that are in the CSV already are not measured again; delete it, or lines of it, to have them measured anew. A quarter
+of an hour of one core in all.
 
 Each scene is run in double and in mixed precision at several accuracies, and in double at a finer one, the reference:
 at least ten times, and the finest there is for most. Errors are those of pgfmd.benchmark.curve_errors. That of the loop's
