@@ -27,8 +27,9 @@ NOISE = 1.0
 """Part of the noise in the first gradient of a search, relative to the mode (in the norm of A^-1)."""
 STEADY = 0.5
 """A search goes on while an iteration has lowered the curvature by more than this share of what is left of it."""
-INDEPENDENT = 1e-10
-"""A direction whose part independent of the others is smaller than this is left out."""
+INDEPENDENT = {"float64": 1e-10, "float32": 1e-5}
+"""A direction whose part independent of the others is smaller than this is left out, by the precision of the mode: of
+smaller ones rounding makes modes that are none."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class SoftMode:
         load[middle : middle + 1] = 1.0 if 0 <= middle < self.points.size else 0.0
         solver.rough(load, moved, compliance)
         self._own_response = self.points.maximum_of(float(moved.max(initial=0.0)))
+        self._independent = INDEPENDENT[solver.rough.dtype.name]
 
     def search(self, mode: np.ndarray, dual: np.ndarray, seed: int, before: tuple | None = None) -> Curvature:
         """Moves mode [m] and its dual [Pa] (size,) to the softest mode at the present surface. Collective.
@@ -137,9 +139,9 @@ class SoftMode:
         size[~used] = 1.0
         bend, norm = bend / np.outer(size, size), norm / np.outer(size, size)
         keep = [0] + [i for i in (1, 2) if used[i]]
-        if len(keep) == 3 and np.linalg.eigvalsh(norm)[0] < INDEPENDENT:
+        if len(keep) == 3 and np.linalg.eigvalsh(norm)[0] < self._independent:
             keep = [0, 1]
-        if len(keep) < 2 or np.linalg.eigvalsh(norm[np.ix_(keep, keep)])[0] < INDEPENDENT:
+        if len(keep) < 2 or np.linalg.eigvalsh(norm[np.ix_(keep, keep)])[0] < self._independent:
             return None
         values, vectors = scipy.linalg.eigh(bend[np.ix_(keep, keep)], norm[np.ix_(keep, keep)])
         weights = np.zeros(3)

@@ -44,8 +44,8 @@ def test_shipped_scenes_on_grids_where_it_pays(name):
     ("changes", "word"),
     [
         (["solver.scheme=gfmd"], "gfmd"),
-        (["solver.scheme=quasistatic"], "audit"),
-        (["solver.scheme=quasistatic", "drive.control=load"], "audit"),
+        (["solver.scheme=quasistatic"], "quasi-static"),
+        (["solver.scheme=quasistatic", "drive.control=load"], "load control"),
         ([f"solver.accuracy={0.99 * FINEST_MIXED:g}"], "accuracy"),
         (["grid.n=64"], str(LEAST_SIDE)),
         # The transform is twice as wide as the punch, whatever the cell is.
