@@ -40,9 +40,10 @@ than the noise of a solve, at which the equilibrium is taken for a minimum."""
 BENT, STRAIGHT = 1.0, 1e-2
 """Error of the trapezoid that is reckoned with: this multiple of what the polynomial makes of it, and at least this
 share of half of the changes of force and place."""
-LEAST_SIGN = 1e-2
+LEAST_SIGN, FAST = 1e-2, 4.0
 """A step that met no instability may have passed over a jump only where its error is at least this share of the
-tolerance: the surface is then elsewhere than where it was heading for."""
+tolerance: the surface is then elsewhere than where it was heading for. Where that is not known, only where the surface
+moved so many times as far as the punch."""
 LEAST_TENSION = 1e-2
 """Where the punch pulls, changes of its force are measured by the largest tension so far, at least this share of the
 preload: a pull-off force may be far below that."""
@@ -150,10 +151,15 @@ class Quasistatic(PathFollowing):
         bend = max(BENT * bend, STRAIGHT * trial.uncertainty)
         noise = self._noise(state, trial, tolerance)
         # A step that met nothing may have passed over a jump as well: a path of equilibria loses no energy.
-        least = LEAST_SIGN if state.past_steps else 1.0
-        told = left or trial.error > least * self.tolerance
+        told = left or trial.error > self.tolerance or self._shows_jump(state, trial)
         trial.is_jump = bool(self.soft_mode) and told and min(smooth, plain) - gained > bend + noise
         return trial
+
+    def _shows_jump(self, state: State, trial: Trial) -> bool:
+        """Whether a step that met no instability may have passed over a jump all the same."""
+        if state.past_steps:
+            return trial.error > LEAST_SIGN * self.tolerance
+        return trial.change.surface * self.law.range > FAST * abs(trial.position - state.position)
 
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
