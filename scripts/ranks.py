@@ -7,7 +7,9 @@
     mpirun -n 2 python scripts/ranks.py latency          what a meeting of the ranks costs
 
 `speed` runs `pgfmd run` as a process of its own, start included; the numbers of ranks take turns, and the best of several
-rounds counts. `--page` writes the tables of `speed`, `shares` and `model` into docs/ranks.md. Use an idle machine.
+rounds counts. Scenes are stepped as runs choose by default, on a half of their points and in mixed precision; to compare with
+the whole punch in double precision, add `--set solver.symmetry=none --set solver.precision=double`. `--page` writes the tables
+of `speed`, `shares` and `model` into docs/ranks.md. Use an idle machine.
 """
 
 from __future__ import annotations
@@ -69,15 +71,34 @@ def speed(options: argparse.Namespace) -> None:
                 print(f"{n:6d} {ranks:6d} {min(taken):8.2f} {min(taken) / first:12.2f}   {each}", flush=True)
             best = [min(taken) for taken in times.values()]
             ratios = [f"{later / earlier:.2f}" for earlier, later in pairwise(best)]
-            rows.append([f"n = {n}, {', '.join(TESTS.get(n, TESTS[1024]))}", *(f"{seconds:.2f} s" for seconds in best), *ratios])
+            rows.append([f"n = {n}, {', '.join(TESTS.get(n, TESTS[1024]))}", stepped(n, options.set), *(f"{seconds:.2f} s" for seconds in best), *ratios])
     finally:
         for other in others:
             other.kill()
     if options.page and not options.busy:
-        head = ["tri-tack", *(f"{ranks} rank{'s' * (ranks > 1)}" for ranks in options.ranks)]
+        head = ["tri-tack", "points", *(f"{ranks} rank{'s' * (ranks > 1)}" for ranks in options.ranks)]
         head += [f"{later} over {earlier}" for earlier, later in pairwise(options.ranks)]
-        about = f"The best of {options.rounds} rounds, on {os.cpu_count()} cores."
+        about = f"The best of {options.rounds} rounds, on {os.cpu_count()} cores{changed(options.set)}."
         fill(PAGE, "speed", lambda name: "\n\n".join(filter(None, (about, table(head, rows), busy()))))
+
+
+def scene_of(n: int, changes: list[str]) -> list[str]:
+    """The test of a size, as the command line has it."""
+    return ["tri-tack", f"grid.n={n}", *TESTS.get(n, TESTS[1024]), *changes]
+
+
+def stepped(n: int, changes: list[str]) -> str:
+    """Precision and part of the punch that a run of the test steps, as "mixed half"."""
+    from pgfmd.forecast.run_times import problem_of
+    from pgfmd.scene import load_scene
+
+    test = scene_of(n, changes)
+    return problem_of(load_scene(test[0], test[1:])).kind
+
+
+def changed(changes: list[str]) -> str:
+    """What else was changed in the scene, as the end of a sentence."""
+    return f", with {', '.join(changes)}" if changes else ""
 
 
 def _busy() -> subprocess.Popen:
@@ -88,8 +109,7 @@ def _busy() -> subprocess.Popen:
 def _run(n: int, ranks: int, changes: list[str]) -> float:
     """Time [s] of a whole run, from the command to its end."""
     folder = tempfile.mkdtemp(prefix="pgfmd-ranks-")
-    scene = ["tri-tack", f"grid.n={n}", *TESTS.get(n, TESTS[1024]), *changes]
-    command = [sys.executable, "-P", "-m", "pgfmd.cli", "run", *scene, "--out", f"{folder}/run"]
+    command = [sys.executable, "-P", "-m", "pgfmd.cli", "run", *scene_of(n, changes), "--out", f"{folder}/run"]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
     # Without compiled modules, a start compiles all of pgfmd's sources each time, on each rank.
@@ -121,7 +141,7 @@ def shares(options: argparse.Namespace) -> None:
     tables = []
     for n in options.n:
         found = {ranks: _profile(n, ranks, options.set) for ranks in options.ranks}
-        head = [f"n = {n}, {found[options.ranks[0]]['pairs']} pairs", *(f"{k} rank{'s' * (k > 1)} (s)" for k in found)]
+        head = [f"n = {n}, {stepped(n, options.set)} points, {found[options.ranks[0]]['pairs']} pairs", *(f"{k} rank{'s' * (k > 1)} (s)" for k in found)]
         head, rows = [*head, *(f"{k} (%)" for k in found)], []
         for part in (*PARTS, "whole"):
             seconds = [each[part] for each in found.values()]
@@ -133,14 +153,13 @@ def shares(options: argparse.Namespace) -> None:
         print(f"\n{tables[-1]}", flush=True)
     if options.page:
         rows = [[part, *(f"{value:.2f}" for value in values)] for part, values in BEFORE.items()]
-        blocks = {"after": "\n\n".join([*tables, busy()]), "before": table(["n = 2048, 220 pairs", "1 rank (s)", "2 ranks (s)"], rows)}
+        blocks = {"after": "\n\n".join(filter(None, [*tables, busy()])), "before": table(["n = 2048, 220 pairs", "1 rank (s)", "2 ranks (s)"], rows)}
         fill(PAGE, "shares", blocks.__getitem__)
 
 
 def _profile(n: int, ranks: int, changes: list[str]) -> dict[str, float]:
     """Where the time of a run's first rank goes (ranks_shares.py)."""
-    scene = ["tri-tack", f"grid.n={n}", *TESTS.get(n, TESTS[1024]), *changes]
-    command = [sys.executable, str(Path(__file__).with_name("ranks_shares.py")), f"{time.time():.6f}", *scene]
+    command = [sys.executable, str(Path(__file__).with_name("ranks_shares.py")), f"{time.time():.6f}", *scene_of(n, changes)]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)[0]

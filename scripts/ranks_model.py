@@ -17,6 +17,8 @@ from pgfmd.forecast.scaling import (
 
 LARGE, CORES = (4096, 8192, 16384, 32768), (16, 64, 256, 1024, 4096)
 """Grids and numbers of ranks that the model is printed for."""
+CASES = ((4096, 64), (8192, 256), (16384, 1024), (32768, 1024), (32768, 4096))
+"""Grids and numbers of ranks whose time is taken apart."""
 SHARED_BY = (2, 3, 4, 8, 16, 32, 64, 256)
 """Ranks among which the rows of a round punch are shared out."""
 ROW_WORK = 0.6
@@ -37,19 +39,46 @@ def blocks(options: argparse.Namespace) -> dict[str, str]:
     """All tables by name, from measurements that are made now."""
     counts = sorted(set(options.ranks) | {1})
     profile, records = bench.survey(options.n, counts, lambda line: print(line, flush=True))
-    costs = profile.costs
-    large = replace(costs, look=1e-6 * options.look)
-    if options.crowding:
-        large = replace(large, crowding=(1.0,) + (options.crowding,) * (options.per_node - 1))
-    network = Network(1e-6 * options.latency, 1e-6 * options.message, 1e9 * options.bandwidth)
+    model = Model(profile.costs, options)
     return {
-        "measured": "\n\n".join((_costs(costs, profile), _fit(records, costs, profile.cores))),
-        "traffic": _traffic(options.n),
-        "large": "\n\n".join((_assumptions(options), _times(large, network, options.per_node), _next(large, network, options.per_node))),
-        "parts": _parts(large, network, options.per_node),
-        "balance": _balance(large, network, options.per_node),
-        "overlap": _overlap(costs, large, network, options.per_node),
+        "measured": "\n\n".join((_costs(profile), _fit(records, profile))),
+        "traffic": _traffic(options.n, model),
+        "large": "\n\n".join((_assumptions(options, model), _times(model), _next(model))),
+        "parts": _parts(model),
+        "balance": _balance(model),
+        "overlap": _overlap(model),
     }
+
+
+class Model:
+    """What the model needs for large machines: what a run of a size shares out, and its costs there.
+
+    costs: as measured, by kind. `changes`: of the scene, none by default: then runs choose what they step, and in which
+    precision. `network`, `per_node`: as assumed.
+    """
+
+    def __init__(self, costs: dict[str, Costs], options: argparse.Namespace):
+        self.here, self.options, self.changes, self.per_node = costs, options, options.set, options.per_node
+        self.network = Network(1e-6 * options.latency, 1e-6 * options.message, 1e9 * options.bandwidth)
+
+    def problem(self, n: int) -> Problem:
+        return bench.usual(n, self.changes)
+
+    def costs(self, problem: Problem) -> Costs:
+        found = replace(self.here[problem.kind], look=1e-6 * self.options.look)
+        if not self.options.crowding:
+            return found
+        return replace(found, crowding=(1.0,) + (self.options.crowding,) * (self.per_node - 1))
+
+    def of(self, problem: Problem, ranks: int) -> tuple[Problem, int, Costs, int, Network]:
+        """What the model's functions take."""
+        return problem, ranks, self.costs(problem), self.per_node, self.network
+
+    @property
+    def stepped(self) -> str:
+        """What is stepped of large scenes, in words."""
+        why = f" ({', '.join(self.changes)})" if self.changes else ", as runs choose"
+        return f"{self.problem(LARGE[0]).kind} points{why}"
 
 
 def table(head: list[str], rows: list[list[object]]) -> str:
@@ -66,85 +95,101 @@ def shown(value: float, digits: int = 3) -> str:
     return f"{value:.{decimals}f}"
 
 
-def _costs(costs: Costs, profile) -> str:
+def _costs(profile) -> str:
     rows = [
-        [n, shown(1e6 * costs.row[i]), shown(1e6 * costs.column[i]), shown(1e9 * costs.point[i])]
-        for i, n in enumerate(costs.sizes)
+        [kind, n, shown(1e6 * costs.row[i]), shown(1e6 * costs.column[i]), shown(1e9 * costs.point[i])]
+        for kind, costs in profile.costs.items() for i, n in enumerate(costs.sizes)
     ]  # fmt: skip
+    overheads = [
+        [
+            kind, shown(1e6 * costs.pair_overhead), shown(1e6 * costs.sum_overhead), shown(1e9 * costs.shared),
+            ", ".join(f"{factor:.2f}" for factor in costs.crowding),
+        ]
+        for kind, costs in profile.costs.items()
+    ]  # fmt: skip
+    any_kind = next(iter(profile.costs.values()))
     rest = (
-        f"Besides, {shown(1e6 * costs.pair_overhead)} µs for each pair and {shown(1e6 * costs.sum_overhead)} µs for each sum that no rank "
-        f"takes off another, {shown(1e9 * costs.adding)} ns for each row and sum, {shown(1e6 * costs.meeting)} µs for a meeting of two "
-        f"ranks, {shown(1e9 * costs.shared)} ns for each byte in another rank's memory; work side by side takes "
-        + ", ".join(f"{factor:.2f}" for factor in costs.crowding)
-        + f" times as long on 1, 2, ... ranks. A run starts in {', '.join(f'{s:.2g} s on {k}' for k, s in profile.start.items())}."
+        f"Besides, {shown(1e9 * any_kind.adding)} ns for each row and sum, {shown(1e6 * any_kind.meeting)} µs for a meeting of two ranks. A run "
+        f"starts in {', '.join(f'{s:.2g} s on {k}' for k, s in profile.start.items())}. And, what no rank takes off another, bytes in "
+        "another rank's memory, and work of ranks side by side:"
     )
-    return table(["n", "row, both ways (µs)", "column, both ways (µs)", "point, a sum (ns)"], rows) + "\n\n" + rest
+    return "\n\n".join((
+        table(["points", "n", "row, both ways (µs)", "column, both ways (µs)", "point, a sum (ns)"], rows), rest,
+        table(["points", "pair (µs)", "sum (µs)", "byte (ns)", "so many times as long on 1, 2, ... ranks"], overheads),
+    ))  # fmt: skip
 
 
-def _fit(records: list[dict], costs: Costs, cores: int) -> str:
+def _fit(records: list[dict], profile) -> str:
     rows = []
-    for record in sorted(records, key=lambda record: (record["n"], record["ranks"])):
-        if record["n"] == bench.TINY:
+    for record in sorted(records, key=lambda record: (record["precision"], record["n"], record["mirror"], record["ranks"])):
+        # What is measured on several ranks, too.
+        if record["n"] == bench.TINY or bench.WITNESSES[record["precision"]] != record["mirror"]:
             continue
-        expected = total_seconds(bench.problem_of(record["n"]), record["ranks"], costs, sums=record["sums"])
-        model = f"{1e3 * expected:.3g}" if record["ranks"] <= cores else f"({1e3 * expected:.3g})"
-        rows.append([record["n"], record["ranks"], f"{record['sums']:.2f}", f"{1e3 * record['pair']:.3g}", model])
-    text = table(["n", "ranks", "sums a pair", "measured (ms)", "model (ms)"], rows)
-    if any(record["ranks"] > cores for record in records):
-        text += f"\n\nIn brackets: more ranks than the {cores} cores of this machine, of which the model knows nothing."
+        problem = bench.forced(record["n"], record["precision"], record["mirror"])
+        expected = total_seconds(problem, record["ranks"], profile.costs[problem.kind], sums=record["sums"])
+        model = f"{1e3 * expected:.3g}" if record["ranks"] <= profile.cores else f"({1e3 * expected:.3g})"
+        rows.append([problem.kind, record["n"], record["ranks"], f"{record['sums']:.2f}", f"{1e3 * record['pair']:.3g}", model])
+    text = table(["points", "n", "ranks", "sums a pair", "measured (ms)", "model (ms)"], rows)
+    if any(record["ranks"] > profile.cores for record in records):
+        text += f"\n\nIn brackets: more ranks than the {profile.cores} cores of this machine, of which the model knows nothing."
     return text
 
 
-def _traffic(sizes: list[int]) -> str:
+def _traffic(sizes: list[int], model: Model) -> str:
     """Counts for the first rank of 1, 2, 3 ranks, and of 4 in two nodes."""
     rows = []
     for n in sizes:
-        problem = bench.problem_of(n)
+        problem = model.problem(n)
         for nodes in ([0], [0, 0], [0, 0, 0], [0, 0, 1, 1], [0, 1, 2]):
             pair, one = traffic_of_pair(problem, nodes, 0), traffic_of_sum(nodes, 0)
             rows.append([
-                n, len(nodes), len(set(nodes)), shown(1e-6 * pair.shared), shown(1e-6 * pair.sent), pair.messages,
+                problem.kind, n, len(nodes), len(set(nodes)), shown(1e-6 * pair.shared), shown(1e-6 * pair.sent), pair.messages,
                 pair.meetings, one.meetings, one.gathers,
             ])  # fmt: skip
-    head = ["n", "ranks", "nodes", "in shared memory (MB)", "in messages (MB)", "messages", "meetings", "meetings a sum", "gathers a sum"]
+    head = [
+        "points", "n", "ranks", "nodes", "in shared memory (MB)", "in messages (MB)", "messages", "meetings", "meetings a sum",
+        "gathers a sum",
+    ]  # fmt: skip
     return table(head, rows)
 
 
-def _assumptions(options: argparse.Namespace) -> str:
+def _assumptions(options: argparse.Namespace, model: Model) -> str:
     crowding = f"taken to be {options.crowding:g} times as long" if options.crowding else "taken to be as measured with the most ranks"
     return (
-        f"Assumed, not measured: {options.per_node} ranks a node; {options.latency:g} µs for a message between nodes, {options.message:g} µs "
-        f"of a rank's own time for each, {options.bandwidth:g} GB/s a node; {options.look:g} µs more for a meeting with each further rank of a "
-        f"node; work on a full node is {crowding}; {SUMS:g} sums a pair. Transforms longer than those measured cost as n log n."
+        f"For {model.stepped}. Assumed, not measured: {options.per_node} ranks a node; {options.latency:g} µs for a message between nodes, "
+        f"{options.message:g} µs of a rank's own time for each, {options.bandwidth:g} GB/s a node; {options.look:g} µs more for a meeting with "
+        f"each further rank of a node; work on a full node is {crowding}; {SUMS:g} sums a pair. Transforms longer than those measured cost as "
+        "n log n."
     )
 
 
-def _times(costs: Costs, network: Network, per_node: int) -> str:
+def _times(model: Model) -> str:
     rows = []
     for n in LARGE:
-        problem = bench.problem_of(n)
-        alone = total_seconds(problem, 1, costs)
-        cells = [n, f"{problem.nb}, {problem.columns}", shown(1e3 * alone)]
+        problem = model.problem(n)
+        alone = total_seconds(problem, 1, model.costs(problem))
+        cells = [n, f"{problem.rows}, {problem.columns}", shown(1e3 * alone)]
         for cores in CORES:
             if cores > problem.most_ranks:
                 cells.append("too many")
                 continue
-            taken = total_seconds(problem, cores, costs, per_node, network)
+            taken = total_seconds(*model.of(problem, cores))
             cells.append(f"{shown(1e3 * taken)} ({alone / taken / cores:.0%})")
         rows.append(cells)
     head = ["n", "rows, columns", "1 core", *(f"{cores} cores" for cores in CORES)]
     return "Time of a pair with all that goes with it, in ms (and speed-up a core):\n\n" + table(head, rows)
 
 
-def _next(costs: Costs, network: Network, per_node: int) -> str:
+def _next(model: Model) -> str:
     rows = []
     for n in LARGE:
-        problem = bench.problem_of(n)
+        problem = model.problem(n)
         for cores in CORES[-3:]:
-            slabs = total_seconds(problem, cores, costs, per_node, network) if cores <= problem.most_ranks else None
-            joined = sum(joined_seconds(problem, cores, costs, per_node, network).values()) if slabs else None
+            given = model.of(problem, cores)
+            slabs = total_seconds(*given) if cores <= problem.most_ranks else None
+            joined = sum(joined_seconds(*given).values()) if slabs else None
             down, across = blocks_of(cores)
-            pencils = sum(pencil_seconds(problem, cores, costs, per_node, network).values())
+            pencils = sum(pencil_seconds(*given).values())
             cells = [shown(1e3 * value) if value else "too many ranks" for value in (slabs, joined, pencils)]
             rows.append([n, cores, *cells, f"{down} x {across}"])
     head = ["n", "cores", "slabs, as built (ms)", "slabs, one message for two nodes (ms)", "blocks (ms)", "blocks"]
@@ -174,8 +219,8 @@ def pencil_seconds(problem: Problem, ranks: int, costs: Costs, per_node: int, ne
     blocks.
 
     A transform of n = n1 n2 points over several ranks has one exchange within them between its two halves (Gentleman and
-    Sande, AFIPS 29, 563, 1966). So a pair has four: two of the rows, of nb by n/2 + 1 numbers, and two of the columns, of n
-    by n/2 + 1, as they are filled up with zeros before. Work as that of slabs without a rank that has more of it.
+    Sande, AFIPS 29, 563, 1966). So a pair has four: two of the rows by the columns, and two of the columns in their whole
+    length, as they are filled up with zeros before. Work as that of slabs without a rank that has more of it.
     """
     costs_of_all = pair_seconds(problem, 1, costs)
     down, across = blocks_of(ranks)
@@ -184,7 +229,7 @@ def pencil_seconds(problem: Problem, ranks: int, costs: Costs, per_node: int, ne
     parts["sums"] = pair_seconds(problem, min(ranks, problem.most_ranks), costs, per_node, network)["sums"]
     # Ranks of a row of blocks are on one node where it has so many.
     inside = min(1.0, per_node / across)
-    of_rows, of_columns = 16.0 * problem.nb * problem.columns / ranks, 16.0 * problem.side * problem.columns / ranks
+    of_rows, of_columns = (problem.itemsize * count * problem.columns / ranks for count in (problem.rows, problem.length))
     sent = 2.0 * of_rows * (1.0 - inside) + 2.0 * of_columns * (1.0 - 1.0 / down)
     messages = 2 * (across - 1) * (inside < 1.0) + 2 * (down - 1)
     if ranks <= per_node:
@@ -195,44 +240,47 @@ def pencil_seconds(problem: Problem, ranks: int, costs: Costs, per_node: int, ne
     return parts
 
 
-def _parts(costs: Costs, network: Network, per_node: int) -> str:
+def _parts(model: Model) -> str:
     rows = []
-    for n, cores in ((4096, 64), (8192, 256), (16384, 1024), (32768, 1024), (32768, 4096)):
-        parts = pair_seconds(bench.problem_of(n), cores, costs, per_node, network)
+    for n, cores in CASES:
+        parts = pair_seconds(*model.of(model.problem(n), cores))
         total = sum(parts.values())
         rows.append([n, cores, shown(1e3 * total), *(f"{100 * parts[name] / total:.1f}" for name in PARTS)])
     return "Where the time goes, in percent:\n\n" + table(["n", "cores", "ms", *PARTS], rows)
 
 
 def _by(problem: Problem, ranks: int, row: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Shares of ranks among which rows are shared out by their points and, beside them, `row` of those of the longest."""
-    work = problem.ends + row * problem.nb * np.arange(problem.nb + 1)
-    edges = np.rint(np.interp(np.arange(ranks + 1) / ranks * work[-1], work, np.arange(problem.nb + 1))).astype(int)
+    """Shares of ranks among which rows are shared out by their points and, beside them, `row` of those of the longest; pairs
+    of rows are not torn apart."""
+    together = 2 if problem.mirror else 1
+    places = np.append(np.arange(0, problem.rows, together), problem.rows)
+    work = problem.ends[places] + row * np.diff(problem.ends).max() * places
+    edges = places[np.rint(np.interp(np.arange(ranks + 1) / ranks * work[-1], work, np.arange(places.size))).astype(int)]
     return np.diff(edges), problem.shares(ranks)[1], np.diff(problem.ends[edges])
 
 
-def _balance(costs: Costs, network: Network, per_node: int) -> str:
+def _balance(model: Model) -> str:
     rows = []
     for n, ranks in ((n, ranks) for n in (1024, 4096) for ranks in SHARED_BY):
-        problem = bench.problem_of(n)
+        problem = model.problem(n)
+        if ranks > problem.most_ranks:
+            continue
         shares = {"rows": problem.shares(ranks), "points": _by(problem, ranks, 0.0), "work": _by(problem, ranks, ROW_WORK)}
-        seconds = {
-            by: sum(pair_seconds(problem, ranks, costs, per_node, network, found).values()) for by, found in shares.items()
-        }
-        fair = problem.nb / ranks, problem.ends[-1] / ranks
+        seconds = {by: sum(pair_seconds(*model.of(problem, ranks), found).values()) for by, found in shares.items()}
+        fair = problem.rows / ranks, problem.ends[-1] / ranks
         cells = [f"{found[0].max() / fair[0]:.2f}, {found[2].max() / fair[1]:.2f}" for found in shares.values()]
         gains = [f"{100 * (1 - seconds[by] / seconds['rows']):.1f} %" for by in ("points", "work")]
         rows.append([n, ranks, *cells, *gains])
     return table(["n", "ranks", "by rows", "by points", "by work", "won by points", "won by work"], rows)
 
 
-def _overlap(here: Costs, costs: Costs, network: Network, per_node: int) -> str:
+def _overlap(model: Model) -> str:
     """What could be hidden behind work, at most: bytes and messages of the transposes, not the waits for the slowest."""
     rows = []
-    cases = [(n, 2, here, 2) for n in (512, 1024, 2048)]
-    cases += [(4096, 64, costs, per_node), (8192, 256, costs, per_node), (16384, 1024, costs, per_node), (32768, 4096, costs, per_node)]
-    for n, ranks, of, each in cases:
-        parts = pair_seconds(bench.problem_of(n), ranks, of, each, network)
+    for n, ranks in (*((n, 2) for n in (512, 1024, 2048)), *CASES):
+        problem = model.problem(n)
+        given = model.of(problem, ranks) if n > 2048 else (problem, ranks, model.here[problem.kind])
+        parts = pair_seconds(*given)
         total = sum(parts.values())
         moved = {name: 100 * parts[name] / total for name in ("shared memory", "latency", "bandwidth")}
         # A batch of rows or columns can be worked on while the last is on its way: both take as long as the longer.

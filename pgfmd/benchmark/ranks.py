@@ -20,20 +20,26 @@ from itertools import pairwise
 import numpy as np
 
 from pgfmd.forecast.machine_profile import Profile, identity
+from pgfmd.forecast.run_times import problem_of
 from pgfmd.forecast.scaling import KINDS, Costs, Problem, nodes_of, pair_seconds, traffic_of_pair
 from pgfmd.host.processes import cores
 from pgfmd.host.ranks import launcher, on_ranks
 
 from .watch import Watch
 
-SCENE = ("tri-tack", "drive.speed=25 um/s", "drive.preload=5 mN", "solver.scheme=inertialess", "solver.precision=double")
-"""The test whose steps are timed."""
+SCENE = ("tri-tack", "drive.speed=25 um/s", "drive.preload=5 mN", "solver.scheme=inertialess")
+"""The test whose steps are timed: as a run would make them, and with other precisions and parts of the punch."""
+MIRRORS = ("", "x", "xy")
+"""Of each precision the whole punch, half and a quarter are stepped by one rank: an image of the half, or quarter, makes
+another punch of it, whose steps cost as much."""
+WITNESSES = {"double": "", "mixed": "x"}
+"""What is measured on several ranks, too: what they lose to each other is taken to be that of all parts of the punch."""
 TINY = 32
 """Points a side of a test that is all overhead."""
 SIZES = (256, 512, 1024, 2048)
 """Points a side that are measured, unless told otherwise."""
-SECONDS = 1.0
-"""That the steps of a size are timed, about."""
+SECONDS = 0.5
+"""That the steps of a size and kind are timed, about."""
 FEWEST = 12
 """Pairs that are timed, at least."""
 ROWS = 16384
@@ -71,71 +77,104 @@ def _start_seconds(path: str | None, count: int) -> float:
         return time.perf_counter() - began
 
 
-def fitted(records: Sequence[dict]) -> Costs:
-    """The costs of work and of meetings, out of what was measured on 1, 2, ... ranks."""
-    alone = {record["n"]: record for record in records if record["ranks"] == 1}
-    tiny, sizes = alone[TINY], sorted(alone.keys() - {TINY})
+def fitted(records: Sequence[dict]) -> dict[str, Costs]:
+    """The costs of work and of meetings by the kind of a problem, out of what was measured on 1, 2, ... ranks."""
+    found = {}
+    for precision, witness in WITNESSES.items():
+        mine = [record for record in records if record["precision"] == precision]
+        several = [record for record in mine if record["ranks"] > 1]
+        alone = {mirror: [r for r in mine if r["ranks"] == 1 and r["mirror"] == mirror] for mirror in MIRRORS}
+        costs = {mirror: _fitted(measured, several) for mirror, measured in alone.items()}
+        shared = _shared(costs[witness], several)
+        found |= {_kind(precision, mirror): replace(each, shared=shared) for mirror, each in costs.items()}
+    return found
+
+
+def _kind(precision: str, mirror: str) -> str:
+    return Problem(0, 0, np.zeros(1), mirror, precision).kind
+
+
+def _fitted(alone: Sequence[dict], several: Sequence[dict]) -> Costs:
+    """Costs of one kind, but for the bytes in others' memory. alone, several: measured on one rank and on more."""
+    by_size = {record["n"]: record for record in alone}
+    tiny, sizes = by_size[TINY], sorted(by_size.keys() - {TINY})
 
     def each(part: str, over: str, few: int = 0) -> tuple[float, ...]:
         # Beyond what a tiny test takes, which is overhead but for a few points.
-        return tuple(max(alone[n][part] - tiny[part], 0.0) / (alone[n][over] - few) for n in sizes)
+        return tuple(max(by_size[n][part] - tiny[part], 0.0) / (by_size[n][over] - few) for n in sizes)
 
     point = each("pass", "points", tiny["points"])
-    several = [record for record in records if record["ranks"] > 1]
     most = max((record["ranks"] for record in several), default=1)
     crowding = {1: 1.0} | {
         count: max(1.0, statistics.median(r["crowding"] for r in several if r["ranks"] == count and r["n"] in sizes))
         for count in sorted({record["ranks"] for record in several})
     }
     meetings = {record["ranks"]: record["meeting"] for record in several}
-    fewest = min(meetings, default=0)
     looks = [(meetings[b] - meetings[a]) / (b - a) for a, b in pairwise(sorted(meetings))]
-    costs = Costs(
-        sizes=tuple(sizes), row=each("rows", "nb"), column=each("columns", "width"),
-        points=tuple(alone[n]["points"] for n in sizes), point=point,
+    return Costs(
+        sizes=tuple(sizes), row=each("rows", "row_count"), column=each("columns", "column_count"),
+        points=tuple(by_size[n]["points"] for n in sizes), point=point,
         pair_overhead=tiny["rows"] + tiny["columns"],
         sum_overhead=max(tiny["pass"] - tiny["points"] * point[0], 0.0), adding=tiny["adding"],
         crowding=tuple(float(np.interp(k, list(crowding), list(crowding.values()))) for k in range(1, most + 1)),
-        meeting=meetings.get(fewest, 0.0), look=max(0.0, statistics.median(looks)) if looks else 0.0,
+        meeting=meetings.get(min(meetings, default=0), 0.0), look=max(0.0, statistics.median(looks)) if looks else 0.0,
     )  # fmt: skip
-    return _with_shared(costs, [record for record in several if record["n"] in sizes and record["ranks"] == fewest])
 
 
-def _with_shared(costs: Costs, records: Sequence[dict]) -> Costs:
-    """With what bytes in the memory of other ranks cost: what the transforms of few ranks take beyond all else."""
+def _shared(costs: Costs, several: Sequence[dict]) -> float:
+    """What a byte in the memory of another rank costs [s]: what the transforms of few ranks take beyond all else."""
     more = passed = 0.0
-    for record in records:
-        problem, ranks = problem_of(record["n"]), record["ranks"]
-        parts = pair_seconds(problem, ranks, costs)
+    fewest = min((record["ranks"] for record in several), default=0)
+    for record in several:
+        if record["n"] not in costs.sizes or record["ranks"] != fewest:
+            continue
+        problem = forced(record["n"], record["precision"], record["mirror"])
+        parts = pair_seconds(problem, fewest, costs)
         excess = record["rows"] + record["columns"] - parts["rows"] - parts["columns"] - costs.pair_overhead
-        shared = traffic_of_pair(problem, nodes_of(ranks, ranks), 0).shared
+        shared = traffic_of_pair(problem, nodes_of(fewest, fewest), 0).shared
         # Least squares: large grids, which pass most, count most.
         more, passed = more + excess * shared, passed + shared**2
-    return replace(costs, shared=max(0.0, more / passed)) if passed else costs
+    return max(0.0, more / passed) if passed else 0.0
 
 
-def problem_of(n: int) -> Problem:
-    """What the timed test shares out."""
-    from pgfmd.forecast.estimate import punch_points
+def usual(n: int, changes: Sequence[str] = ()) -> Problem:
+    """What a run of the timed test shares out, with the precision and the part of the punch that it chooses."""
     from pgfmd.scene import load_scene
 
-    return Problem.of(punch_points(load_scene(SCENE[0], [*SCENE[1:], f"grid.n={n}"])), n)
+    return problem_of(load_scene(SCENE[0], [*SCENE[1:], f"grid.n={n}", *changes]))
+
+
+def forced(n: int, precision: str, mirror: str) -> Problem:
+    """The same of a given precision, and part of the punch."""
+    return problem_of(_scene(n, precision), mirror)
+
+
+def _scene(n: int, precision: str):
+    from pgfmd.scene import load_scene
+
+    return load_scene(SCENE[0], [*SCENE[1:], f"grid.n={n}", f"solver.precision={precision}"])
 
 
 # What the ranks do ---------------------------------------------------------------------------------------------------
 def measure(comm, sizes: Sequence[int]) -> list[dict]:
-    """A record for each size, on these ranks: seconds a pair, in all and by parts (of the first rank), and counts. Collective."""
-    _steps(comm, TINY)
-    common = {"ranks": comm.size, "adding": _adding(), "meeting": _meeting(comm)}
-    return [common | _steps(comm, n) | {"crowding": _crowding(comm, n)} for n in sizes]
+    """A record for each size and kind, on these ranks: seconds a pair, in all and by parts (of the first rank), and counts.
+    Collective."""
+    # Plans and pages of the first time don't count.
+    _steps(comm, TINY, "double", "")
+    common, found = {"ranks": comm.size, "adding": _adding(), "meeting": _meeting(comm)}, []
+    for precision, witness in WITNESSES.items():
+        for mirror in MIRRORS if comm.size == 1 else (witness,):
+            for n in sizes:
+                crowding = {"crowding": _crowding(comm, n, precision, mirror)}
+                found.append(common | _steps(comm, n, precision, mirror) | crowding)
+    return found
 
 
-def _steps(comm, n: int) -> dict:
+def _steps(comm, n: int, precision: str, mirror: str) -> dict:
     """Times the steps of a test, from its third step on."""
     from pgfmd.assemble import assemble
-    from pgfmd.scene import load_scene
 
-    simulation = assemble(load_scene(SCENE[0], [*SCENE[1:], f"grid.n={n}"]), comm)
+    simulation = assemble(_scene(n, precision), comm, mirror)
     watch, points = Watch(simulation), simulation.points
     wanted, began = _pairs_for(simulation), {}
 
@@ -148,15 +187,18 @@ def _steps(comm, n: int) -> dict:
     ended = watch.now()
     spent = {name: ended[name] - began[name] for name in ended}
     pairs, transforms = spent.pop("pairs"), spent.pop("transforms")
-    each = {name: value / pairs for name, value in spent.items()}
-    about = {"n": n, "nb": points.nb, "width": n // 2 + 1, "points": points.total, "pairs": pairs}
+    each, problem = {name: value / pairs for name, value in spent.items()}, forced(n, precision, mirror)
+    about = {
+        "n": n, "precision": precision, "mirror": mirror, "row_count": problem.rows, "column_count": problem.columns,
+        "points": points.total // points.images, "pairs": pairs,
+    }  # fmt: skip
     return about | each | watch.usual() | {"pass": (spent["pair"] - transforms) / spent["sums"]}
 
 
 def _pairs_for(simulation) -> int:
     """How many pairs take about `SECONDS`, the same on every rank: the work beside a pair takes as long as it."""
-    operator, points = simulation.scheme.solver.convolve, simulation.points
-    load, surface = points.zeros() + 1.0, points.zeros()
+    operator, points = simulation.scheme.solver.rough, simulation.points
+    load, surface = points.zeros(operator.dtype) + operator.dtype.type(1), points.zeros(operator.dtype)
     operator(load, surface)
     began = time.perf_counter()
     operator(load, surface)
@@ -164,21 +206,20 @@ def _pairs_for(simulation) -> int:
     return max(FEWEST, round(SECONDS / (2.0 * taken)))
 
 
-def _crowding(comm, n: int) -> float:
+def _crowding(comm, n: int, precision: str, mirror: str) -> float:
     """By which factor a pair takes longer where all ranks do one, each for itself, than where one does: the better of
     some rounds, of the slowest rank."""
     if comm.size == 1:
         return 1.0
     from mpi4py import MPI
 
-    from pgfmd.physics.halfspace import HalfSpace
-    from pgfmd.solver.grid import Grid, PunchPoints
-    from pgfmd.solver.multiplier import periodic_multiplier
-    from pgfmd.solver.transform import Convolution
+    from pgfmd.assemble import convolution_of
+    from pgfmd.symmetry import points_of
 
-    points = PunchPoints(Grid(n, 1.0), 0.25, MPI.COMM_SELF)
-    operator = Convolution(points, n, periodic_multiplier(HalfSpace(1e6), 1.0))
-    load, surface = points.zeros() + 1.0, points.zeros()
+    scene, dtype = _scene(n, precision), np.dtype(np.float64 if precision == "double" else np.float32)
+    points = points_of(scene, mirror, MPI.COMM_SELF)
+    operator = convolution_of(scene, points, dtype=dtype)
+    load, surface = points.zeros(dtype) + dtype.type(1), points.zeros(dtype)
 
     def seconds() -> float:
         began, count = time.process_time(), 0

@@ -7,6 +7,10 @@ import time
 from collections.abc import Callable
 
 
+PARTS = ("_rows_forward", "_convolve_columns", "_rows_backward")
+"""What an operator does for a pair."""
+
+
 class Watch:
     """Counts and times what the operators and sums of a simulation do, on this rank.
 
@@ -20,10 +24,13 @@ class Watch:
         self.clock = clock if self.points.comm.size == 1 else time.perf_counter
         self.outside = 0.0
         self.spent = {"transforms": 0.0, "sums": 0, "reductions": 0}
-        self.calls: dict[str, list[float]] = {"_rows_forward": [], "_convolve_columns": [], "_rows_backward": []}
+        # For each operator: in mixed precision there are two.
+        self.each: list[dict[str, list[float]]] = []
         for operator in simulation.scheme.solver.operators:
-            for name in self.calls:
-                setattr(operator, name, self._timed(getattr(operator, name), name))
+            calls: dict[str, list[float]] = {name: [] for name in PARTS}
+            self.each.append(calls)
+            for name, taken in calls.items():
+                setattr(operator, name, self._timed(getattr(operator, name), taken))
             transposition = operator._transposition
             transposition.to_columns = self._left_out(transposition.to_columns)
             transposition.to_rows = self._left_out(transposition.to_rows)
@@ -40,18 +47,28 @@ class Watch:
             found |= {name: getattr(node, name) for name in ("waited", "meetings", "messages", "sent", "gathers")}
         return found
 
+    @property
+    def calls(self) -> dict[str, list[float]]:
+        """Seconds of each call, of all operators."""
+        return {name: [taken for calls in self.each for taken in calls[name]] for name in PARTS}
+
     def usual(self) -> dict[str, float]:
-        """Seconds of the rows and of the columns of a pair, the median of all."""
-        there, columns, back = (statistics.median(calls) for calls in self.calls.values())
+        """Seconds of the rows and of the columns of a pair: the median of each operator, which counts as often as it was
+        called."""
+        total = {name: 0.0 for name in PARTS}
+        for calls in self.each:
+            for name, taken in calls.items():
+                total[name] += len(taken) * statistics.median(taken) if taken else 0.0
+        there, columns, back = (total[name] / len(taken) for name, taken in self.calls.items())
         return {"rows": there + back, "columns": columns}
 
-    def _timed(self, action, part: str):
+    def _timed(self, action, taken: list[float]):
         def timed(*given):
             began, before = self.work_clock(), self.outside
             found = action(*given)
-            taken = self.work_clock() - began - (self.outside - before)
-            self.calls[part].append(taken)
-            self.spent["transforms"] += taken
+            seconds = self.work_clock() - began - (self.outside - before)
+            taken.append(seconds)
+            self.spent["transforms"] += seconds
             return found
 
         return timed

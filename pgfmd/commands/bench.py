@@ -79,7 +79,7 @@ def ranks(
     most: Annotated[int | None, typer.Option("--most", min=1, help="Most ranks that are tried; all cores.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Measure how many ranks this machine deserves, in a minute or two, and keep that for `pgfmd check`. It starts its own
+    """Measure how many ranks this machine deserves, in about a minute, and keep that for `pgfmd check`. It starts its own
     ranks."""
     from pgfmd.benchmark.ranks import SIZES, counts_to_measure, survey
     from pgfmd.forecast import machine_profile
@@ -110,23 +110,26 @@ def ranks(
 
 def _show_ranks(profile, records, counts) -> None:
     """Prints what was measured, what the model makes of it, and how many ranks tests of several lengths deserve."""
-    from pgfmd.benchmark.ranks import TINY, problem_of
+    from pgfmd.benchmark.ranks import TINY, forced, usual
     from pgfmd.forecast.scaling import total_seconds
 
     print(f"{profile.machine}; {profile.cores} for this process")
-    print(f"\n{'ranks':>6} {'start s':>8} {'work side by side takes longer by':>34}")
+    print(f"\n{'ranks':>6} {'start s':>8} {'work side by side takes longer by, in double':>46} {'mixed precision':>16}")
     for count in counts:
-        print(f"{count:6d} {profile.start[count]:8.2f} {100 * (profile.costs.crowd(count) - 1):32.0f} %")
-    print(f"\n{'n':>6} {'ranks':>6} {'pair ms':>9} {'model ms':>9}   a pair of transforms with all that goes with it")
-    for record in sorted(records, key=lambda record: (record["n"], record["ranks"])):
+        longer = [100 * (profile.costs[kind].crowd(count) - 1) for kind in ("double whole", "mixed half")]
+        print(f"{count:6d} {profile.start[count]:8.2f} {longer[0]:44.0f} % {longer[1]:14.0f} %")
+    print(f"\n{'points':>15} {'n':>6} {'ranks':>6} {'pair ms':>9} {'model ms':>9}   a pair of transforms with all that goes with it")
+    for record in sorted(records, key=lambda record: (record["precision"], record["mirror"], record["n"], record["ranks"])):
         if record["n"] != TINY:
-            expected = total_seconds(problem_of(record["n"]), record["ranks"], profile.costs, sums=record["sums"])
-            print(f"{record['n']:6d} {record['ranks']:6d} {1e3 * record['pair']:9.3g} {1e3 * expected:9.3g}")
-    print(f"\n{'':>6} ranks that a test deserves of so many pairs, and its time on them")
-    print(f"{'n':>6} " + " ".join(f"{pairs:>16d}" for pairs in TESTS))
-    for n in profile.costs.sizes:
-        problem, cells = problem_of(n), []
+            problem = forced(record["n"], record["precision"], record["mirror"])
+            expected = total_seconds(problem, record["ranks"], profile.costs[problem.kind], sums=record["sums"])
+            numbers = f"{1e3 * record['pair']:9.3g} {1e3 * expected:9.3g}"
+            print(f"{problem.kind:>15} {record['n']:6d} {record['ranks']:6d} {numbers}")
+    print(f"\n{'':>15} ranks that tri-tack deserves with so many pairs, as a run steps it by default, and its time on them")
+    print(f"{'points':>15} {'n':>6} " + " ".join(f"{pairs:>16d}" for pairs in TESTS))
+    for n in profile.costs["double whole"].sizes:
+        problem, cells = usual(n), []
         for pairs in TESTS:
             best = profile.best_ranks(problem, pairs)
             cells.append(f"{best:4d} {profile.run_seconds(problem, pairs, best):9.3g} s")
-        print(f"{n:6d} " + " ".join(f"{cell:>16}" for cell in cells))
+        print(f"{problem.kind:>15} {n:6d} " + " ".join(f"{cell:>16}" for cell in cells))

@@ -21,11 +21,11 @@ from pgfmd.files.regular_files import write_atomically
 
 from .scaling import Costs, Problem, total_seconds
 
-FORMAT = 1
+FORMAT = 2
 """Of the file."""
 NEARLY = 1.05
 """Fewer ranks are better where they take at most so many times as long: their cores can do something else."""
-MEASURE = "`pgfmd bench ranks` measures it in a minute or two"
+MEASURE = "`pgfmd bench ranks` measures it in about a minute"
 
 
 class NoProfile(PgfmdError):
@@ -35,13 +35,13 @@ class NoProfile(PgfmdError):
 @dataclass(frozen=True)
 class Profile:
     """A machine as measured. machine: `identity`; cores: that could be used; measured: the date. start [s]: of a run, by
-    its number of ranks. costs: of the work."""
+    its number of ranks. costs: of the work, by the kind of a problem."""
 
     machine: str
     cores: int
     measured: str
     start: dict[int, float]
-    costs: Costs
+    costs: dict[str, Costs]
 
     def start_seconds(self, ranks: int) -> float:
         """Seconds from the command to the first step; along a line between the numbers of ranks that were measured."""
@@ -50,7 +50,7 @@ class Profile:
 
     def run_seconds(self, problem: Problem, pairs: float, ranks: int) -> float:
         """Seconds of a run of so many pairs of transforms, start included."""
-        return self.start_seconds(ranks) + pairs * total_seconds(problem, ranks, self.costs)
+        return self.start_seconds(ranks) + pairs * total_seconds(problem, ranks, self.costs[problem.kind])
 
     @property
     def most_ranks(self) -> int:
@@ -115,21 +115,30 @@ def read() -> Profile:
             what = f"{key} = {found!r} and not {value!r}"
             raise NoProfile(f"{path}: a profile of another version or machine, {what}: {MEASURE}")
     try:
-        costs = {name: tuple(value) if isinstance(value, list) else value for name, value in content["costs"].items()}
+        costs = {kind: _costs_in(numbers) for kind, numbers in content["costs"].items()}
         start = {int(ranks): float(seconds) for ranks, seconds in content["start"].items()}
-        profile = Profile(content["machine"], int(content["cores"]), str(content["measured"]), start, Costs(**costs))
-        if not (start and profile.cores > 0 and _is_sound(profile)):
+        profile = Profile(content["machine"], int(content["cores"]), str(content["measured"]), start, costs)
+        if not (start and costs and profile.cores > 0 and _is_sound(profile)):
             raise ValueError("its numbers make no sense")
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise NoProfile(f"{path}: the profile of this machine is damaged ({error}): {MEASURE}") from None
     return profile
 
 
+def _costs_in(numbers: dict) -> Costs:
+    """Costs as the file has them."""
+    return Costs(**{name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()})
+
+
 def _is_sound(profile: Profile) -> bool:
     """Whether all numbers are finite and none is negative, and tables are as long as their axes."""
-    costs = profile.costs
-    tables = (costs.row, costs.column, costs.points, costs.point)
-    numbers = [*profile.start.values(), *costs.sizes, *costs.crowding, *(number for table in tables for number in table)]
-    numbers += [costs.pair_overhead, costs.sum_overhead, costs.adding, costs.sums, costs.meeting, costs.look, costs.shared]
-    lengths = {len(table) for table in (costs.sizes, *tables)}
-    return len(lengths) == 1 and 0 not in lengths and all(0.0 <= number < math.inf for number in numbers)
+    if not all(0.0 <= seconds < math.inf for seconds in profile.start.values()):
+        return False
+    for costs in profile.costs.values():
+        tables = (costs.row, costs.column, costs.points, costs.point)
+        numbers = [*costs.sizes, *costs.crowding, *(number for table in tables for number in table)]
+        numbers += [costs.pair_overhead, costs.sum_overhead, costs.adding, costs.sums, costs.meeting, costs.look, costs.shared]
+        lengths = {len(table) for table in (costs.sizes, *tables)}
+        if len(lengths) > 1 or 0 in lengths or not all(0.0 <= number < math.inf for number in numbers):
+            return False
+    return True

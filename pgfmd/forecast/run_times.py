@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pgfmd.host.processes import cores
 from pgfmd.parts import transform_side
+from pgfmd.symmetry import expected, points_of
 
-from .estimate import Effort, effort_of, punch_points
+from .estimate import Effort, effort_of
 from .machine_profile import NoProfile, Profile, read
 from .scaling import Problem
 
@@ -31,25 +32,30 @@ def run_times(scene, ranks: int) -> tuple[list[tuple[int, float, str]], list[str
     except NoProfile as problem:
         unknown = f"what {ranks_of(ranks)} would take is not known: {problem}"
         return rough, [unknown] if ranks > 1 else []
-    other = _not_measured(scene)
+    other = _not_measured(scene, profile)
     if other:
         rough = [(1, effort.seconds, f"a rough guess, {other}")]
         return rough, [f"what {ranks_of(ranks)} would take is not known: {other}"] if ranks > 1 else []
     return _by_profile(scene, profile, effort, ranks)
 
 
-def _not_measured(scene) -> str:
+def problem_of(scene, mirror: str | None = None) -> Problem:
+    """What a run of the scene shares out. mirror: the axes whose images it leaves out, those that it will find by default."""
+    points = points_of(scene, expected(scene).mirror if mirror is None else mirror)
+    return Problem.of(points, transform_side(scene, points.nb, mirror=points.mirror), scene.solver.precision)
+
+
+def _not_measured(scene, profile: Profile) -> str:
     """Why a profile tells nothing of such a scene; empty where it does."""
     if scene.solver.scheme == "gfmd":
         return "the machine is measured with implicit schemes only"
-    if scene.solver.precision != "double":
-        return "the machine is measured in double precision only"
+    if problem_of(scene).kind not in profile.costs:
+        return f"the machine is not measured in {scene.solver.precision} precision"
     return ""
 
 
 def _by_profile(scene, profile: Profile, effort: Effort, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
-    points, usable = punch_points(scene), min(cores(), profile.most_ranks)
-    problem, pairs = Problem.of(points, transform_side(scene, points.nb)), effort.pairs
+    problem, pairs, usable = problem_of(scene), effort.pairs, min(cores(), profile.most_ranks)
     best = profile.best_ranks(problem, pairs, usable)
     fastest = profile.run_seconds(problem, pairs, best)
     note = f"as measured here on {profile.measured}; as good as the number of pairs"

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pgfmd.solver.grid import PunchPoints, share
+from pgfmd.solver.grid import PunchPoints, share, shares_of_rows
 
 KINDS = 6
 """Numbers a row that a sum brings to all ranks: those of an iteration of conjugate gradients."""
@@ -23,35 +23,60 @@ SUMS = 3.0
 are short."""
 
 
+PARTS_OF = {"": "whole", "x": "half", "xy": "quarter"}
+"""How much of a punch is stepped, by the axes of which mirror images are left out."""
+
+
 @dataclass(frozen=True)
 class Problem:
-    """What is shared out: `side` points a side of the transform, `nb` rows and columns under the punch, and `ends`
-    (nb + 1,), how many points there are before each of these rows, and in all."""
+    """What is shared out.
+
+    side: points a side of the whole transform. rows: of points, those of mirror images left out, and `ends` (rows + 1,),
+    how many points there are before each of them, and in all. mirror: as of PunchPoints. precision: of the scene; in mixed
+    precision nearly all transforms are single, and count as such.
+    """
 
     side: int
-    nb: int
+    rows: int
     ends: np.ndarray
+    mirror: str = ""
+    precision: str = "double"
 
     @classmethod
-    def of(cls, points: PunchPoints, side: int) -> Problem:
+    def of(cls, points: PunchPoints, side: int, precision: str = "double") -> Problem:
         """That of the points under a punch, as a single rank has them."""
-        return cls(side, points.nb, points.offset)
+        return cls(side, points.rows, points.offset, points.mirror, precision)
+
+    @property
+    def kind(self) -> str:
+        """Precision and part of the punch, as "mixed half": problems of a kind have the same costs."""
+        return f"{self.precision} {PARTS_OF[self.mirror]}"
+
+    @property
+    def itemsize(self) -> int:
+        """Bytes of a complex number."""
+        return 16 if self.precision == "double" else 8
 
     @property
     def columns(self) -> int:
-        """Columns of the half spectrum."""
-        return self.side // 2 + 1
+        """Complex columns between the transforms of rows and of columns: of mirror images, two real ones each."""
+        columns = self.side // 2 + 1
+        return columns // 2 if self.mirror else columns
+
+    @property
+    def length(self) -> int:
+        """Complex numbers of a column that is transformed."""
+        return self.side // 2 if "y" in self.mirror else self.side
 
     @property
     def most_ranks(self) -> int:
-        """So many ranks can have a row and a column each."""
-        return min(self.nb, self.columns)
+        """So many ranks can have a row, or a pair of rows, and a column each."""
+        return min((self.rows + 1) // 2 if self.mirror else self.rows, self.columns)
 
     def shares(self, ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows, columns and points of each of these ranks, (ranks,)."""
-        rows, columns = (
-            np.array([share(count, ranks, rank)[1] for rank in range(ranks)]) for count in (self.nb, self.columns)
-        )
+        rows = np.array([size for _, size in shares_of_rows(self.rows, ranks, self.mirror)])
+        columns = np.array([share(self.columns, ranks, rank)[1] for rank in range(ranks)])
         return rows, columns, np.diff(self.ends[np.cumsum(rows)], prepend=0)
 
 
@@ -76,11 +101,10 @@ def nodes_of(ranks: int, per_node: int) -> list[int]:
     return [rank // per_node for rank in range(ranks)]
 
 
-def traffic_of_pair(problem: Problem, nodes: Sequence[int], rank: int, itemsize: int = 16) -> Traffic:
+def traffic_of_pair(problem: Problem, nodes: Sequence[int], rank: int) -> Traffic:
     """What a rank passes to others for one pair of transforms (node.Transposition).
 
-    nodes: that of each rank; itemsize: bytes of a complex number. There, its rows become others' columns; back, its
-    columns become others' rows.
+    nodes: that of each rank. There, its rows become others' columns; back, its columns become others' rows.
     """
     ranks, here = len(nodes), np.asarray(nodes) == nodes[rank]
     rows, columns, _ = problem.shares(ranks)
@@ -88,8 +112,8 @@ def traffic_of_pair(problem: Problem, nodes: Sequence[int], rank: int, itemsize:
     mine = here.copy()
     mine[rank] = False
     # In shared memory both ways are the rank's own: it writes its rows there, and reads them again.
-    shared = 2 * int(there[mine].sum()) * itemsize
-    sent = int(there[~here].sum() + back[~here].sum()) * itemsize
+    shared = 2 * int(there[mine].sum()) * problem.itemsize
+    sent = int(there[~here].sum() + back[~here].sum()) * problem.itemsize
     messages = int((there[~here] > 0).sum() + (back[~here] > 0).sum())
     return Traffic(shared, sent, messages, 2 if here.sum() > 1 else 0)
 
@@ -114,7 +138,7 @@ class Network:
 
 @dataclass(frozen=True)
 class Costs:
-    """What the work costs on a machine, measured by benchmark/ranks.py.
+    """What the work of one kind of problem costs on a machine, measured by benchmark/ranks.py.
 
     sizes: points a side, rising, for which one rank has been measured: `row` and `column`, seconds of the transforms of
     one, both ways; and, with as many `points` on the rank, `point`, seconds for each point of the passes over the fields
@@ -186,7 +210,7 @@ def pair_seconds(
     pair, one = traffic_of_pair(problem, nodes, 0), traffic_of_sum(nodes, 0)
     meeting = costs.meeting + (per_node - 2) * costs.look if per_node > 1 else 0.0
     sums, latency, bandwidth = _between_nodes(problem, shares, pair, per_node, network)
-    sums += one.meetings * meeting + (costs.adding * problem.nb if ranks > 1 else 0.0)
+    sums += one.meetings * meeting + (costs.adding * problem.rows if ranks > 1 else 0.0)
     found = (
         *fair, costs.pair_overhead + costs.sums * costs.sum_overhead, slowest - sum(fair), costs.sums * sums,
         pair.shared * costs.shared + pair.meetings * meeting, latency, bandwidth,
@@ -202,8 +226,8 @@ def _between_nodes(problem: Problem, shares, pair: Traffic, per_node: int, netwo
         return 0.0, 0.0, 0.0
     # What a node sends, there and back; it receives as much at the same time.
     rows_here, columns_here = rows[:per_node].sum(), columns[:per_node].sum()
-    sent = 16.0 * (rows_here * (columns.sum() - columns_here) + columns_here * (rows.sum() - rows_here))
-    bytes_of_sum = 8.0 * KINDS * problem.nb * (count - 1) / count
+    sent = float(problem.itemsize) * (rows_here * (columns.sum() - columns_here) + columns_here * (rows.sum() - rows_here))
+    bytes_of_sum = 8.0 * KINDS * problem.rows * (count - 1) / count
     of_sum = math.ceil(math.log2(count)) * network.latency + bytes_of_sum / network.bandwidth
     return of_sum, pair.messages * network.message + 2.0 * network.latency, sent / network.bandwidth
 

@@ -60,6 +60,16 @@ def share(count: int, parts: int, part: int) -> tuple[int, int]:
     return part * size + min(part, extra), size + (part < extra)
 
 
+def shares_of_rows(count: int, parts: int, mirror: str) -> list[tuple[int, int]]:
+    """(start, size) of each part of `count` rows of points: shared evenly, and with a mirror in pairs, which are not torn
+    apart."""
+    if not mirror:
+        return [share(count, parts, part) for part in range(parts)]
+    pairs = [share((count + 1) // 2, parts, part) for part in range(parts)]
+    ends = [min(2 * (start + size), count) for start, size in pairs]
+    return [(start, end - start) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
+
+
 class PunchPoints:
     """The points under the punch, and this rank's share of them.
 
@@ -107,12 +117,7 @@ class PunchPoints:
 
     def shares_among(self, parts: int) -> list[tuple[int, int]]:
         """The same for any number of ranks; there may be more of them than rows."""
-        count = self.nb - self.top
-        if not self.mirror:
-            return [share(count, parts, part) for part in range(parts)]
-        pairs = [share((count + 1) // 2, parts, part) for part in range(parts)]
-        ends = [min(2 * (start + size), count) for start, size in pairs]
-        return [(start, end - start) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
+        return shares_of_rows(self.nb - self.top, parts, self.mirror)
 
     def _columns(self, radius: float | None) -> tuple[np.ndarray, np.ndarray]:
         """First and one-past-last block column of the points, for every row of the block."""

@@ -183,3 +183,41 @@ def test_far_weights_have_the_same_bits_on_any_number_of_ranks(comm, n):
         shared, alone = (PunchPoints(Grid(n, 1e-3), radius, each) for each in (comm, MPI.COMM_SELF))
         weights = np.concatenate(comm.allgather(far_weights(compliance, shared)))
         np.testing.assert_array_equal(weights, far_weights(compliance, alone))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "precision", "symmetry"),
+    [("triangular", "double", "auto"), ("triangular", "mixed", "auto"), ("flat", "mixed", "auto"), ("flat", "mixed", "none")],
+)
+def test_steps_allocate_what_is_foretold_of_the_whole_a_half_or_a_quarter(comm, pattern, precision, symmetry, monkeypatch):
+    changes = [f"punch.pattern={pattern}", f"solver.precision={precision}", f"solver.symmetry={symmetry}"]
+    scene = load_scene("tri-tack", ["grid.n=640", *changes])
+    monkeypatch.setattr("pgfmd.solver.transform._LARGEST_BATCH", 1)
+
+    def start(scene):
+        simulation = assemble(scene, comm)
+        simulation.controller.advance(simulation.state, simulation.phase)
+        return simulation
+
+    # Tables and plans of the first time don't count, nor memory that ranks still hold from then.
+    start(load_scene("tri-tack", ["grid.n=32", *changes]))
+    shared = 0
+    if comm.size > 1:
+        node = Node.of(comm)
+        gc.collect()
+        node.trim()
+        shared = node.held
+    tracemalloc.start()
+    try:
+        simulation = start(scene)
+        assert simulation.points.images == (1 if symmetry == "none" else 4 if pattern == "flat" else 2)
+        tracemalloc.reset_peak()
+        for _ in range(3):
+            simulation.controller.advance(simulation.state, simulation.phase)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    if comm.size > 1:
+        # Memory that the ranks of a node share is not Python's.
+        peak += node.held - shared
+    assert max(comm.allgather(peak)) == pytest.approx(memory_of(scene, comm.size).running, rel=0.1)

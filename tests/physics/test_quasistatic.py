@@ -106,7 +106,7 @@ class WholePlane:
 
     def force(self, position, sharpness=1e-13):
         """Force [N] at a position [m], downhill from where the last one has left the surface."""
-        gamma, rho = self.law.work_of_adhesion, self.law.range
+        gamma = self.law.work_of_adhesion
         unit = math.sqrt(gamma)
 
         def objective(v):

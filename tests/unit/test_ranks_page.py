@@ -22,19 +22,32 @@ COSTS = Costs(
     (512, 1024), (2e-6, 4e-6), (4e-6, 8e-6), (51468, 205892), (8e-9, 8e-9), 2e-5, 4e-5, meeting=1e-6, look=1e-7,
 )  # fmt: skip
 NETWORK = Network()
+PARTS_STEPPED = [(precision, mirror) for precision in bench.WITNESSES for mirror in bench.MIRRORS]
+WHOLE = ["solver.symmetry=none", "solver.precision=double"]
+
+
+def whole(n):
+    return bench.forced(n, "double", "")
+
+
+def made(options, changes=()):
+    """The tables of a machine where all kinds of points cost as much."""
+    options.n, options.ranks, options.set = [512, 1024], [1, 2, 3], list(changes)
+    return model.blocks(options)
 
 
 def test_each_block_of_the_page_has_a_table(monkeypatch):
     sums = 3.5
     records = [
-        {"n": n, "ranks": count, "sums": sums, "pair": 1e-3 / count} for n in (bench.TINY, 512, 1024) for count in (1, 2, 3)
+        {"n": n, "ranks": count, "sums": sums, "pair": 1e-3 / count, "precision": precision, "mirror": mirror}
+        for n in (bench.TINY, 512, 1024) for count in (1, 2, 3) for precision, mirror in PARTS_STEPPED
     ]  # fmt: skip
-    monkeypatch.setattr(bench, "survey", lambda *given: (Profile("abacus", 2, "today", {1: 1.0, 2: 1.5}, COSTS), records))
+    costs = {bench.forced(bench.TINY, *part).kind: COSTS for part in PARTS_STEPPED}
+    monkeypatch.setattr(bench, "survey", lambda *given: (Profile("abacus", 2, "today", {1: 1.0, 2: 1.5}, costs), records))
     parser = argparse.ArgumentParser()
     model.arguments(parser)
     options = parser.parse_args(["--bandwidth", "25", "--crowding", "1.5"])
-    options.n, options.ranks = [512, 1024], [1, 2, 3]
-    found = model.blocks(options)
+    found = made(options)
     page = (ROOT / "docs" / "ranks.md").read_text(encoding="utf-8")
     assert sorted(re.findall(r"<!-- model ([\w-]+) -->", page)) == sorted(found)
     assert re.findall(r"<!-- (?:shares|speed) ([\w-]+) -->", page) == ["whole", "after", "before"]
@@ -45,20 +58,31 @@ def test_each_block_of_the_page_has_a_table(monkeypatch):
         assert "| --- |" in text and "nan" not in text and "inf" not in text
     assert "25 GB/s" in found["large"] and "1.5 times as long" in found["large"] and "too many" in found["large"]
     # Of three ranks on two cores the model says nothing.
-    assert found["measured"].count("(") - found["measured"].count("(µs)") - found["measured"].count("(ns)") == 4
+    assert found["measured"].count("| (") == 4
+    assert "mixed half points, as runs choose" in found["large"] and "| mixed half | 512 |" in found["traffic"]
+    # Whole and in double precision there are four times the bytes, as many meetings, and more ranks have work.
+    double = made(options, WHOLE)
+    assert "double whole points (solver.symmetry=none, solver.precision=double)" in double["large"]
+    for n in (512, 1024):
+        bytes_of = [traffic_of_pair(bench.usual(n, changes), [0, 1], 0).sent for changes in (WHOLE, [])]
+        assert bytes_of[0] / bytes_of[1] == pytest.approx(4.0, rel=0.02)
+    assert double["large"].count("too many") < found["large"].count("too many")
 
 
+@pytest.mark.parametrize("part", [("double", ""), ("mixed", "x")])
 @pytest.mark.parametrize("row", [0.0, 0.6])
-def test_rows_by_points_or_work_are_all_shared_out(row):
-    problem = bench.problem_of(1024)
+def test_rows_by_points_or_work_are_all_shared_out(row, part):
+    problem = bench.forced(1024, *part)
     rows, columns, points = model._by(problem, 16, row)
-    assert (rows.sum(), columns.sum(), points.sum()) == (problem.nb, problem.columns, problem.ends[-1])
-    work = points + row * problem.nb * rows
-    assert work.max() < 1.03 * work.mean() and rows[0] > rows[8]
+    assert (rows.sum(), columns.sum(), points.sum()) == (problem.rows, problem.columns, problem.ends[-1])
+    work = points + row * np.diff(problem.ends).max() * rows
+    # Pairs of rows, of mirror images, can't be torn apart.
+    assert work.max() < (1.06 if problem.mirror else 1.03) * work.mean() and rows[0] > rows[8]
+    assert not problem.mirror or not (rows % 2).any()
 
 
 def test_joined_messages_save_latency_and_no_bytes():
-    problem = bench.problem_of(8192)
+    problem = whole(8192)
     now, joined = (make(problem, 1024, COSTS, 64, NETWORK) for make in (pair_seconds, model.joined_seconds))
     assert traffic_of_pair(problem, [rank // 64 for rank in range(1024)], 0).messages == 2 * 960
     # 15 other nodes are served by 64 ranks: a message there and one back each, at most.

@@ -1,5 +1,6 @@
 """The model of more ranks, the profile of a machine, and how many ranks it deserves."""
 
+import itertools
 import json
 import math
 from dataclasses import replace
@@ -7,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pgfmd.benchmark.ranks import TINY, counts_to_measure, fitted, problem_of
+from pgfmd.benchmark.ranks import MIRRORS, TINY, WITNESSES, counts_to_measure, fitted, forced, usual
 from pgfmd.commands.check import report
 from pgfmd.forecast import machine_profile
+from pgfmd.forecast.estimate import effort_of
 from pgfmd.forecast.machine_profile import NoProfile, Profile, identity
+from pgfmd.forecast.run_times import problem_of
 from pgfmd.forecast.scaling import PARTS, Costs, Network, Problem, pair_seconds, total_seconds, traffic_of_pair, traffic_of_sum
 from pgfmd.scene import load_scene
 
@@ -70,6 +73,32 @@ def test_ranks_wait_for_the_slowest_of_each_stretch():
     assert parts["rows"] == pytest.approx(16 * row) and parts["pointwise"] == pytest.approx(512 * point)
 
 
+@pytest.mark.parametrize("mirror", MIRRORS)
+@pytest.mark.parametrize("n", [64, 62])
+def test_halves_and_quarters_share_out_what_they_have(n, mirror):
+    """Counts as of the transforms: half the columns of a mirror image, half the rows of a quarter, pairs of rows."""
+    whole, part = forced(n, "double", ""), forced(n, "double", mirror)
+    assert part.ends[-1] * 2 ** len(mirror) == whole.ends[-1]
+    assert part.rows == (whole.rows // 2 if "y" in mirror else whole.rows)
+    assert part.columns == ((n // 2 + 1) // 2 if mirror else n // 2 + 1)
+    assert part.length == (n // 2 if "y" in mirror else n)
+    rows, columns, points = part.shares(3)
+    assert (rows.sum(), columns.sum(), points.sum()) == (part.rows, part.columns, part.ends[-1])
+    assert not mirror or not (rows[:-1] % 2).any()
+    # As many ranks as the model allows have all a row and a column.
+    assert all(share.min() > 0 for share in part.shares(part.most_ranks)[:2])
+    single = forced(n, "mixed", mirror)
+    for nodes in ([0, 0, 0], [0, 1, 2]):
+        double, mixed = (traffic_of_pair(problem, nodes, 1) for problem in (part, single))
+        assert (double.shared, double.sent) == (2 * mixed.shared, 2 * mixed.sent) and double.messages == mixed.messages
+
+
+def test_messages_of_single_numbers_have_half_the_bytes():
+    network = Network(latency=1e-3, message=1e-2, bandwidth=1e6)
+    double, mixed = (pair_seconds(replace(EVEN, precision=name), 8, COSTS, 2, network) for name in ("double", "mixed"))
+    assert mixed["bandwidth"] == pytest.approx(0.5 * double["bandwidth"]) and mixed["latency"] == double["latency"]
+
+
 def test_rows_of_one_node_go_through_its_memory():
     on_one, apart = traffic_of_pair(EVEN, [0] * 4, 0), traffic_of_pair(EVEN, [0, 1, 2, 3], 0)
     assert (on_one.messages, on_one.sent, on_one.meetings) == (0, 0, 2)
@@ -80,39 +109,48 @@ def test_rows_of_one_node_go_through_its_memory():
 
 
 # The number of ranks -------------------------------------------------------------------------------------------------
+PARTS_STEPPED = [(precision, mirror) for precision in WITNESSES for mirror in MIRRORS]
+
+
 def profile(start=(1.0, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0, 2.1), **changes):
+    """A machine on which all kinds of problems cost as much, for each row, column and point."""
     costs = replace(COSTS, pair_overhead=1e-5, sum_overhead=3e-5, meeting=1e-6, **changes)
-    return Profile(identity(), 8, "2026-01-01 12:00", dict(enumerate(start, 1)), costs)
+    kinds = {forced(TINY, *part).kind: costs for part in PARTS_STEPPED}
+    return Profile(identity(), 8, "2026-01-01 12:00", dict(enumerate(start, 1)), kinds)
+
+
+def whole(n):
+    return forced(n, "double", "")
 
 
 def test_short_tests_deserve_one_rank_and_long_ones_more():
-    machine, problem = profile(), problem_of(512)
+    machine, problem = profile(), whole(512)
     best = [machine.best_ranks(problem, pairs, 8) for pairs in (1, 100, 10_000, 1_000_000)]
     assert best == sorted(best) and best[0] == 1 and best[-1] == 8
-    sizes = [machine.best_ranks(problem_of(n), 1000, 8) for n in (64, 128, 256, 512, 1024)]
+    sizes = [machine.best_ranks(whole(n), 1000, 8) for n in (64, 128, 256, 512, 1024)]
     assert sizes == sorted(sizes) and sizes[0] == 1
 
 
 def test_no_more_ranks_than_cores_or_rows():
     machine = profile()
-    assert machine.best_ranks(problem_of(1024), 1e6, 3) == 3
-    assert machine.best_ranks(problem_of(1024), 1e6, 100) == machine.best_ranks(problem_of(1024), 1e6) == 8
+    assert machine.best_ranks(whole(1024), 1e6, 3) == 3
+    assert machine.best_ranks(whole(1024), 1e6, 100) == machine.best_ranks(whole(1024), 1e6) == 8
     assert machine.best_ranks(Problem(8, 3, 3 * np.arange(4)), 1e9) <= 3
     # Nothing is known of more ranks than were measured.
-    assert profile(start=(1.0, 1.5)).best_ranks(problem_of(1024), 1e6, 8) == 2
-    assert profile(start=(1.0,)).best_ranks(problem_of(1024), 1e6, 8) == 1
+    assert profile(start=(1.0, 1.5)).best_ranks(whole(1024), 1e6, 8) == 2
+    assert profile(start=(1.0,)).best_ranks(whole(1024), 1e6, 8) == 1
 
 
 def test_cores_that_bring_hardly_anything_are_left_to_others():
     # Where work side by side takes as many times as long as there are ranks, nothing is won.
     crowded = profile(crowding=tuple(float(count) for count in range(1, 9)))
-    assert crowded.best_ranks(problem_of(1024), 1e6, 8) == 1
+    assert crowded.best_ranks(whole(1024), 1e6, 8) == 1
 
 
 def test_the_start_follows_what_was_measured():
-    machine = Profile(identity(), 8, "", {1: 1.0, 2: 2.0, 4: 3.0}, COSTS)
+    machine = Profile(identity(), 8, "", {1: 1.0, 2: 2.0, 4: 3.0}, {"double whole": COSTS})
     assert [machine.start_seconds(ranks) for ranks in (1, 2, 3, 4, 8)] == [1.0, 2.0, 2.5, 3.0, 3.0]
-    assert Profile(identity(), 8, "", {1: 1.0}, COSTS).start_seconds(5) == 1.0
+    assert Profile(identity(), 8, "", {1: 1.0}, {}).start_seconds(5) == 1.0
     assert machine.run_seconds(EVEN, 0, 3) == 2.5
 
 
@@ -122,35 +160,44 @@ def test_powers_of_two_and_all_cores_are_measured():
 
 
 def records_of(costs, counts=(1, 2), sizes=(TINY, 128, 512)):
-    """What would be measured on a machine with such costs."""
+    """What would be measured on a machine with such costs, by kind: one rank steps all parts, more step one."""
     found = []
-    for ranks in counts:
-        for n in sizes:
-            problem = problem_of(n)
-            parts = pair_seconds(problem, ranks, costs)
-            shared = traffic_of_pair(problem, [0] * ranks, 0).shared * costs.shared
-            found.append({
-                "ranks": ranks, "n": n, "nb": problem.nb, "width": problem.columns, "points": int(problem.ends[-1]),
-                "rows": parts["rows"] + shared, "columns": parts["columns"] + costs.pair_overhead,
-                "pass": costs.sum_overhead + parts["pointwise"] / costs.sums, "sums": costs.sums, "pair": 1.0,
-                "adding": costs.adding, "meeting": costs.meeting * (ranks > 1), "crowding": costs.crowd(ranks),
-            })  # fmt: skip
+    for precision, mirror, ranks, n in itertools.product(WITNESSES, MIRRORS, counts, sizes):
+        if ranks > 1 and mirror != WITNESSES[precision]:
+            continue
+        problem = forced(n, precision, mirror)
+        mine = costs[problem.kind]
+        parts = pair_seconds(problem, ranks, mine)
+        shared = traffic_of_pair(problem, [0] * ranks, 0).shared * mine.shared
+        found.append({
+            "ranks": ranks, "n": n, "precision": precision, "mirror": mirror, "row_count": problem.rows,
+            "column_count": problem.columns, "points": int(problem.ends[-1]),
+            "rows": parts["rows"] + shared, "columns": parts["columns"] + mine.pair_overhead,
+            "pass": mine.sum_overhead + parts["pointwise"] / mine.sums, "sums": mine.sums, "pair": 1.0,
+            "adding": mine.adding, "meeting": mine.meeting * (ranks > 1), "crowding": mine.crowd(ranks),
+        })  # fmt: skip
     return found
 
 
-def test_costs_are_found_again_from_what_they_make():
-    costs = Costs(
-        (128, 512), (1e-6, 5e-6), (2e-6, 9e-6), (3228, 51468), (5e-9, 6e-9), 1e-5, 3e-5, adding=1e-9,
-        crowding=(1.0, 1.1), meeting=1e-6, shared=2e-10,
-    )  # fmt: skip
-    found = fitted(records_of(costs))
-    for name in ("adding", "meeting", "crowding", "sizes"):
-        assert getattr(found, name) == getattr(costs, name)
-    for name in ("point", "sum_overhead"):
-        assert getattr(found, name) == pytest.approx(getattr(costs, name), rel=1e-3), name
-    # What the tiny test's rows and columns take is counted as overhead.
-    for name in ("row", "column", "shared"):
-        assert getattr(found, name) == pytest.approx(getattr(costs, name), rel=0.05), name
+def test_costs_of_each_kind_are_found_again_from_what_they_make():
+    given = {}
+    for factor, (precision, mirror) in enumerate(PARTS_STEPPED, 2):
+        given[forced(TINY, precision, mirror).kind] = Costs(
+            (128, 512), (factor * 1e-6, factor * 5e-6), (factor * 2e-6, factor * 9e-6),
+            tuple(int(forced(n, precision, mirror).ends[-1]) for n in (128, 512)), (factor * 5e-9, factor * 6e-9),
+            factor * 1e-5, factor * 3e-5, adding=1e-9, crowding=(1.0, 1.1 if precision == "double" else 1.05),
+            meeting=1e-6, shared=2e-9 if precision == "double" else 3e-9,
+        )  # fmt: skip
+    found = fitted(records_of(given))
+    assert found.keys() == given.keys() and len(found) == 6
+    for kind, costs in given.items():
+        for name in ("adding", "meeting", "crowding", "sizes", "points"):
+            assert getattr(found[kind], name) == getattr(costs, name), (kind, name)
+        for name in ("point", "sum_overhead"):
+            assert getattr(found[kind], name) == pytest.approx(getattr(costs, name), rel=1e-3), (kind, name)
+        # What the tiny test's rows and columns take is counted as overhead.
+        for name in ("row", "column", "shared"):
+            assert getattr(found[kind], name) == pytest.approx(getattr(costs, name), rel=0.1), (kind, name)
 
 
 # The file ------------------------------------------------------------------------------------------------------------
@@ -171,12 +218,13 @@ def test_a_profile_is_read_as_it_was_written(cache):
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("format", 0, "another version or machine, format = 0 and not 1"),
+        ("format", 1, "another version or machine, format = 1 and not 2: `pgfmd bench ranks` measures it"),
         ("pgfmd", "0.0.1", "another version or machine, pgfmd = '0.0.1'"),
         ("machine", "abacus", "another version or machine, machine = 'abacus'"),
         ("start", {}, "damaged"),
         ("cores", None, "damaged"),
-        ("costs", {"sizes": [1]}, "damaged"),
+        ("costs", {}, "damaged"),
+        ("costs", {"double whole": {"sizes": [1]}}, "damaged"),
         ("start", {"1": -1.0}, "damaged .its numbers make no sense"),
     ],
 )
@@ -187,7 +235,7 @@ def test_profiles_of_others_and_damaged_ones_are_refused(cache, key, value, said
         machine_profile.read()
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"format": 1'])
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"format": 2'])
 def test_half_a_file_is_refused(cache, text):
     machine_profile.write(profile()).write_text(text)
     with pytest.raises(NoProfile, match="`pgfmd bench ranks` measures it"):
@@ -210,11 +258,30 @@ def test_check_invents_nothing_without_a_profile(cache):
     assert "what 4 ranks would take is not known: no profile of this machine" in said
 
 
-@pytest.mark.parametrize("change", ["solver.scheme=gfmd", "solver.precision=mixed", "solver.precision=single"])
+@pytest.mark.parametrize("change", ["solver.scheme=gfmd", "solver.precision=single"])
 def test_check_tells_nothing_of_what_was_not_measured(cache, change):
     machine_profile.write(profile())
     times, said = lines_of(2, change)
     assert list(times) == ["expected time on 1 rank"] and "what 2 ranks would take is not known" in said
+
+
+@pytest.mark.parametrize("n", [64, 256])
+@pytest.mark.parametrize("changes", [[], ["solver.symmetry=none"], ["solver.precision=double"], ["punch.pattern=flat"]])
+def test_check_gives_times_for_what_a_run_will_step(cache, monkeypatch, n, changes):
+    """By default: half the points of this punch, or a quarter of a flat one, and from 256 points a side on in mixed precision."""
+    monkeypatch.setattr("pgfmd.forecast.run_times.cores", lambda: 4)
+    machine, changes = profile(), [f"grid.n={n}", *changes]
+    part = "whole" if "solver.symmetry=none" in changes else "quarter" if "punch.pattern=flat" in changes else "half"
+    kind = f"{'mixed' if n == 256 and 'solver.precision=double' not in changes else 'double'} {part}"
+    # Only this kind is so dear that any time of another would be seen.
+    costs = machine.costs | {kind: replace(machine.costs[kind], point=(1e-3, 1e-3))}
+    machine_profile.write(replace(machine, costs=costs))
+    times, said = lines_of(4, *changes)
+    scene = load_scene("tri-tack", changes)
+    problem, pairs = problem_of(scene), effort_of(scene).pairs
+    assert problem.kind == kind and "not known" not in said
+    work = 3.0 * 1e-3 * problem.ends[-1] / 4
+    assert times["expected time on 4 ranks"][0] == pytest.approx(pairs * work, rel=0.3)
 
 
 def test_check_names_the_better_number_of_ranks(cache, monkeypatch):
@@ -225,7 +292,7 @@ def test_check_names_the_better_number_of_ranks(cache, monkeypatch):
     assert list(times) == ["expected time on 2 ranks", "expected time on 1 rank"]
     assert "1 rank would take about 0." in said and "times as long as 2 ranks" in said
     # Costs so small that one rank is best of this long test only if starts are dear.
-    dear = replace(machine, costs=replace(machine.costs, point=(1e-6, 1e-6)))
+    dear = profile(start=(1.0, 3.0, 4.0, 5.0), point=(1e-6, 1e-6))
     machine_profile.write(dear)
     times, said = lines_of(4, "grid.n=512")
     assert list(times) == ["expected time on 4 ranks"] and "ranks would" not in said
@@ -279,21 +346,22 @@ def test_bench_prints_a_table_and_keeps_the_profile(surveyed, capsys):
     assert surveyed == [([128, 512], [1, 2])]
     shown = capsys.readouterr()
     lines = [line.split() for line in shown.out.splitlines()]
-    assert ["2", "1.50", "25", "%"] in lines
+    assert ["2", "1.50", "25", "%", "25", "%"] in lines
     # The sizes that the profile knows; ranks and seconds for 100, 1000 and 10000 pairs.
     machine, row = machine_profile.read(), lines[-1]
-    assert row[0] == "128" and row[3::3] == ["s"] * 3
-    for column, pairs in zip((1, 4, 7), (100, 1000, 10_000)):
-        best = machine.best_ranks(problem_of(128), pairs)
+    assert row[:3] == ["double", "half", "128"] and row[5::3] == ["s"] * 3
+    assert usual(512).kind == "mixed half" and lines[-2][:3] == ["double", "half", "64"]
+    for column, pairs in zip((3, 6, 9), (100, 1000, 10_000)):
+        best = machine.best_ranks(usual(128), pairs)
         assert int(row[column]) == best
-        assert float(row[column + 1]) == pytest.approx(machine.run_seconds(problem_of(128), pairs, best), rel=5e-3)
+        assert float(row[column + 1]) == pytest.approx(machine.run_seconds(usual(128), pairs, best), rel=5e-3)
     assert f"kept for `pgfmd check`: {machine_profile.place()}" in shown.err
 
 
 def test_bench_prints_json(surveyed, capsys):
     assert bench_ranks("128", "--most", "1", "--json") == 0
     found = json.loads(capsys.readouterr().out)
-    assert surveyed == [([128], [1])] and [record["n"] for record in found["pairs"]] == [TINY, 128]
+    assert surveyed == [([128], [1])] and [record["n"] for record in found["pairs"]] == 6 * [TINY, 128]
 
 
 def test_bench_starts_its_own_ranks(surveyed, monkeypatch, capsys):
