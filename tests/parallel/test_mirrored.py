@@ -172,9 +172,10 @@ def test_a_run_on_a_part_writes_what_a_run_on_the_whole_writes(name, tmp_path_fa
     record = run_scene(load_scene(source, changes), comm, folder / "part", lambda line: None)
     whole = run_scene(load_scene(source, [*changes, "solver.symmetry=none"]), comm, folder / "whole", lambda line: None)
     assert (record["mirror"], whole["mirror"]) == (mirror, "")
-    run_scene(load_scene(source, changes), MPI.COMM_SELF, folder / f"alone {comm.rank}", lambda line: None)
-    assert not differences(folder / "part", folder / f"alone {comm.rank}")
-    comm.Barrier()
+    if comm.size > 1:
+        run_scene(load_scene(source, changes), MPI.COMM_SELF, folder / f"alone {comm.rank}", lambda line: None)
+        assert not differences(folder / "part", folder / f"alone {comm.rank}")
+        comm.Barrier()
     for table in ("curve.csv", "energy.csv", "patches.csv", "sites.csv"):
         here, there = (columns(folder / run / table) for run in ("part", "whole"))
         assert here.keys() == there.keys()
@@ -189,9 +190,8 @@ def test_a_run_on_a_part_writes_what_a_run_on_the_whole_writes(name, tmp_path_fa
                 np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
                 largest = np.nanmax(np.abs(expected))
                 np.testing.assert_allclose(np.nan_to_num(found), np.nan_to_num(expected), atol=1e-5 * largest, rtol=0)
-                mirrored = found[:, :, ::-1]
                 if field != "surface_displacement":
-                    np.testing.assert_array_equal(found, mirrored)
+                    np.testing.assert_array_equal(found, found[:, :, ::-1])
     comm.Barrier()
 
 
