@@ -1,7 +1,7 @@
 """Whether a scene is its own mirror image, and is stepped on a half or a quarter of its points. No MPI.
 
-The axes are x -> -x, and y -> -y as well. Periodic cells, free surfaces, films and prestrains are symmetric in both; so it
-is the punch's face that decides, by its heights at points and at their images: they must have the same bits. What can't
+The axes are x -> -x, and y -> -y as well. Periodic cells, free surfaces, films and prestrains are symmetric in both; so
+it is the punch's face that decides, by its heights at points and at their images: they must have the same bits. What can't
 tell left from right stays symmetric where its way is unique, as that of a viscoelastic surface is. An elastic one that
 loses its stability may go on lopsided; scenes that allow that are stepped whole.
 """

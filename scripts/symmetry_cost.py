@@ -1,12 +1,12 @@
 #!/usr/bin/env python
-"""What it saves to step a half or a quarter of a symmetric punch: processor time of a pair of transforms, and of whole tests.
+"""What it saves to step a half or a quarter of a symmetric punch: processor time of a pair, and of whole tests.
 
     .venv/bin/python scripts/symmetry_cost.py pair [--n 512 1024]
     .venv/bin/python scripts/symmetry_cost.py test [--scene tri-tack] [--n 512] [--accuracy 1e-2] [--precision double]
 
-Prints tables. Everything is done in turns, on one rank, and the best of several counts: so ratios are right on a machine that
-is shared. Differences of a test are those to the run on the whole punch: of the force, root mean square over the times of
-its steps, relative to the preload, and of the pull-off force.
+Prints tables. Everything is done in turns, on one rank, and the best of several counts: so ratios are right on a machine
+that is shared. Differences of a test are those to the run on the whole punch: of the force, root mean square over the
+times of its steps, relative to the preload, and of the pull-off force.
 """
 
 from __future__ import annotations
@@ -87,7 +87,8 @@ def print_tests(scene: str, n: int, accuracy: str, precision: str) -> None:
     warm_up("inertialess", precision)
     keys, known = [f"grid.n={n}", f"solver.accuracy={accuracy}", f"solver.precision={precision}"], None
     for symmetry in ("none", "auto"):
-        simulation, forces = assemble(load_scene(scene, [*keys, f"solver.symmetry={symmetry}"]), MPI.COMM_SELF), Forces()
+        made, forces = load_scene(scene, [*keys, f"solver.symmetry={symmetry}"]), Forces()
+        simulation = assemble(made, MPI.COMM_SELF)
         simulation.observers.append(forces)
         began = time.process_time()
         state = simulation.run()
@@ -98,7 +99,8 @@ def print_tests(scene: str, n: int, accuracy: str, precision: str) -> None:
         pull_off = abs(state.pull_off_force)
         first = pull_off if symmetry == "none" else first
         print(
-            f"| {PARTS[simulation.points.mirror]} | {state.counters.transform_pairs} | {state.counters.steps} | {took:.2f} s | "
+            f"| {PARTS[simulation.points.mirror]} | {state.counters.transform_pairs} | {state.counters.steps} | "
+            f"{took:.2f} s | "
             f"{pull_off * 1e3:.6g} mN | {abs(pull_off / first - 1):.1e} | "
             f"{math.sqrt(np.mean(away**2)) / simulation.drive.preload:.1e} |",
             flush=True,

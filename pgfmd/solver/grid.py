@@ -74,14 +74,14 @@ class PunchPoints:
     """The points under the punch, and this rank's share of them.
 
     slab: this rank's rows of the whole cell, (first, count), where these and not even shares decide which rows of the
-    block it owns; it may own none. mirror: axes along which everything is its own mirror image: "x", x -> -x, or "xy", both.
-    Points with x > 0, and with y > 0, then stand for their images; n is even. A rank then owns pairs of rows, for the
+    block it owns; it may own none. mirror: axes along which everything is its own mirror image: "x", x -> -x, or "xy",
+    both. Points with x > 0, and with y > 0, then stand for their images; n is even. A rank then owns pairs of rows, for the
     transform (mirrored_transform.py).
 
     Attributes: `block_start`, `nb` (first row and column of the block in the cell, its side), `row_start`, `rows`
     (this rank's rows within the block), `top` (the first row of all ranks), `first`, `last` (rows,) the interval of
-    columns under the punch in each local row, `offset` (rows + 1,) where each local row begins in the point vector, `size`
-    local points, `images` that each of them stands for, itself included, `total` points and images on all ranks.
+    columns under the punch in each local row, `offset` (rows + 1,) where each local row begins in the point vector,
+    `size` local points, `images` that each of them stands for, itself included, `total` points and images on all ranks.
     """
 
     def __init__(

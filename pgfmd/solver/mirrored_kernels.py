@@ -1,12 +1,12 @@
-"""Compiled kernels of the transform of mirror images (mirrored_transform.py): cosine transforms, two in one complex line.
+"""Compiled kernels of the transform of mirror images (mirrored_transform.py): two cosine transforms in a complex line.
 
-A line of N complex numbers z holds two real sequences a + i b of N points, in the order 0, 2, 4 ... 5, 3, 1 (J. Makhoul,
+A line of N complex numbers z holds two real sequences a + i b of N points, in the order 0, 2, 4 ... 5, 3, 1 (Makhoul,
 IEEE Trans. Acoust. Speech Signal Process. 28, 27 (1980)). With its transform Z and theta = pi k/(2 N),
 
     A_k = 2 sum_j a_j cos(pi k (j + 1/2)/N) = Re(exp(-i theta) (Z_k + conj Z_{N-k})),   B_k from -i (Z_k - conj Z_{N-k})
 
-are the Fourier coefficients of all 2 N points, images included; exp(i theta) (A_k - i A_{N-k}) transforms back to N times
-a_j. Lines are passed as real arrays, real and imaginary parts in turns.
+are the Fourier coefficients of all 2 N points, images included; exp(i theta) (A_k - i A_{N-k}) transforms back to N
+times a_j. Lines are passed as real arrays, real and imaginary parts in turns.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _compile = compiled(fastmath={"contract", "nsz"})
 
 @_compile
 def scatter_pairs(vector, offset, row, count, scale, lines):
-    """Lines of scale * (row `row + 2 l` + i times the next one), zero behind; `count` rows, the last one maybe alone."""
+    """Lines of scale * (row `row + 2 l` + i times the next one), zero behind; `count` rows, the last maybe alone."""
     length = lines.shape[1] // 2
     for l in range(lines.shape[0]):
         line = lines[l]

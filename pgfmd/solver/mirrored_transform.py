@@ -1,7 +1,7 @@
-"""The same convolution where traction and displacement are their own mirror images: on a half or a quarter of the points.
+"""The same convolution where all fields are their own mirror images: on a half or a quarter of the points.
 
-With x -> -x, a row is known by its right half. Its Fourier transform is real: a cosine transform of n/2 points, two rows
-of which are one complex transform of n/2 (mirrored_kernels.py). So columns are real, and two of them are one complex
+With x -> -x, a row is known by its right half. Its Fourier transform is real: a cosine transform of n/2 points, two
+rows of which are one complex transform of n/2 (mirrored_kernels.py). So columns are real, and two of them are one complex
 column. With y -> -y as well, columns are known by their lower halves, and become cosine transforms like the rows. All
 rows and columns go in fixed pairs, so the result has the same bits for any number of ranks.
 """
@@ -22,8 +22,9 @@ from .transform import EFFORTS, Spectrum, complex_lines, forget_plans
 class MirroredConvolution:
     """u = G * w between point vectors that stand for their mirror images: a half or a quarter of a pair of transforms.
 
-    points: PunchPoints with a `mirror`. n: points a side of the whole transform, even, and at least what the kernel needs
-    not to wrap around. make_multiplier, effort, dtype, `pairs`, `seconds`, `mean_compliance`: as of transform.Convolution.
+    points: PunchPoints with a `mirror`. n: points a side of the whole transform, even, and at least what the kernel
+    needs not to wrap around. make_multiplier, effort, dtype, `pairs`, `seconds`, `mean_compliance`: as of
+    transform.Convolution.
     """
 
     def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):

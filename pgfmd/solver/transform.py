@@ -60,8 +60,8 @@ def complex_lines(length: int, count: int, dtype, flags):
 class Spectrum:
     """The columns of the half spectrum that this rank owns, for a transform of `n` points a side.
 
-    shares: (first, count) of each rank's columns, even ones where there are none. `kx` (columns,) are its x-indices, out
-    of 0 ... n//2; y-indices run over `ky` = 0 ... n//2, as G is even in them.
+    shares: (first, count) of each rank's columns, even ones where there are none. `kx` (columns,) are its x-indices,
+    out of 0 ... n//2; y-indices run over `ky` = 0 ... n//2, as G is even in them.
     """
 
     def __init__(self, n: int, comm, shares: list[tuple[int, int]] | None = None):

@@ -28,8 +28,8 @@ from pgfmd.solver.transform import Convolution
 pytestmark = pytest.mark.mpi
 
 LENGTH = 1.5e-3
-# Grid points, and the radius as a share of the cell: powers of two and not, odd halves and quarters, whole cells, blocks of
-# two rows, more ranks than pairs of rows.
+# Grid points, and the radius as a share of the cell: powers of two and not, odd halves and quarters, whole cells, blocks
+# of two rows, more ranks than pairs of rows.
 CELLS = [(4, 0.25), (10, 0.2), (64, 0.25), (72, 0.25), (90, 0.25), (100, 0.23), (100, 0.5), (14, None), (16, None)]
 PERIODIC = {"prestrained": HalfSpace(2.65e6, (1.3, 0.7)), "film": Film(2e6, 0.49, 0.2e-3, "bonded")}
 
@@ -69,7 +69,8 @@ def test_a_part_is_convolved_as_the_whole_and_with_the_same_bits_on_any_number_o
     part, everything, whole = operators(points, kind)
     found = part(local(points), points.zeros(), 0.37)
     expected = everything(alone.unfold(local(alone)), whole.zeros(), 0.37)
-    np.testing.assert_allclose(gathered(comm, points.unfold(found)), expected, atol=1e-15 * np.abs(expected).max(), rtol=0)
+    error = np.abs(gathered(comm, points.unfold(found)) - expected).max()
+    assert error <= 1e-15 * np.abs(expected).max()
     own = operators(alone, kind)[0](local(alone), alone.zeros(), 0.37)
     np.testing.assert_array_equal(gathered(comm, found), own)
     # Of a free surface it is that of the transform, whose size is another.
@@ -172,9 +173,10 @@ def test_a_run_on_a_part_writes_what_a_run_on_the_whole_writes(name, tmp_path_fa
     record = run_scene(load_scene(source, changes), comm, folder / "part", lambda line: None)
     whole = run_scene(load_scene(source, [*changes, "solver.symmetry=none"]), comm, folder / "whole", lambda line: None)
     assert (record["mirror"], whole["mirror"]) == (mirror, "")
-    run_scene(load_scene(source, changes), MPI.COMM_SELF, folder / f"alone {comm.rank}", lambda line: None)
-    assert not differences(folder / "part", folder / f"alone {comm.rank}")
-    comm.Barrier()
+    if comm.size > 1:
+        run_scene(load_scene(source, changes), MPI.COMM_SELF, folder / f"alone {comm.rank}", lambda line: None)
+        assert not differences(folder / "part", folder / f"alone {comm.rank}")
+        comm.Barrier()
     for table in ("curve.csv", "energy.csv", "patches.csv", "sites.csv"):
         here, there = (columns(folder / run / table) for run in ("part", "whole"))
         assert here.keys() == there.keys()
@@ -189,9 +191,8 @@ def test_a_run_on_a_part_writes_what_a_run_on_the_whole_writes(name, tmp_path_fa
                 np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
                 largest = np.nanmax(np.abs(expected))
                 np.testing.assert_allclose(np.nan_to_num(found), np.nan_to_num(expected), atol=1e-5 * largest, rtol=0)
-                mirrored = found[:, :, ::-1]
                 if field != "surface_displacement":
-                    np.testing.assert_array_equal(found, mirrored)
+                    np.testing.assert_array_equal(found, found[:, :, ::-1])
     comm.Barrier()
 
 
@@ -209,7 +210,7 @@ def test_a_jump_is_placed_where_the_whole_punch_would_place_it(tmp_path_factory)
         keys = there[0].split(",")
         for one, other in zip(here[1:], there[1:], strict=True):
             one, other = (dict(zip(keys, line.split(","), strict=True)) for line in (one, other))
-            assert [one[key] for key in ("event", "joined", "left", "at")] == [other[key] for key in ("event", "joined", "left", "at")]
+            assert all(one[key] == other[key] for key in ("event", "joined", "left", "at"))
             for key in ("x [m]", "y [m]"):
                 assert float(one[key]) == float(other[key]) or math.isnan(float(one[key]))
     comm.Barrier()

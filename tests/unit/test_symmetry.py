@@ -80,9 +80,8 @@ def test_one_point_that_differs_is_enough(mirror):
 
 
 def test_sums_and_numbers_of_points_are_those_of_the_whole_punch():
-    part, whole = (
-        assemble(load_scene("flat-punch", ["grid.n=32", *more]), MPI.COMM_SELF) for more in ([], ["solver.symmetry=none"])
-    )
+    scenes = (load_scene("flat-punch", ["grid.n=32", f"solver.symmetry={symmetry}"]) for symmetry in ("auto", "none"))
+    part, whole = (assemble(scene, MPI.COMM_SELF) for scene in scenes)
     assert part.points.size * 4 == whole.points.size
     for simulation in (part, whole):
         simulation.run(only_to_preload=True)
