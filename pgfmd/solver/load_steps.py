@@ -66,7 +66,7 @@ class LoadSteps:
             follow = step <= followed * (1.0 + 1e-9)
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=follow)
             state.counters.take(trial)
-            passed = trial.is_jump and not follow and state.force < 0.0
+            passed = trial.is_jump and not follow and state.force < min(trial.force, 0.0)
             shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest, passed)
             if shorter is not None:
                 if step <= finest and not trial.converged:

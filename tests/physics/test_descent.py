@@ -157,7 +157,7 @@ def test_three_iterations_find_saddles_that_one_would_pass(monkeypatch):
             # As if a mode were enough that is followed from step to step.
             monkeypatch.setattr(SoftMode, "most_iterations", 1)
             monkeypatch.setattr(SoftMode, "_softened", lambda *_: False)
-        simulation = assemble(scene("hex-tack", 32, "drive.preload=2 mN", "solver.accuracy=0.02"), MPI.COMM_SELF)
+        simulation = assemble(scene("hex-tack", 32, "drive.preload=5 mN", "solver.accuracy=0.03"), MPI.COMM_SELF)
         watch = DenseCurvature(simulation)
         earlier = simulation.scheme.pairs
         simulation.observers.append(watch)
