@@ -235,7 +235,7 @@ class Results:
 
 class FieldsMapping(Mapping):
     """`fields.h5` without xarray: name -> array on disk, read where it is indexed, labels as texts; `units[name]` gives
-    the units."""
+    the units, `attrs[name]` an attribute of the file."""
 
     def __init__(self, path: Path):
         import h5py
@@ -243,7 +243,7 @@ class FieldsMapping(Mapping):
         from pgfmd.files.fields_layout import variables
 
         self._file = h5py.File(path, "r", locking=False)
-        self._names = variables(self._file)
+        self._names, self.attrs = variables(self._file), dict(self._file.attrs)
         arrays = {name: self._file[name] for name in self._names}
         self.units = {name: array.attrs["units"] for name, array in arrays.items() if "units" in array.attrs}
 

@@ -113,3 +113,14 @@ def test_a_law_without_energy_or_range_is_refused(gamma, reach):
 
 def test_the_table_names_the_laws_of_a_scene():
     assert LAWS == {"cosine": True, "repulsive": False}
+
+
+def test_contact_ends_at_the_largest_traction_and_is_the_stable_side():
+    for attractive in (True, False):
+        law = CohesiveLaw(0.05, 3e-7, attractive)
+        gap = np.linspace(-1.0, 1.0, 4001) * law.range
+        largest = law.traction(np.array([law.contact_gap]))[0]
+        assert np.all(law.traction(gap) <= largest) and largest == (law.strength if attractive else 0.0)
+        held = gap < law.contact_gap - 1e-9 * law.range
+        assert np.all(law.curvature(gap[held]) > 0.0) and np.all(law.curvature(gap[~held]) <= 1e-9 * law.stiffness)
+    assert CohesiveLaw(0.05, 3e-7).contact_gap == 1.5e-7

@@ -16,6 +16,7 @@ from pgfmd.errors import ResultError
 from pgfmd.files.curve_file import CURVE_COLUMNS, EARLIER_CURVE_COLUMNS, LATER_COLUMNS
 from pgfmd.files.curve_tail import CurveTail
 from pgfmd.results import load
+from pgfmd.results.reading import FieldsMapping
 from pgfmd.results.status import status_of
 from pgfmd.results.verify import verify
 from pgfmd.runner import run_scene
@@ -68,6 +69,9 @@ def test_what_a_run_has_counted_is_known(new, tmp_path):
             for name, level in (("contact", reach / 2), ("overlap", 0.0), ("near", 5e-7)):
                 assert row[f"{name}_area [m^2]"] == pytest.approx(cell * np.count_nonzero(gap < level), rel=1e-12)
             assert row["contact_area [m^2]"] > 1.2 * row["overlap_area [m^2]"]
+    plain = FieldsMapping(new / "fields.h5")
+    assert plain.attrs["contact_gap_m"] == reach / 2
+    plain.close()
     # Of a run that goes on there is no record yet.
     live = shutil.copytree(new, tmp_path / "live")
     (live / "run.json").unlink()
