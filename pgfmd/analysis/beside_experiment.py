@@ -79,7 +79,7 @@ def _remarks(found: Overlay) -> list[str]:
     old = [name for name, known in areas if "overlap" in known and "contact" not in known]
     if not old:
         return []
-    text = f"{', '.join(old)}: run by an earlier version of pgfmd, which counted overlap (gap < 0), not contact"
+    text = f"{', '.join(old)}: run by version 0.1 of pgfmd, which counted overlap (gap < 0), not contact"
     mixed = any("contact" in known for _, known in areas)
     return [f"{text}; the areas of the other runs are of contact, and not to be compared with these" if mixed else text]
 

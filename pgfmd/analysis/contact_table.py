@@ -17,8 +17,8 @@ from .site_loads import site_loads
 from .table import Table
 
 COUNTED_OVERLAP = (
-    "an earlier version of pgfmd made this run and counted points with a negative gap, which leaves out what is held "
-    "under tension: areas, patches and sites are those of overlap, and contact is not known"
+    "version 0.1 of pgfmd made this run and counted points with a negative gap, which leaves out what is held under "
+    "tension: areas, patches and sites are those of overlap, and contact is not known"
 )
 
 

@@ -59,7 +59,7 @@ def remarks(rows: Sequence[Row]) -> list[str]:
     names = ", ".join(old[:MOST_NAMED]) + (f" and {len(old) - MOST_NAMED} more" if len(old) > MOST_NAMED else "")
     which = names if len(old) < len(rows) else "all cases"
     counted = "areas of overlap (gap < 0), not of contact"
-    text = f"{which}: run by an earlier version of pgfmd, which counted {counted}"
+    text = f"{which}: run by version 0.1 of pgfmd, which counted {counted}"
     if any(row.measured.get(AT_PRELOAD.format("contact")) is not None for row in rows):
         text += "; the other cases count contact: to compare them, move these folders away and run the study again"
     return [text]

@@ -21,6 +21,7 @@ from pgfmd.files.curve_file import (
     SiteFile,
     SiteRow,
 )
+from pgfmd.files.hdf5 import open_serial
 from pgfmd.files.storage import write_run_json
 from pgfmd.output.fields_file import FieldsFile
 
@@ -28,6 +29,8 @@ RADIUS, MODULUS, PUNCH = 5e-3, 2.67e6, 375e-6
 CONTACT_GAP, NEAR_GAP = 180e-9, 400e-9
 OVERLAP, NEAR = 0.7, 1.3
 """Areas of overlap and of what is near, as shares of the contact area."""
+GAPS = ("contact_gap_m", "near_gap_m")
+"""What version 0.1 does not say of a run."""
 
 
 def history(rows: int) -> list[CurveRow]:
@@ -102,9 +105,15 @@ def as_version_0_1(folder: Path) -> Path:
         row[contact] = row[overlap]
     kept = [[cell for k, cell in enumerate(row) if k not in (overlap, near)] for row in (names, *rows)]
     (folder / "curve.csv").write_text("".join(",".join(row) + "\n" for row in kept))
-    record = json.loads((folder / "run.json").read_text())
-    record = {key: value for key, value in record.items() if key not in ("contact_gap_m", "near_gap_m")}
-    (folder / "run.json").write_text(json.dumps(record))
+    if (folder / "run.json").exists():
+        record = json.loads((folder / "run.json").read_text())
+        # Marks of tables that look otherwise now.
+        record = {key: value for key, value in record.items() if key not in (*GAPS, "outputs")}
+        (folder / "run.json").write_text(json.dumps(record))
+    if (folder / "fields.h5").exists():
+        with open_serial(folder / "fields.h5", "r+") as file:
+            for name in set(GAPS) & set(file.attrs):
+                del file.attrs[name]
     scene = (folder / "scene.resolved.toml").read_text().splitlines(keepends=True)
     (folder / "scene.resolved.toml").write_text("".join(line for line in scene if not line.startswith("near_gap")))
     return folder

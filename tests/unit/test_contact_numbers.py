@@ -87,7 +87,7 @@ def test_analyse_names_what_was_counted(folders):
     # On so coarse a grid the range is long: contact reaches further than an image sees.
     (near, *_) = new.table.sections["Near"]
     assert results.near_gap < results.contact_gap and near.note.startswith("not above that of contact")
-    assert "loads_at_which_sites_change" in new.record and not any("earlier" in text for text in new.table.remarks)
+    assert "loads_at_which_sites_change" in new.record and not any("0.1" in text for text in new.table.remarks)
 
     assert old.record["overlap"] == new.record["overlap"]
     assert {"contact", "near", "loads_at_which_sites_change"}.isdisjoint(old.record)
@@ -121,7 +121,7 @@ def test_compare_says_which_curves_count_what(folders, tmp_path):
     both = told(new, old)
     assert "contact area at the preload" in both and "overlap area at the preload" in both
     assert (
-        "preload-2mN: run by an earlier version of pgfmd, which counted overlap (gap < 0), not contact; the areas"
+        "preload-2mN: run by version 0.1 of pgfmd, which counted overlap (gap < 0), not contact; the areas"
         in both
     )
     assert "overlap" not in told(new)
@@ -181,7 +181,7 @@ def test_a_study_of_old_folders_has_overlap_alone(study, folders):
         known = {column for column in (*AREAS, *GAPS) if row.measured[column] is not None}
         assert known == {column for column, (kind, _) in AREAS.items() if kind == "overlap"}
     (told,) = remarks(rows)
-    assert told.startswith("all cases: run by an earlier version") and "areas of overlap (gap < 0)" in told
+    assert told.startswith("all cases: run by version 0.1") and "areas of overlap (gap < 0)" in told
     panel = measures_figure(Plan(rows, study.axes), "").axes[3]
     assert panel.get_ylabel() == "overlap area at the preload (mm²)" and len(panel.lines[0].get_xdata()) == 2
 
@@ -192,7 +192,7 @@ def test_a_study_that_mixes_old_and_new_folders_says_so(study, folders, tmp_path
     shutil.copytree(folders / "old" / "preload-2mN", out / "preload-2mN")
     rows = rows_in(study, out)
     (told,) = remarks(rows)
-    assert told.startswith("preload-2mN: run by an earlier version") and "the other cases count contact" in told
+    assert told.startswith("preload-2mN: run by version 0.1") and "the other cases count contact" in told
     panel = measures_figure(Plan(rows, study.axes), "").axes[3]
     assert list(panel.lines[0].get_xdata()) == [1e-3]
     assert panel.get_title() == "without 1 that counted overlap"

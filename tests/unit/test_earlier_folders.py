@@ -1,19 +1,18 @@
 """Folders as version 0.1 wrote them, whose contact is overlap: read with that meaning, and not gone on with."""
 
-import json
 import shutil
 
-import h5py
 import numpy as np
 import pytest
 from mpi4py import MPI
 from small_runs import run
+from synthetic_results import as_version_0_1
 from typer.testing import CliRunner
 
 from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
 from pgfmd.errors import ResultError
-from pgfmd.files.curve_file import CURVE_COLUMNS, EARLIER_CURVE_COLUMNS, LATER_COLUMNS
+from pgfmd.files.curve_file import EARLIER_CURVE_COLUMNS, LATER_COLUMNS
 from pgfmd.files.curve_tail import CurveTail
 from pgfmd.results import load
 from pgfmd.results.reading import FieldsMapping
@@ -26,27 +25,6 @@ SCENE = ("tri-tack", ["grid.n=24", "drive.preload=1 mN", 'output.snapshots=["1 s
 """That of small_runs."""
 
 
-def as_earlier(folder):
-    """Makes of a run's folder what version 0.1 would have left: overlap in the column of contact, fewer columns and
-    keys."""
-    lines = [line.split(",") for line in (folder / "curve.csv").read_text().splitlines()]
-    overlap = CURVE_COLUMNS.index("overlap_area [m^2]")
-    old = [list(EARLIER_CURVE_COLUMNS)]
-    for row in lines[1:]:
-        row[overlap - 1] = row[overlap]
-        old.append([value for name, value in zip(CURVE_COLUMNS, row) if name not in LATER_COLUMNS])
-    (folder / "curve.csv").write_text("".join(",".join(row) + "\n" for row in old))
-    if (folder / "run.json").exists():
-        record = json.loads((folder / "run.json").read_text())
-        del record["contact_gap_m"], record["near_gap_m"], record["outputs"]
-        (folder / "run.json").write_text(json.dumps(record))
-    scene = (folder / "scene.resolved.toml").read_text().splitlines()
-    (folder / "scene.resolved.toml").write_text("\n".join(line for line in scene if "near_gap" not in line) + "\n")
-    with h5py.File(folder / "fields.h5", "r+") as file:
-        del file.attrs["contact_gap_m"], file.attrs["near_gap_m"]
-    return folder
-
-
 @pytest.fixture(scope="module")
 def new(tmp_path_factory):
     return run(tmp_path_factory.mktemp("new") / "out")
@@ -54,7 +32,7 @@ def new(tmp_path_factory):
 
 @pytest.fixture
 def old(new, tmp_path):
-    return as_earlier(shutil.copytree(new, tmp_path / "old"))
+    return as_version_0_1(shutil.copytree(new, tmp_path / "old"))
 
 
 def test_what_a_run_has_counted_is_known(new, tmp_path):
@@ -102,7 +80,7 @@ def test_without_attraction_nothing_has_changed_its_meaning(new, old):
 
 def test_an_earlier_run_is_not_gone_on_with(tmp_path):
     stopped = run(tmp_path / "out", stop_after=20)
-    as_earlier(stopped)
+    as_version_0_1(stopped)
     before = {path.name: path.read_bytes() for path in stopped.iterdir() if path.is_file()}
     with pytest.raises(ResultError, match="version 0.1 of pgfmd.*can't go on.*--fresh"):
         run_scene(load_scene(*SCENE), MPI.COMM_SELF, stopped, lambda line: None)
