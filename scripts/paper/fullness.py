@@ -90,8 +90,8 @@ def _claims(run: Run, settings: str) -> list[Claim]:
     return [
         Claim("force at full contact", settings, contact, "mN", *told, count, overlap),
         Claim("force at which nothing is open", settings, _force_at(run, "near"), "mN", *told),
-        Claim(f"contact area at {SHOWN_FORCE:g} mN, of the punch", settings, covered(run, "contact", at), "%", *all_of_it,
-              count, covered(run, "overlap", at)),
+        Claim(f"contact area at {SHOWN_FORCE:g} mN, of the punch", settings, covered(run, "contact", at), "%",
+              *all_of_it, count, covered(run, "overlap", at)),
         Claim(f"area further than 500 nm at {SHOWN_FORCE:g} mN, of the punch", settings,
               100.0 - covered(run, "near", at), "%", *none),
     ]  # fmt: skip

@@ -53,7 +53,12 @@ def _read(path: Path) -> list[Row]:
 
 
 def keep(
-    folder: Path, size: str, figure: str, drawing: Drawing | None, figures: Iterable[str], missing: str = "",
+    folder: Path,
+    size: str,
+    figure: str,
+    drawing: Drawing | None,
+    figures: Iterable[str],
+    missing: str = "",
     runs: Iterable[str] = (),
 ) -> None:
     """Puts the rows and the caption of a figure at a size in place of older ones. drawing: None if it can't be drawn.

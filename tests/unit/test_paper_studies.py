@@ -102,8 +102,8 @@ def test_a_figure_from_its_runs_to_its_numbers(tmp_path, capsys, monkeypatch):
     assert rows["6 u(L/2, L/2) − 5 u(L/2, 0) from the surface, over u_∞"] == pytest.approx(1.0, abs=0.05)
     assert driver.main(["compliance", "--size", "quick", "--out", str(tmp_path), "--draw-only", *small]) == 0
     assert len(page.read_rows(tmp_path / "figures")) == len(rows)
-    run = Run("cell", "run", Pool(("cell",), "quick", small[1::2]).cases["cell/run"].case().scene, tmp_path / "cell" / "run")
-    counts_of_one_run(run)
+    scene = Pool(("cell",), "quick", small[1::2]).cases["cell/run"].case().scene
+    counts_of_one_run(Run("cell", "run", scene, tmp_path / "cell" / "run"))
     # Without its runs a figure stays as it is, numbers and all.
     (tmp_path / "cell").rename(tmp_path / "away")
     assert driver.main(["compliance", "--size", "quick", "--out", str(tmp_path), "--draw-only", *small]) == 0
