@@ -164,7 +164,8 @@ def hexagonal(runs: Runs) -> Drawing:
         "Approach at 1 µm/s, columns at fractions of t_pl, the last one at the largest tension of the retraction. "
         "Preload "
         + ", ".join(f"{name} {run.preload:g} mN" for name, run, _, what in _named(rows) if what == "gap")
-        + f"; curved: a macroscopic curvature of 40 mm. {SHADES}"
+        + ("; curved: a macroscopic curvature of 40 mm. " if runs.of("approach", "curved") else ". ")
+        + SHADES
     )
     return Drawing(draw_maps(rows), caption, claims)
 

@@ -220,8 +220,8 @@ def block(figure: str, folder: Path) -> str:
             parts.append(f"Not run here ({word}): {told}. `{command}` runs them.")
         if stale := sum(row["size"] == size and row["count"] == OVERLAP for row in rows):
             parts.append(
-                f"Not counted anew ({word}): {stale} numbers, whose runs were made when contact was a negative gap "
-                f"and are not there any more. `{command}` makes them again."
+                f"Not counted anew ({word}): {stale} of the numbers; their runs were made when contact was a "
+                f"negative gap, and are not there any more. `{command}` makes them again."
             )
     return "\n\n".join(parts)
 
