@@ -18,8 +18,8 @@ from paper.drawing import (
     draw_gaps,
     new_figure,
     settings_of,
+    shades_of,
 )
-from paper.evolution import SHADES
 from paper.pool import Run, Runs
 
 SHOWN_FORCE = 60.0
@@ -53,7 +53,7 @@ def full(runs: Runs) -> Drawing:
     axes[0].set_ylabel("area (% of the punch)")
     caption = (
         f"Full: contact; dotted: gap below 0; dashed: gap below 500 nm. Maps: the snapshots nearest to {SHOWN_FORCE:g} "
-        f"mN on the way in. {SHADES} {'; '.join(notes)}."
+        f"mN on the way in. {shades_of(runs)} {'; '.join(notes)}."
     )
     return Drawing(figure, caption, claims)
 

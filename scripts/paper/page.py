@@ -221,7 +221,7 @@ def block(figure: str, folder: Path) -> str:
         if stale := sum(row["size"] == size and row["count"] == OVERLAP for row in rows):
             parts.append(
                 f"Not counted anew ({word}): {stale} of the numbers; their runs were made when contact was a "
-                f"negative gap, and are not there any more. `{command}` makes them again."
+                f"negative gap. `{command}` makes them again, unless results of version 0.1 are in its way."
             )
     return "\n\n".join(parts)
 
