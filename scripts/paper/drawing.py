@@ -191,6 +191,14 @@ def draw_gaps(axis: Any, run: Run, snapshot: int) -> None:
     axis.imshow(numbers, origin="lower", interpolation="nearest", cmap=greys, norm=bounds)
 
 
+def shades_of(runs: Iterable[Run]) -> str:
+    """What the greys of `draw_gaps` mean, for a caption."""
+    text = "From dark to light: gap below 0, contact, gap below 500 nm, open."
+    if any(count_of(run) == OVERLAP for run in runs):
+        text += " Where runs of version 0.1 are drawn, contact is not set off from gaps below 500 nm."
+    return text
+
+
 def thin(values: np.ndarray) -> np.ndarray:
     """A map with not many more points than can be seen."""
     stride = -(-4 * values.shape[0] // MOST_PIXELS)

@@ -22,6 +22,7 @@ from paper.drawing import (
     new_figure,
     percent,
     settings_of,
+    shades_of,
     share_below,
     thin,
     times_of,
@@ -31,7 +32,6 @@ from pgfmd.analysis.bulges import bulges
 from pgfmd.plots.maps import robust_limit
 
 TRI_COLUMNS = (1.0, 1.125, 1.25)
-SHADES = "From dark to light: gap below 0, contact, gap below 500 nm, open."
 LAST = "distance from the axis of the last third of saddles, over all"
 NEARLY = 0.98
 """Share of the largest tension: the force has a flat minimum, over which saddle after saddle lets go."""
@@ -100,7 +100,7 @@ def tri(runs: Runs) -> Drawing:
     rows.append(_stress(rows[-1]))
     note = "; ".join(f"{name}: {settings_of(run)}" for name in names if (run := runs.one("contact", name)))
     caption = (
-        f"Retraction from 40 mN at 1 µm/s. {note}. {SHADES} "
+        f"Retraction from 40 mN at 1 µm/s. {note}. {shades_of(runs)} "
         "Columns: 1, 1.125 and 1.25 t_pl, before and after most saddles let go, largest tension."
     )
     return Drawing(draw_maps(rows), caption, claims)
@@ -164,7 +164,8 @@ def hexagonal(runs: Runs) -> Drawing:
         "Approach at 1 µm/s, columns at fractions of t_pl, the last one at the largest tension of the retraction. "
         "Preload "
         + ", ".join(f"{name} {run.preload:g} mN" for name, run, _, what in _named(rows) if what == "gap")
-        + f"; curved: a macroscopic curvature of 40 mm. {SHADES}"
+        + ("; curved: a macroscopic curvature of 40 mm. " if runs.of("approach", "curved") else ". ")
+        + shades_of(runs)
     )
     return Drawing(draw_maps(rows), caption, claims)
 

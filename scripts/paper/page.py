@@ -53,7 +53,12 @@ def _read(path: Path) -> list[Row]:
 
 
 def keep(
-    folder: Path, size: str, figure: str, drawing: Drawing | None, figures: Iterable[str], missing: str = "",
+    folder: Path,
+    size: str,
+    figure: str,
+    drawing: Drawing | None,
+    figures: Iterable[str],
+    missing: str = "",
     runs: Iterable[str] = (),
 ) -> None:
     """Puts the rows and the caption of a figure at a size in place of older ones. drawing: None if it can't be drawn.
@@ -215,8 +220,8 @@ def block(figure: str, folder: Path) -> str:
             parts.append(f"Not run here ({word}): {told}. `{command}` runs them.")
         if stale := sum(row["size"] == size and row["count"] == OVERLAP for row in rows):
             parts.append(
-                f"Not counted anew ({word}): {stale} numbers, whose runs were made when contact was a negative gap "
-                f"and are not there any more. `{command}` makes them again."
+                f"Not counted anew ({word}): {stale} of the numbers; their runs were made when contact was a "
+                f"negative gap. `{command}` makes them again, unless results of version 0.1 are in its way."
             )
     return "\n\n".join(parts)
 

@@ -8,8 +8,9 @@
     python scripts/paper/run.py --draw-only                     figures and page from what is there
 
 Results are in out/paper-<size>/<study>/<case>; a run that several figures need is made once. What is finished is left
-as it is, what was stopped goes on. Figures, numbers.csv and the page are those of docs, but at the size `quick`. A picture whose runs are
-not all there any more stays; of its numbers, those that count contact are made again from the runs that are.
+as it is, what was stopped goes on. Figures, numbers.csv and the page are those of docs, but at the size `quick`. A
+picture whose runs are not all there any more stays; of its numbers, those that count contact are made again from the
+runs that are there.
 """
 
 from __future__ import annotations
