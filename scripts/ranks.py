@@ -31,8 +31,11 @@ from ranks_model import arguments, blocks, busy, table
 from pgfmd.host import launch
 
 PAGE = Path(__file__).parent.parent / "docs" / "ranks.md"
-TESTS = {256: ["drive.speed=1 um/s"], 512: ["drive.speed=1 um/s"], 1024: ["drive.speed=25 um/s"], 2048: ["drive.speed=25 um/s", "drive.preload=5 mN"]}
+SLOW, FAST = "drive.speed=1 um/s", "drive.speed=25 um/s"
+TESTS = {256: [SLOW], 512: [SLOW], 1024: [FAST], 2048: [FAST, "drive.preload=5 mN"]}
 """Scenes by n: some 2300, 3400, 500 and 200 pairs of transforms."""
+WHOLE_TESTS = {1024: [SLOW], 2048: [SLOW]}
+"""With `--whole`, `speed` measures these as well, the shipped programme on large grids: some 5000 and 8000 pairs."""
 
 
 def main() -> None:
@@ -41,6 +44,7 @@ def main() -> None:
     parser.add_argument("--n", type=int, nargs="+", default=[512, 1024, 2048], help="grid points a side")
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 3], help="numbers of ranks")
     parser.add_argument("--rounds", type=int, default=3, help="for speed (default: %(default)s)")
+    parser.add_argument("--whole", action="store_true", help="for speed: the whole programme on large grids, too (minutes)")
     parser.add_argument("--busy", action="store_true", help="for speed: a process that computes on each core")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="further changes of the scene")
     parser.add_argument("--page", action="store_true", help="write the tables into docs/ranks.md")
@@ -60,18 +64,19 @@ def speed(options: argparse.Namespace) -> None:
     rows = []
     try:
         print(f"{'n':>6} {'ranks':>6} {'best s':>8} {'over 1 rank':>12}   all rounds [s]")
-        for n in options.n:
+        for n, test in tests_of(options):
             times: dict[int, list[float]] = {ranks: [] for ranks in options.ranks}
             for _ in range(options.rounds):
                 for ranks in options.ranks:
-                    times[ranks].append(_run(n, ranks, options.set))
+                    times[ranks].append(_run(n, ranks, [*test, *options.set]))
             first = min(times[options.ranks[0]])
             for ranks, taken in times.items():
                 each = " ".join(f"{seconds:.2f}" for seconds in taken)
                 print(f"{n:6d} {ranks:6d} {min(taken):8.2f} {min(taken) / first:12.2f}   {each}", flush=True)
             best = [min(taken) for taken in times.values()]
             ratios = [f"{later / earlier:.2f}" for earlier, later in pairwise(best)]
-            rows.append([f"n = {n}, {', '.join(TESTS.get(n, TESTS[1024]))}", stepped(n, options.set), *(f"{seconds:.2f} s" for seconds in best), *ratios])
+            words = ", ".join(change.partition(".")[2].replace("=", " ").replace(" um", " µm") for change in test)
+            rows.append([f"n = {n}, {words}", stepped(n, options.set), *(f"{seconds:.2f} s" for seconds in best), *ratios])
     finally:
         for other in others:
             other.kill()
@@ -80,6 +85,12 @@ def speed(options: argparse.Namespace) -> None:
         head += [f"{later} over {earlier}" for earlier, later in pairwise(options.ranks)]
         about = f"The best of {options.rounds} rounds, on {os.cpu_count()} cores{changed(options.set)}."
         fill(PAGE, "speed", lambda name: "\n\n".join(filter(None, (about, table(head, rows), busy()))))
+
+
+def tests_of(options: argparse.Namespace) -> list[tuple[int, list[str]]]:
+    """Sizes and changes of the tests that `speed` measures."""
+    tests = [(n, TESTS.get(n, TESTS[1024])) for n in options.n]
+    return tests + [(n, WHOLE_TESTS[n]) for n in options.n if options.whole and n in WHOLE_TESTS]
 
 
 def scene_of(n: int, changes: list[str]) -> list[str]:
@@ -107,9 +118,9 @@ def _busy() -> subprocess.Popen:
 
 
 def _run(n: int, ranks: int, changes: list[str]) -> float:
-    """Time [s] of a whole run, from the command to its end."""
+    """Time [s] of a whole run with these changes, from the command to its end."""
     folder = tempfile.mkdtemp(prefix="pgfmd-ranks-")
-    command = [sys.executable, "-P", "-m", "pgfmd.cli", "run", *scene_of(n, changes), "--out", f"{folder}/run"]
+    command = [sys.executable, "-P", "-m", "pgfmd.cli", "run", "tri-tack", f"grid.n={n}", *changes, "--out", f"{folder}/run"]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
     # Without compiled modules, a start compiles all of pgfmd's sources each time, on each rank.
