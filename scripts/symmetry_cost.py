@@ -86,6 +86,7 @@ def print_tests(scene: str, n: int, accuracy: str, precision: str) -> None:
     print("| --- | --- | --- | --- | --- | --- | --- |")
     warm_up("inertialess", precision)
     keys, known = [f"grid.n={n}", f"solver.accuracy={accuracy}", f"solver.precision={precision}"], None
+    first = None
     for symmetry in ("none", "auto"):
         made, forces = load_scene(scene, [*keys, f"solver.symmetry={symmetry}"]), Forces()
         simulation = assemble(made, MPI.COMM_SELF)
@@ -97,7 +98,7 @@ def print_tests(scene: str, n: int, accuracy: str, precision: str) -> None:
         known = rows if known is None else known
         away = np.interp(known[:, 0], *rows.T) - known[:, 1]
         pull_off = abs(state.pull_off_force)
-        first = pull_off if symmetry == "none" else first
+        first = pull_off if first is None else first
         print(
             f"| {PARTS[simulation.points.mirror]} | {state.counters.transform_pairs} | {state.counters.steps} | "
             f"{took:.2f} s | "
