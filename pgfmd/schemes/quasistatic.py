@@ -197,10 +197,6 @@ class Quasistatic(PathFollowing):
             position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest,
             mode=state.soft_mode, dual=state.soft_load,
         )  # fmt: skip
-        if outcome.left_over:
-            # Rounding has stopped it short of balance. Newton's corrections, each of many moves, are rounded only once.
-            more = self.solver.solve(position, self._none, self.compliance, u, w, tolerance, jump, largest_force=largest)
-            outcome = outcome.followed_by(more)
         self._after_solve(position, outcome)
         return outcome
 

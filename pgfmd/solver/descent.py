@@ -26,9 +26,6 @@ MOST_TURNS = 5
 """Its most iterations."""
 FLAT = 1e-3
 """Curvatures nearer to zero than this are taken for this; how far to go is then up to the region of trust."""
-INDEPENDENT = {"float64": 1e-8, "float32": 1e-4}
-"""A direction whose part independent of the others is smaller than this, squared and relative, is left out, by the
-precision of directions: what is made of nearly equal ones is larger by as much, and so is its rounding."""
 
 
 @dataclass
@@ -61,7 +58,6 @@ class Descent:
 
     def __init__(self, solver: NewtonSolver):
         self.solver, self.points, self.law = solver, solver.points, solver.law
-        self._independent = INDEPENDENT[solver.rough.dtype.name]
         self._no_mode = np.zeros(0, solver.rough.dtype)
         self._rows = np.zeros((14, solver.points.rows))
         self._modes = np.zeros((4, 3))
@@ -81,9 +77,6 @@ class Descent:
         solver = self.solver
         self._at = position, u, w, history, compliance
         self._mode = (self._no_mode, self._no_mode) if mode is None else (mode, dual)
-        if mode is not None and solver.rough.dtype == np.float32:
-            # Moved on and on, a mode in single precision parts from A times its dual, and takes u from G0 w.
-            solver.rough(dual, mode, compliance)
         unbalanced = solver.force_share * tolerance * solver.force_scale / self.points.grid.cell_area
         progress, noise = Progress(tolerance, unbalanced), 0.0
         trust, way, drop, quiet, negative, turns = 1.0, 0.0, 0.0, 0, False, 0
@@ -208,7 +201,7 @@ class Descent:
         told, comm = self._modes, self.points.comm
         if comm.rank == 0:
             told[:] = 0.0
-            kernels.modes_of(bend, norm, self._independent, told[0], told[1:])
+            kernels.modes_of(bend, norm, told[0], told[1:])
         if comm.size > 1:
             # One rank decides: other processors may round in other ways.
             comm.Bcast(told)

@@ -13,6 +13,8 @@ _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
 _compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
 
+INDEPENDENT = 1e-8
+"""A direction whose part independent of the others is smaller than this, squared and relative, is left out."""
 SWEEPS = 12
 """Of Jacobi's method, which converges quadratically: three by three is done after four or five."""
 
@@ -131,9 +133,8 @@ def move_on(step, weights, x, dx, z, dz, p, dp, compliance, u, w):
 
 
 @_compile
-def _independent(norm, least, base):
-    """Orthonormal directions, in the columns of base, of those whose products are `norm`, and whose part independent of
-    the others, squared and relative, is above `least`; their number."""
+def _independent(norm, base):
+    """Orthonormal directions, in the columns of base, of those whose products are `norm`; their number."""
     count = 0
     for j in range(3):
         if not norm[j, j] > 0.0:
@@ -152,7 +153,7 @@ def _independent(norm, least, base):
         for a in range(3):
             for b in range(3):
                 left += v[a] * norm[a, b] * v[b]
-        if left > least:
+        if left > INDEPENDENT:
             for a in range(3):
                 base[a, count] = v[a] / math.sqrt(left)
             count += 1
@@ -184,14 +185,14 @@ def _diagonal(small, turn, count):
 
 
 @_compile
-def modes_of(bend, norm, least, values, vectors):
+def modes_of(bend, norm, values, vectors):
     """Eigenvalues (3,), lowest first, and vectors (3, 3), in columns, of bend v = value norm v; returns their number.
-    Directions of nothing, or of which less than `least` (squared, relative) is independent of those before, are left out.
+    Directions of nothing, or that hardly differ from those before, are left out.
 
     Both matrices are symmetric, (3, 3). Compiled by hand, as LAPACK's start costs more than a small transform.
     """
     base, small, turn = np.zeros((3, 3)), np.zeros((3, 3)), np.eye(3)
-    count = _independent(norm, least, base)
+    count = _independent(norm, base)
     for m in range(count):
         for n in range(count):
             for a in range(3):
