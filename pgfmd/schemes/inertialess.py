@@ -82,17 +82,13 @@ class Inertialess(PathFollowing):
         Nothing to do, and nothing done, for a punch out of reach. RunError if there is no balance.
         """
         solver = self.solver
-        self._history[0, :] = 0.0
-        solve, modes = solver.solve, {}
-        if not self.creep.elements and state.position < self.law.reach:
-            # From a relaxed surface at rest the way is long, and most of Newton's corrections on it would be cut.
-            from pgfmd.solver.descent import Descent
-
-            solve, modes = Descent(solver).solve, Descent.modes(solver)
+        history = self._history[0]
+        history[:] = 0.0
         for jump in (False, True):
-            outcome = solve(
-                state.position, self._history[0], self.creep.J_inf, state.displacement, state.load,
-                0.1 * self.tolerance, jump, largest_force=solver.force_scale, **modes,
+            # Where the punch starts in contact, the way from the surface at rest may be long.
+            outcome = solver.solve(
+                state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance, jump,
+                largest_force=solver.force_scale,
             )  # fmt: skip
             state.counters.take(outcome)
             if outcome.converged:

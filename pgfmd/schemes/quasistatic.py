@@ -20,7 +20,6 @@ import numpy as np
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.solver import kernels
-from pgfmd.solver.descent import Descent
 from pgfmd.solver.drift import Drift
 from pgfmd.solver.machine import SprungConvolution, total
 from pgfmd.solver.newton import NewtonSolver, Outcome
@@ -34,16 +33,14 @@ from .spring_work import SpringWork
 
 SHARPNESS = 0.25
 """Share of the tolerance to which equilibria are solved: a step's only error is its solve's."""
+PATIENCE = 2
+"""Of CG (newton.py): for a relaxed surface it is slow, and one small move may be followed by larger ones."""
 MOST_SLIDES, QUIET_SLIDES = 20, 3
 """Saddles on the way down from one instability at which a step is given up; and, of those in a row that are no higher
 than the noise of a solve, at which the equilibrium is taken for a minimum."""
 BENT, STRAIGHT = 1.0, 1e-2
 """Error of the trapezoid that is reckoned with: this multiple of what the polynomial makes of it, and at least this
 share of half of the changes of force and place."""
-LEAST_SIGN, FAST = 1e-2, 4.0
-"""A step that met no instability may have passed over a jump only where its error is at least this share of the
-tolerance: the surface is then elsewhere than where it was heading for. Where that is not known, only where the surface
-moved so many times as far as the punch."""
 LEAST_TENSION = 1e-2
 """Where the punch pulls, changes of its force are measured by the largest tension so far, at least this share of the
 preload: a pull-off force may be far below that."""
@@ -73,7 +70,7 @@ class Quasistatic(PathFollowing):
         super().__init__(solver, tolerance, (1.0,), far_weights, near_gap)
         self.compliance, self.machine_compliance, self.contact_stiffness = compliance, spring, contact_stiffness
         self.spring = SpringWork(spring, dead_load, solver.law.reach)
-        self.descent = Descent(solver)
+        solver.cg.patience = PATIENCE
         # Without attraction the potential is convex: there is one equilibrium, and nothing to search.
         self.soft_mode = SoftMode(solver, compliance) if solver.law.attractive else None
         self._none = np.zeros(self.points.size, solver.dtype)
@@ -95,7 +92,7 @@ class Quasistatic(PathFollowing):
         [N]. RunError if there is no balance."""
         first, tolerance = Trial(0.0, state.position, None, converged=True), SHARPNESS * self.tolerance
         u, w, largest = state.displacement, state.load, self.solver.force_scale
-        outcome = self._solve(state, state.position, u, w, tolerance, True, largest)
+        outcome = self._solve(state.position, u, w, tolerance, True, largest)
         self._take(first, outcome)
         if first.converged and self.soft_mode:
             self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False, largest)
@@ -124,7 +121,7 @@ class Quasistatic(PathFollowing):
         tolerance = SHARPNESS * self.tolerance
         tolerance = min(EVENT_TOLERANCE, tolerance) if sharp else tolerance
         largest = 0.0 if sharp else PathFollowing._scale(self, state, trial)
-        outcome = self._solve(state, trial.position, u, w, tolerance, jump, largest)
+        outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
         self._take(trial, outcome)
         left = outcome.met_negative_curvature
         if trial.converged and self.soft_mode:
@@ -151,15 +148,9 @@ class Quasistatic(PathFollowing):
         bend = max(BENT * bend, STRAIGHT * trial.uncertainty)
         noise = self._noise(state, trial, tolerance)
         # A step that met nothing may have passed over a jump as well: a path of equilibria loses no energy.
-        told = left or trial.error > self.tolerance or self._shows_jump(state, trial)
+        told = left or trial.error > self.tolerance or bool(state.past_steps)
         trial.is_jump = bool(self.soft_mode) and told and min(smooth, plain) - gained > bend + noise
         return trial
-
-    def _shows_jump(self, state: State, trial: Trial) -> bool:
-        """Whether a step that met no instability may have passed over a jump all the same."""
-        if state.past_steps:
-            return trial.error > LEAST_SIGN * self.tolerance
-        return trial.change.surface * self.law.range > FAST * abs(trial.position - state.position)
 
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
@@ -190,13 +181,11 @@ class Quasistatic(PathFollowing):
         self._drift = self._drift.renewed(self._extent(trial.position))
 
     def _solve(
-        self, state: State, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool,
-        largest: float = 0.0,
-    ) -> Outcome:  # fmt: skip
-        outcome = self.descent.solve(
-            position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest,
-            mode=state.soft_mode, dual=state.soft_load,
-        )  # fmt: skip
+        self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool, largest: float = 0.0
+    ) -> Outcome:
+        outcome = self.solver.solve(
+            position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest
+        )
         self._after_solve(position, outcome)
         return outcome
 
@@ -219,10 +208,9 @@ class Quasistatic(PathFollowing):
         wanted. Returns the last outcome, and whether an instability was met."""
         u, w = surface
         noise, quiet = self._noise(state, trial, tolerance), 0
-        before = None if u is state.displacement else (state.position, state.displacement)
         for slide in range(MOST_SLIDES):
             seed = MOST_SLIDES * (state.counters.steps + 1) + slide
-            curvature = self.soft_mode.search(state.soft_mode, state.soft_load, seed, before)
+            curvature = self.soft_mode.search(state.soft_mode, state.soft_load, seed)
             trial.cg_iterations += curvature.iterations
             if curvature.lowest >= 0.0:
                 return outcome, left
@@ -235,7 +223,7 @@ class Quasistatic(PathFollowing):
             if dropped == 0.0:
                 # Indifferent, to rounding: no lower place either way.
                 return outcome, left
-            outcome = self._solve(state, trial.position, u, w, tolerance, jump, largest)
+            outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
             self._take(trial, outcome)
             # Where points leave the range of adhesion the curvature jumps, and a saddle may be one within a hair only.
             quiet = quiet + 1 if dropped < noise else 0

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-MOST_KINDS = 14
+MOST_KINDS = 12
 """Numbers a row that are brought to all ranks at a time, at most."""
 
 

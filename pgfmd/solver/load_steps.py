@@ -66,8 +66,7 @@ class LoadSteps:
             follow = step <= followed * (1.0 + 1e-9)
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=follow)
             state.counters.take(trial)
-            passed = trial.is_jump and not follow and state.force < min(trial.force, 0.0)
-            shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest, passed)
+            shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest)
             if shorter is not None:
                 if step <= finest and not trial.converged:
                     break
@@ -107,11 +106,10 @@ class LoadSteps:
         return share * self.reach / phase.fastest
 
     def _shorter(
-        self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float, passed: bool
+        self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float
     ) -> float | None:
-        """The step to try instead; None where the trial can be taken. passed: whether it went over a jump under tension,
-        that may be the pull-off."""
-        if not trial.converged or passed:
+        """The step to try instead; None where the trial can be taken."""
+        if not trial.converged:
             return max(CUT * step, min(followed, 0.99 * step)) if not follow else CUT * step
         if trial.is_jump:
             well_known = trial.uncertainty <= self._allowed(trial, released)

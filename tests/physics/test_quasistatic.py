@@ -197,8 +197,6 @@ def flat_pair():
 def test_the_lowest_curvature_is_that_of_the_dense_matrix():
     simulation = assemble(flat_pair(), MPI.COMM_SELF)
     scheme, points = simulation.scheme, simulation.points
-    # Followed from step to step, the mode needs fewer.
-    scheme.soft_mode.least_iterations = 12
     rng = np.random.default_rng(3)
     dense = np.zeros((points.size, points.size))
     unit, column = np.zeros(points.size), np.zeros(points.size)
