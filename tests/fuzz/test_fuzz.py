@@ -31,7 +31,7 @@ from .scenes import make
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts processes of its own")
 
 SEED, CHECKS = 3, 160
-RUNS = {1: "finished", 5: "refused"}
+RUNS = {1: "finished", 7: "refused"}
 """Scenes of SEED that are run, with what comes of them."""
 RELATED = {0: "resolved", 2: "every", 4: "series", 7: "units", 11: "resume", 13: "mirror", 14: "outputs"}
 """A scene of SEED for every relation, each of which costs a second or two. `ranks` is in tests/parallel."""

@@ -44,7 +44,8 @@ def by_rings():
 
 def test_contact_radius_of_a_loop_is_that_of_the_law_without_a_lattice(loop, by_rings):
     """Within two thirds of a spacing at all heights of loading and unloading; forces within 8 % of pi w R, but for the
-    last 0.3 um before the jump, where dF/dd goes to infinity."""
+    last 0.3 um before the jump, where dF/dd goes to infinity. The lattice adds 2.3 % to the pull-off force, at any
+    accuracy; twice as fine, 0.3 %."""
     depth, force, radius = by_rings
     spacing = loop.scene.grid.length / loop.scene.grid.n
     for phases in (LOADING, UNLOADING):
@@ -54,7 +55,7 @@ def test_contact_radius_of_a_loop_is_that_of_the_law_without_a_lattice(loop, by_
         assert np.abs(apart).max() < 0.67 * spacing and np.abs(apart.mean()) < 0.15 * spacing
         steady = some & (loop.depth > depth[0] + 0.3e-6)
         assert np.abs(loop.force[steady] - np.interp(loop.depth[steady], depth, force)).max() < 0.08 * TENSION
-    assert loop.force.min() == pytest.approx(force.min(), rel=0.02)
+    assert loop.force.min() == pytest.approx(force.min(), rel=0.03)
 
 
 def test_error_of_the_radius_falls_with_the_range_and_that_of_the_overlap_does_not(loop):
@@ -87,7 +88,7 @@ def test_contact_reaches_to_the_outer_radius_of_maugis(loop):
 def test_radius_is_jkrs_within_four_per_cent_at_tabor_number_1_8():
     """Down to a pull of 0.7 pi w R at the same force; and, within 5 % on this grid, to the largest tension at the same
     height: there no JKR state has the same force, as pull-off at a finite range is beyond JKR's 1.5 pi w R."""
-    path = sphere_loop(1.8, 200, "solver.accuracy=0.2", outline=350e-6, preload=0.05e-3)
+    path = sphere_loop(1.8, 200, "solver.accuracy=0.1", outline=350e-6, preload=0.05e-3)
     back = np.flatnonzero(path.within(*UNLOADING) & (path.contact > 0))
     tension = back[np.argmin(path.force[back])]
     assert -1.6 < path.force[tension] / TENSION < -1.5
@@ -97,7 +98,7 @@ def test_radius_is_jkrs_within_four_per_cent_at_tabor_number_1_8():
     assert np.all((at_height > 0.0) & (at_height < 0.05)) and np.median(at_height) < 0.03
     pulled = held[path.force[held] > -0.7 * TENSION]
     at_force = radius[pulled] / jkr.contact_radius_at_force(path.force[pulled], *ABOUT) - 1
-    assert pulled.size > 10 and np.all((at_force > 0.015) & (at_force < 0.04))
+    assert pulled.size > 10 and np.all((at_force > 0.0) & (at_force < 0.04))
     overlap = path.radius("overlap")[pulled] / jkr.contact_radius_at_force(path.force[pulled], *ABOUT) - 1
     assert np.all(overlap < -0.15)
 
