@@ -50,6 +50,8 @@ def main() -> None:
     parser.add_argument("--page", action="store_true", help="write the tables into docs/ranks.md")
     arguments(parser.add_argument_group("assumptions of the model"))
     options = parser.parse_args()
+    # Before the runs of its own.
+    options.load = busy()
     if options.what != "latency":
         {"speed": speed, "shares": shares, "model": model}[options.what](options)
         return
@@ -84,7 +86,7 @@ def speed(options: argparse.Namespace) -> None:
         head = ["tri-tack", "points", *(f"{ranks} rank{'s' * (ranks > 1)}" for ranks in options.ranks)]
         head += [f"{later} over {earlier}" for earlier, later in pairwise(options.ranks)]
         about = f"The best of {options.rounds} rounds, on {os.cpu_count()} cores{changed(options.set)}."
-        fill(PAGE, "speed", lambda name: "\n\n".join(filter(None, (about, table(head, rows), busy()))))
+        fill(PAGE, "speed", lambda name: "\n\n".join(filter(None, (about, table(head, rows), options.load))))
 
 
 def tests_of(options: argparse.Namespace) -> list[tuple[int, list[str]]]:
@@ -164,7 +166,7 @@ def shares(options: argparse.Namespace) -> None:
         print(f"\n{tables[-1]}", flush=True)
     if options.page:
         rows = [[part, *(f"{value:.2f}" for value in values)] for part, values in BEFORE.items()]
-        blocks = {"after": "\n\n".join(filter(None, [*tables, busy()])), "before": table(["n = 2048, 220 pairs", "1 rank (s)", "2 ranks (s)"], rows)}
+        blocks = {"after": "\n\n".join(filter(None, [*tables, options.load])), "before": table(["n = 2048, 220 pairs", "1 rank (s)", "2 ranks (s)"], rows)}
         fill(PAGE, "shares", blocks.__getitem__)
 
 
@@ -179,7 +181,7 @@ def _profile(n: int, ranks: int, changes: list[str]) -> dict[str, float]:
 def model(options: argparse.Namespace) -> None:
     """Measures this machine, and prints what the model makes of it; fills the page if asked to."""
     found = blocks(options)
-    found["measured"] = "\n\n".join(filter(None, (found["measured"], busy())))
+    found["measured"] = "\n\n".join(filter(None, (found["measured"], options.load)))
     for name, text in found.items():
         print(f"\n{name}\n\n{text}", flush=True)
     if options.page:

@@ -8,7 +8,6 @@ split of the ranks into nodes.
 from __future__ import annotations
 
 import math
-import os
 import time
 import weakref
 from dataclasses import dataclass
@@ -17,10 +16,9 @@ import numpy as np
 
 _LINE = 64
 """Bytes of a cache line: flags of two ranks must not share one."""
-_POLLS = 40
-"""Looks at the others' flags before a waiting rank offers its core to whoever wants it."""
-_PATIENCE = 2e-4
-"""Time [s] after which a waiting rank sleeps: the others are then not just behind, they have no core."""
+_PATIENCE = 1e-4
+"""Time [s] after which a waiting rank sleeps: the others are then not just behind, they have no core. (Offering this
+rank's core instead gives it away for milliseconds where another program wants it; who sleeps is soon on again.)"""
 _NAP = 2e-5
 """Time [s] of such a sleep; the system adds about 50 us."""
 
@@ -175,20 +173,11 @@ class Node:
         self._flags.window.Sync()
         self.meetings += 1
         now = self._mine[0] = self.meetings
-        polls = 0
         while not all(flag[0] >= now for flag in others):
-            polls += 1
-            if polls > _POLLS:
-                self._make_room(time.perf_counter() - began)
+            if time.perf_counter() - began > _PATIENCE:
+                time.sleep(_NAP)
         self._flags.window.Sync()
         self.waited += time.perf_counter() - began
-
-    @staticmethod
-    def _make_room(waited: float) -> None:
-        if waited < _PATIENCE:
-            os.sched_yield()
-        else:
-            time.sleep(_NAP)
 
 
 class RowExchange:
