@@ -216,6 +216,8 @@ def test_a_full_disk_ends_the_run_and_more_room_lets_it_go_on(size, what, ranks,
     assert differences(undisturbed, tmp_path) == []
 
 
+# Runs that go on and are killed again, beside whatever else a machine does.
+@pytest.mark.timeout(250)
 def test_kills_at_random_times():
     """Four of the two hundred that scripts/torture.py does."""
     done = subprocess.run(
