@@ -48,13 +48,12 @@ def heights_of(scene, points: PunchPoints) -> np.ndarray:
 def mirror_of(scene, comm) -> str:
     """The axes along which a scene is its own mirror image, where its run makes use of that; the same on every rank.
     Collective."""
-    found = ""
-    for axes in symmetry.AXES if not symmetry.obstacle(scene) else ():
+
+    def holds(axes: str) -> bool:
         points = symmetry.points_of(scene, axes, comm)
-        if points.maximum_of(float(not symmetry.has_images(parts.topography_of(scene.punch), points))):
-            break
-        found = axes
-    return found
+        return not points.maximum_of(float(not symmetry.has_images(parts.topography_of(scene.punch), points)))
+
+    return "" if symmetry.obstacle(scene) else symmetry.largest(holds)
 
 
 def assemble(scene, comm, mirror: str | None = None) -> Simulation:

@@ -8,8 +8,10 @@ loses its stability may go on lopsided; scenes that allow that are stepped whole
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import takewhile
 from types import SimpleNamespace
 
 import numpy as np
@@ -67,19 +69,25 @@ def has_images(topography, points: PunchPoints, places: np.ndarray | None = None
     return True
 
 
+def largest(holds: Callable[[str], bool]) -> str:
+    """The last of AXES that holds, as all before it do; empty where none does."""
+    return max(takewhile(holds, AXES), key=len, default="")
+
+
 @lru_cache(maxsize=16)
 def expected(scene) -> Symmetry:
     """The symmetry that a run of the scene will make use of, from a sample of its points."""
     reason = obstacle(scene)
     if reason:
         return Symmetry("", reason)
-    topography, found = parts.topography_of(scene.punch), ""
-    for axes in AXES:
+    topography = parts.topography_of(scene.punch)
+
+    def holds(axes: str) -> bool:
         points = points_of(scene, axes)
         places = np.unique(np.linspace(0, max(0, points.size - FEW), SAMPLE // FEW).astype(int))
-        if not has_images(topography, points, places):
-            break
-        found = axes
+        return has_images(topography, points, places)
+
+    found = largest(holds)
     return Symmetry(found, "" if found else "the punch's face is not its own mirror image in x")
 
 

@@ -10,7 +10,6 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.fft
 
 from pgfmd.parts import (
     inertia_of_scene, quasistatic_compliance, relaxation_of, series_of, topography_of, transform_side,
@@ -243,6 +242,9 @@ def pair_seconds(scene) -> float:
     Half of that where half of the points are stepped, and a quarter where a quarter is: 0.44 to 0.63 and 0.23 to 0.39 were
     measured at n = 1024 and 2048.
     """
+    # Not at the top: a run does not ask for it.
+    import scipy.fft
+
     points = points_of(scene, expected(scene).mirror)
     nb = points.nb
     side = transform_side(scene, nb, mirror=points.mirror)

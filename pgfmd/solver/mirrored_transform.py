@@ -8,18 +8,16 @@ rows and columns go in fixed pairs, so the result has the same bits for any numb
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from . import mirrored_kernels as kernels
 from . import transform_kernels
 from .grid import share
 from .node import Transposition
-from .transform import EFFORTS, Spectrum, complex_lines, forget_plans
+from .transform import EFFORTS, PairOperator, Spectrum, complex_lines, forget_plans
 
 
-class MirroredConvolution:
+class MirroredConvolution(PairOperator):
     """u = G * w between point vectors that stand for their mirror images: a half or a quarter of a pair of transforms.
 
     points: PunchPoints with a `mirror`. n: points a side of the whole transform, even, and at least what the kernel
@@ -31,7 +29,7 @@ class MirroredConvolution:
         assert n % 2 == 0 and points.mirror
         self.points, self.n, self.comm = points, n, points.comm
         self.dtype, self.complex = np.dtype(dtype), np.result_type(dtype, np.complex64)
-        self.pairs, self.seconds, self._half = 0, 0.0, n // 2
+        self._half = n // 2
         # Complex columns: the real ones with kx = 2 j and 2 j + 1 side by side, as they lie in memory.
         ranks = range(self.comm.size)
         shares = [share((self._half + 1) // 2, self.comm.size, rank) for rank in ranks]
@@ -61,19 +59,10 @@ class MirroredConvolution:
         # With an odd half the last column has no neighbour but a column of zeros.
         self._rows = np.zeros((2 * self._line.shape[0], 2 * columns), self.dtype)
 
-    def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
-        """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
-        start = time.perf_counter()
-        self._rows_forward(traction, self.dtype.type(scale))
-        self._convolve_columns()
-        self._rows_backward(displacement)
-        self.pairs += 1
-        self.seconds += time.perf_counter() - start
-        return displacement
-
     def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
         """Point vector -> cosine transformed along x, columns whole on each rank."""
         points, most, pairs = self.points, self._rows.shape[0], self._rows.view(self.complex)
+        scale = self.dtype.type(scale)
         for row in range(0, points.rows, most):
             count = min(most, points.rows - row)
             kernels.scatter_pairs(traction, points.offset, row, count, scale, self._line_parts)

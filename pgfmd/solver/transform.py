@@ -136,32 +136,38 @@ class Pruned:
             kernels.gather_rows(self._line, points.offset, points.first, row, count, values)
 
 
-class Convolution(Pruned):
-    """u = G * w between point vectors: one pair of transforms a call.
+class PairOperator:
+    """An operator between point vectors that takes one pair of transforms a call: rows there, columns, rows back. Counts
+    its calls in `pairs` and their time [s] in `seconds`."""
 
-    points: the PunchPoints that the traction lives on. n: points a side of the transform, at least what the kernel
-    needs not to wrap around. make_multiplier: fills an array with G/n^2 for a Spectrum's columns, (columns, n//2 + 1),
-    as `periodic_multiplier`. Counts its calls in `pairs` and their time in `seconds`.
-    """
-
-    def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
-        super().__init__(points, n, effort, dtype)
-        assert min(points.nb, self.spectrum.width) >= self.comm.size, "more ranks than rows, or columns"
-        self.pairs, self.seconds = 0, 0.0
-        self.multiplier = np.empty((self.spectrum.column_count, self.spectrum.width), self.dtype)
-        make_multiplier(self.spectrum, self.multiplier)
-        # G at q = 0, the same on every rank.
-        self.mean_compliance = self.comm.bcast(float(self.multiplier[0, 0])) * n**2
+    pairs, seconds = 0, 0.0
 
     def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
         """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
         start = time.perf_counter()
         self._rows_forward(traction, scale)
-        self._convolve_columns(self._columns, 0)
+        self._convolve_columns()
         self._rows_backward(displacement)
         self.pairs += 1
         self.seconds += time.perf_counter() - start
         return displacement
+
+
+class Convolution(Pruned, PairOperator):
+    """u = G * w between point vectors: one pair of transforms a call.
+
+    points: the PunchPoints that the traction lives on. n: points a side of the transform, at least what the kernel
+    needs not to wrap around. make_multiplier: fills an array with G/n^2 for a Spectrum's columns, (columns, n//2 + 1),
+    as `periodic_multiplier`.
+    """
+
+    def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
+        super().__init__(points, n, effort, dtype)
+        assert min(points.nb, self.spectrum.width) >= self.comm.size, "more ranks than rows, or columns"
+        self.multiplier = np.empty((self.spectrum.column_count, self.spectrum.width), self.dtype)
+        make_multiplier(self.spectrum, self.multiplier)
+        # G at q = 0, the same on every rank.
+        self.mean_compliance = self.comm.bcast(float(self.multiplier[0, 0])) * n**2
 
     def whole_cell(self, traction: np.ndarray) -> tuple[np.ndarray, int]:
         """Displacement of every point of the cell for a traction on the punch: (rows of this rank, n), first row;
@@ -192,9 +198,10 @@ class Convolution(Pruned):
         self.pairs += 1
         return surface, rows.substart[0]
 
-    def _convolve_columns(self, out: np.ndarray, first: int) -> None:
-        """Column by column: transform along y, times G, back; rows first, first + 1, ... of the result go to `out`."""
-        batch = self._column.shape[0]
+    def _convolve_columns(self, out: np.ndarray | None = None, first: int = 0) -> None:
+        """Column by column: transform along y, times G, back; rows first, first + 1, ... of the result go to `out`, by
+        default into the columns themselves."""
+        out, batch = self._columns if out is None else out, self._column.shape[0]
         for column in range(0, self.spectrum.column_count, batch):
             count = min(batch, self.spectrum.column_count - column)
             kernels.load_columns(self._columns, column, count, self._column)
