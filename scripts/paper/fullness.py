@@ -31,16 +31,23 @@ DRIVES = {"viscous": "1 µm/s", "quasistatic": "quasi-static"}
 
 def full(runs: Runs) -> Drawing:
     """Areas of contact, of overlap and closer than 500 nm on the way to 80 mN, triangular pattern."""
-    figure = new_figure(7.4, 5.6)
+    made = {
+        drive: {shape: run for shape in SHAPES if (run := runs.one("full-tri", f"{shape}-{drive}"))} for drive in DRIVES
+    }
+    shown = [drive for drive in DRIVES if made[drive]]
+    if not shown:
+        raise LookupError("none of its runs is finished")
+    figure = new_figure(3.7 * len(shown), 5.6)
     top, bottom = figure.subfigures(2, 1, height_ratios=(1.25, 1.0))
-    axes, maps = top.subplots(1, 2, sharey=True), bottom.subplots(1, 4)
+    axes = top.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    places = iter(bottom.subplots(1, 2 * len(shown)))
     claims, notes = [], []
-    places = iter(maps)
-    for axis, (drive, title) in zip(axes, DRIVES.items(), strict=True):
+    for axis, drive in zip(axes, shown, strict=True):
+        title = DRIVES[drive]
         for shape, (label, colour) in SHAPES.items():
             place = next(places)
             place.set_axis_off()
-            if run := runs.one("full-tri", f"{shape}-{drive}"):
+            if run := made[drive].get(shape):
                 _draw_areas(axis, run, colour, label)
                 _draw_map(place, run, f"{label}, {title}")
                 claims += _claims(run, f"{title}, {label}")
