@@ -13,8 +13,8 @@ import numpy as np
 from . import mirrored_kernels as kernels
 from .grid import share
 from .rows import MirroredRows
-from .tiles import Tiles
-from .transform import EFFORTS, PairOperator, Spectrum, complex_lines, forget_plans
+from .tiles import PairOperator, Tiles
+from .transform import EFFORTS, ROW_BYTES, Spectrum, complex_lines, forget_plans
 
 
 class MirroredConvolution(PairOperator):
@@ -50,7 +50,7 @@ class MirroredConvolution(PairOperator):
         rows, both = points.nb - points.top, "y" in points.mirror
         theta = 0.5 * np.pi * np.arange(half // 2 + 1) / half
         self._cosine, self._sine = np.cos(theta).astype(self.dtype), np.sin(theta).astype(self.dtype)
-        lines = complex_lines(half, (rows + 1) // 2, self.complex, flags)
+        lines = complex_lines(half, (rows + 1) // 2, self.complex, flags, ROW_BYTES)
         self._rows = MirroredRows(points, lines, columns, self._cosine, self._sine)
         length = half if both else self.n
         self._column, self._forward, self._backward = complex_lines(length, columns, self.complex, flags)

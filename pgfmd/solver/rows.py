@@ -45,7 +45,7 @@ class PackedRows:
         """Rows of a point vector to coefficients."""
         kernels.scatter_packed(vector, self._points.offset, self._points.first, row, count, scale, self._line_parts)
         self._transform()
-        kernels.separate_packed(self._line_parts, self._parts)
+        kernels.separate_packed(self._line_parts, self._parts.dtype.type(0.5), self._parts)
 
     def backward(self, row: int, count: int, vector: np.ndarray) -> None:
         """Coefficients to rows of a point vector."""

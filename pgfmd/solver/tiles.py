@@ -8,6 +8,8 @@ rows, a batch of rows writes stretches of some cache lines, and a block is still
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 
 from . import transform_kernels as kernels
@@ -59,3 +61,41 @@ class Tiles(Transposition):
         """The inverse of `load`. places: where the rows are, if not where they were loaded to."""
         places = self._places if places is None else places
         kernels.store_columns(buffer, self._ends, self.count, self.width, column, places, self._tiles)
+
+
+class PairOperator:
+    """An operator between point vectors that takes one pair of transforms a call: rows there, columns, rows back. Counts
+    its calls in `pairs` and their time [s] in `seconds`.
+
+    `_rows` (rows.py) transforms rows, `_transposition` (tiles.py) makes columns of them, which `_convolve_columns` convolves.
+    """
+
+    pairs, seconds = 0, 0.0
+
+    def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
+        """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
+        start = time.perf_counter()
+        self._rows_forward(traction, scale)
+        self._convolve_columns()
+        self._rows_backward(displacement)
+        self.pairs += 1
+        self.seconds += time.perf_counter() - start
+        return displacement
+
+    def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
+        """Point vector -> transformed along x, columns whole on each rank."""
+        rows, scale = self._rows, self.dtype.type(scale)
+        for row in range(0, self.points.rows, rows.most):
+            count = min(rows.most, self.points.rows - row)
+            rows.forward(traction, row, count, scale)
+            self._transposition.put(rows.hat, row, count)
+        self._transposition.to_columns()
+
+    def _rows_backward(self, values: np.ndarray) -> None:
+        """Columns -> point vector, transformed along x."""
+        self._transposition.to_rows()
+        rows = self._rows
+        for row in range(0, self.points.rows, rows.most):
+            count = min(rows.most, self.points.rows - row)
+            self._transposition.take(row, count, rows.hat)
+            rows.backward(row, count, values)

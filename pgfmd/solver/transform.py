@@ -24,25 +24,27 @@ from . import transform_kernels as kernels
 from .grid import share
 from .node import Node, Transposition
 from .rows import PackedRows, RealRows
-from .tiles import Tiles
+from .tiles import PairOperator, Tiles
 
 EFFORTS = {"estimate": fftw.FFTW_ESTIMATE, "measure": fftw.FFTW_MEASURE}
-_CACHE_BYTES = 1 << 18
-"""Working set of one batch of columns or rows: a quarter of a usual second-level cache."""
+_COLUMN_BYTES, ROW_BYTES = 1 << 18, 1 << 19
+"""Working set of one batch of columns, a quarter of a usual second-level cache, or of rows: these are written into tiles in
+longer stretches if there are more of them (n = 4096, double: 8 instead of 4 make rows 1.5 times as fast)."""
 _LARGEST_BATCH = 16
 """Most transforms done at a time. With 8, those below n = 1024 take 4 to 25 % longer; with more, ranks that have few
 columns do more transforms than they need."""
+_CACHE_LINE = 64
+"""Bytes. A group of columns that is narrower reads the same lines several times."""
 
 
-def _batch(length: int, itemsize: int, count: int) -> int:
-    """How many transforms of this length to do at a time; a multiple of 4 where there are enough.
+def _batch(length: int, itemsize: int, count: int, room: int) -> int:
+    """How many transforms of this length to do at a time within about `room` bytes; a multiple of 4 where there are enough.
 
     count: of all ranks together. FFTW may do a transform in another way where there are more or fewer beside it: so
     that last bits don't depend on the number of ranks, nor must this.
     """
-    fitting = max(1, _CACHE_BYTES // (length * itemsize))
-    fitting = fitting - fitting % 4 if fitting >= 4 else fitting
-    return max(1, min(fitting, count, _LARGEST_BATCH))
+    fitting = max(_CACHE_LINE // itemsize, room // (length * itemsize))
+    return max(1, min(fitting - fitting % 4, count, _LARGEST_BATCH))
 
 
 def forget_plans() -> None:
@@ -51,10 +53,10 @@ def forget_plans() -> None:
     fftw.forget_wisdom()
 
 
-def complex_lines(length: int, count: int, dtype, flags):
+def complex_lines(length: int, count: int, dtype, flags, room: int = _COLUMN_BYTES):
     """A buffer for a batch of complex lines of this length, out of `count` of all ranks together, and their transforms
-    forward and backward, in place."""
-    lines = fftw.aligned((_batch(length, np.dtype(dtype).itemsize, count), length), dtype=dtype, fill=0)
+    forward and backward, in place. room [bytes]: that a batch should not take more of."""
+    lines = fftw.aligned((_batch(length, np.dtype(dtype).itemsize, count, room), length), dtype=dtype, fill=0)
     forward = fftw.fftn(lines, axes=(1,), flags=flags, output_array=lines)
     return lines, forward, fftw.ifftn(lines, axes=(1,), flags=flags, output_array=lines)
 
@@ -63,7 +65,7 @@ def real_lines(length: int, count: int, dtype, flags):
     """Buffers for a batch of real lines of this length, out of `count` of all ranks together, and for their half spectra;
     the transforms from one to the other, and back."""
     kind = np.result_type(dtype, np.complex64)
-    batch = _batch(length, kind.itemsize, count)
+    batch = _batch(length, kind.itemsize, count, ROW_BYTES)
     lines = fftw.aligned((batch, length), dtype=dtype, fill=0)
     hat = fftw.aligned((batch, length // 2 + 1), dtype=kind, fill=0)
     forward = fftw.rfftn(lines, axes=(1,), flags=flags, output_array=hat)
@@ -102,44 +104,6 @@ class Spectrum:
         Node.of(self.comm).trim()
 
 
-class PairOperator:
-    """An operator between point vectors that takes one pair of transforms a call: rows there, columns, rows back. Counts
-    its calls in `pairs` and their time [s] in `seconds`.
-
-    `_rows` (rows.py) transforms rows, `_transposition` (tiles.py) makes columns of them, which `_convolve_columns` convolves.
-    """
-
-    pairs, seconds = 0, 0.0
-
-    def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
-        """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
-        start = time.perf_counter()
-        self._rows_forward(traction, scale)
-        self._convolve_columns()
-        self._rows_backward(displacement)
-        self.pairs += 1
-        self.seconds += time.perf_counter() - start
-        return displacement
-
-    def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
-        """Point vector -> transformed along x, columns whole on each rank."""
-        rows, scale = self._rows, self.dtype.type(scale)
-        for row in range(0, self.points.rows, rows.most):
-            count = min(rows.most, self.points.rows - row)
-            rows.forward(traction, row, count, scale)
-            self._transposition.put(rows.hat, row, count)
-        self._transposition.to_columns()
-
-    def _rows_backward(self, values: np.ndarray) -> None:
-        """Columns -> point vector, transformed along x."""
-        self._transposition.to_rows()
-        rows = self._rows
-        for row in range(0, self.points.rows, rows.most):
-            count = min(rows.most, self.points.rows - row)
-            self._transposition.take(row, count, rows.hat)
-            rows.backward(row, count, values)
-
-
 class Pruned(PairOperator):
     """What transforms between point vectors and the columns of a Spectrum need: buffers and plans.
 
@@ -152,7 +116,7 @@ class Pruned(PairOperator):
         self.spectrum, flags = Spectrum(n, points.comm), (EFFORTS[effort],)
         forget_plans()
         if self.dtype == np.float32:
-            self._rows = PackedRows(points, complex_lines(n, (points.nb + 1) // 2, self.complex, flags))
+            self._rows = PackedRows(points, complex_lines(n, (points.nb + 1) // 2, self.complex, flags, ROW_BYTES))
         else:
             self._rows = RealRows(points, real_lines(n, points.nb, self.dtype, flags))
         self._column, self._forward, self._backward = complex_lines(n, self.spectrum.width, self.complex, flags)

@@ -56,16 +56,16 @@ def gather_packed(lines, offset, first, row, count, vector):
 
 
 @_compile
-def separate_packed(lines, rows):
-    """rows[2 l], rows[2 l + 1]: half spectra of the two rows a + i b in line l, from Z_k = A_k + i B_k."""
+def separate_packed(lines, half, rows):
+    """rows[2 l], rows[2 l + 1]: half spectra of the two rows a + i b in line l, from Z_k = A_k + i B_k. half: 1/2, in their precision."""
     n = lines.shape[1] // 2
     for l in range(lines.shape[0]):
         z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
         a[0], a[1], b[0], b[1] = z[0], 0, z[1], 0
         for k in range(1, n // 2 + 1):
             m = n - k
-            a[2 * k], a[2 * k + 1] = 0.5 * (z[2 * k] + z[2 * m]), 0.5 * (z[2 * k + 1] - z[2 * m + 1])
-            b[2 * k], b[2 * k + 1] = 0.5 * (z[2 * k + 1] + z[2 * m + 1]), 0.5 * (z[2 * m] - z[2 * k])
+            a[2 * k], a[2 * k + 1] = half * (z[2 * k] + z[2 * m]), half * (z[2 * k + 1] - z[2 * m + 1])
+            b[2 * k], b[2 * k + 1] = half * (z[2 * k + 1] + z[2 * m + 1]), half * (z[2 * m] - z[2 * k])
 
 
 @_compile
