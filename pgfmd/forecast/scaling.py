@@ -70,12 +70,12 @@ class Problem:
 
     @property
     def most_ranks(self) -> int:
-        """So many ranks can have a row, or a pair of rows, and a column each."""
-        return min((self.rows + 1) // 2 if self.mirror else self.rows, self.columns)
+        """So many ranks can have a pair of rows and a column each."""
+        return min((self.rows + 1) // 2, self.columns)
 
     def shares(self, ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows, columns and points of each of these ranks, (ranks,)."""
-        rows = np.array([size for _, size in shares_of_rows(self.rows, ranks, self.mirror)])
+        rows = np.array([size for _, size in shares_of_rows(self.rows, ranks)])
         columns = np.array([share(self.columns, ranks, rank)[1] for rank in range(ranks)])
         return rows, columns, np.diff(self.ends[np.cumsum(rows)], prepend=0)
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import transform_kernels
 from .node import Node
 from .transform import Pruned
 
@@ -54,11 +53,12 @@ class Synthesis(Pruned):
         a(-kx, -ky) is the conjugate of a(kx, ky).
         """
         kx, batch = self.spectrum.kx, self._column.shape[0]
-        for column in range(0, kx.size, batch):
-            count = min(batch, kx.size - column)
-            self._column[:count] = columns(kx[column : column + count])
+        places = np.arange(self.points.top, self.points.nb)
+        for column in self._transposition.groups:
+            some = kx[column : column + batch]
+            self._column[: some.size] = columns(some)
             self._backward()
-            transform_kernels.store_columns(self._column, column, count, self.points.top, self._columns)
+            self._transposition.store(column, self._column, places)
         values = self.points.zeros()
         self._rows_backward(values)
         return values

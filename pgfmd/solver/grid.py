@@ -60,11 +60,8 @@ def share(count: int, parts: int, part: int) -> tuple[int, int]:
     return part * size + min(part, extra), size + (part < extra)
 
 
-def shares_of_rows(count: int, parts: int, mirror: str) -> list[tuple[int, int]]:
-    """(start, size) of each part of `count` rows of points: shared evenly, and with a mirror in pairs, which are not torn
-    apart."""
-    if not mirror:
-        return [share(count, parts, part) for part in range(parts)]
+def shares_of_rows(count: int, parts: int) -> list[tuple[int, int]]:
+    """(start, size) of each part of `count` rows of points: shared evenly in pairs, which are transformed together."""
     pairs = [share((count + 1) // 2, parts, part) for part in range(parts)]
     ends = [min(2 * (start + size), count) for start, size in pairs]
     return [(start, end - start) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
@@ -75,8 +72,8 @@ class PunchPoints:
 
     slab: this rank's rows of the whole cell, (first, count), where these and not even shares decide which rows of the
     block it owns; it may own none. mirror: axes along which everything is its own mirror image: "x", x -> -x, or "xy",
-    both. Points with x > 0, and with y > 0, then stand for their images; n is even. A rank then owns pairs of rows, for the
-    transform (mirrored_transform.py).
+    both. Points with x > 0, and with y > 0, then stand for their images; n is even. Without a slab, ranks own pairs of rows, for
+    the transform (rows.py).
 
     Attributes: `block_start`, `nb` (first row and column of the block in the cell, its side), `row_start`, `rows`
     (this rank's rows within the block), `top` (the first row of all ranks), `first`, `last` (rows,) the interval of
@@ -112,12 +109,12 @@ class PunchPoints:
 
     @property
     def row_shares(self) -> list[tuple[int, int]]:
-        """(start, count) of each rank's rows, counted from `top`, where they are shared evenly."""
+        """(start, count) of each rank's rows, counted from `top`, where they are shared evenly in pairs."""
         return self.shares_among(self.comm.size)
 
     def shares_among(self, parts: int) -> list[tuple[int, int]]:
         """The same for any number of ranks; there may be more of them than rows."""
-        return shares_of_rows(self.nb - self.top, parts, self.mirror)
+        return shares_of_rows(self.nb - self.top, parts)
 
     def _columns(self, radius: float | None) -> tuple[np.ndarray, np.ndarray]:
         """First and one-past-last block column of the points, for every row of the block."""

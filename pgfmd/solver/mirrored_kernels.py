@@ -106,34 +106,6 @@ def multiply_pairs(lines, multiplier, column, count):
 
 
 @_compile
-def load_mirrored(columns, column, count, buffer):
-    """buffer[j]: columns[:, column + j] in Makhoul's order, zero behind."""
-    rows, length = columns.shape[0], buffer.shape[1]
-    # Four columns at a time, as in transform_kernels.py.
-    for start in range(0, count, 4):
-        stop = min(start + 4, count)
-        for j in range(start, stop):
-            for i in range((rows + 1) // 2, length - rows // 2):
-                buffer[j, i] = 0
-        for i in range(rows):
-            place = i // 2 if i % 2 == 0 else length - 1 - i // 2
-            for j in range(start, stop):
-                buffer[j, place] = columns[i, column + j]
-
-
-@_compile
-def store_mirrored(buffer, column, count, columns):
-    """The inverse of `load_mirrored`."""
-    rows, length = columns.shape[0], buffer.shape[1]
-    for start in range(0, count, 4):
-        stop = min(start + 4, count)
-        for i in range(rows):
-            place = i // 2 if i % 2 == 0 else length - 1 - i // 2
-            for j in range(start, stop):
-                columns[i, column + j] = buffer[j, place]
-
-
-@_compile
 def multiply_mirrored(lines, multiplier, column, count, cosine, sine):
     """Two columns in each of `count` lines, transformed along y: separated, times their multipliers, and joined."""
     length = lines.shape[1] // 2

@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from . import mirrored_kernels as kernels
-from . import transform_kernels
 from .grid import share
-from .node import Transposition
-from .transform import EFFORTS, PairOperator, Spectrum, complex_lines, forget_plans
+from .rows import MirroredRows
+from .tiles import PairOperator, Tiles
+from .transform import EFFORTS, ROW_BYTES, Spectrum, complex_lines, forget_plans
 
 
 class MirroredConvolution(PairOperator):
@@ -33,11 +33,8 @@ class MirroredConvolution(PairOperator):
         # Complex columns: the real ones with kx = 2 j and 2 j + 1 side by side, as they lie in memory.
         ranks = range(self.comm.size)
         shares = [share((self._half + 1) // 2, self.comm.size, rank) for rank in ranks]
-        self._count = shares[self.comm.rank][1]
         self.spectrum = Spectrum(n, self.comm, [(2 * first, 2 * count) for first, count in shares])
-        self._transposition = Transposition(self.comm, points.row_shares, shares, self.complex)
-        self._columns = self._transposition.columns
-        self._plan((EFFORTS[effort],), sum(count for _, count in shares))
+        self._plan((EFFORTS[effort],), shares)
         self.multiplier = np.empty((self.spectrum.column_count, self.spectrum.width), self.dtype)
         make_multiplier(self.spectrum, self.multiplier)
         # More ranks than pairs of columns leave some without.
@@ -46,62 +43,33 @@ class MirroredConvolution(PairOperator):
         if "y" not in points.mirror:
             kernels.halve_pairs(self.multiplier)
 
-    def _plan(self, flags, columns: int) -> None:
+    def _plan(self, flags, shares: list[tuple[int, int]]) -> None:
+        """Buffers and plans for these shares of the complex columns."""
         forget_plans()
-        half, points = self._half, self.points
-        pairs = (points.nb - points.top + 1) // 2
-        self._line, self._forward_line, self._backward_line = complex_lines(half, pairs, self.complex, flags)
-        length = half if "y" in points.mirror else self.n
-        self._column, self._forward, self._backward = complex_lines(length, columns, self.complex, flags)
-        self._line_parts, self._column_parts = self._line.view(self.dtype), self._column.view(self.dtype)
+        half, points, columns = self._half, self.points, sum(count for _, count in shares)
+        rows, both = points.nb - points.top, "y" in points.mirror
         theta = 0.5 * np.pi * np.arange(half // 2 + 1) / half
         self._cosine, self._sine = np.cos(theta).astype(self.dtype), np.sin(theta).astype(self.dtype)
-        # With an odd half the last column has no neighbour but a column of zeros.
-        self._rows = np.zeros((2 * self._line.shape[0], 2 * columns), self.dtype)
-
-    def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
-        """Point vector -> cosine transformed along x, columns whole on each rank."""
-        points, most, pairs = self.points, self._rows.shape[0], self._rows.view(self.complex)
-        scale = self.dtype.type(scale)
-        for row in range(0, points.rows, most):
-            count = min(most, points.rows - row)
-            kernels.scatter_pairs(traction, points.offset, row, count, scale, self._line_parts)
-            self._forward_line()
-            kernels.separate(self._line_parts, self._cosine, self._sine, self._rows)
-            for first, last, block in self._transposition.blocks:
-                block[row : row + count] = pairs[:count, first:last]
-        self._transposition.to_columns()
-
-    def _rows_backward(self, values: np.ndarray) -> None:
-        """Columns -> point vector."""
-        self._transposition.to_rows()
-        points, most, pairs = self.points, self._rows.shape[0], self._rows.view(self.complex)
-        for row in range(0, points.rows, most):
-            count = min(most, points.rows - row)
-            for first, last, block in self._transposition.blocks:
-                pairs[:count, first:last] = block[row : row + count]
-            # A row without a partner must not be rounded to what another left there.
-            pairs[count:] = 0.0
-            kernels.join(self._rows, self._cosine, self._sine, self._line_parts)
-            self._backward_line()
-            kernels.gather_pairs(self._line_parts, points.offset, row, count, values)
+        lines = complex_lines(half, (rows + 1) // 2, self.complex, flags, ROW_BYTES)
+        self._rows = MirroredRows(points, lines, columns, self._cosine, self._sine)
+        length = half if both else self.n
+        self._column, self._forward, self._backward = complex_lines(length, columns, self.complex, flags)
+        self._parts, row = self._column.view(self.dtype), np.arange(rows)
+        # Makhoul's order, of columns as of rows.
+        places = np.where(row % 2, half - 1 - row // 2, row // 2) if both else None
+        self._transposition = Tiles(
+            self.comm, points.row_shares, shares, self.complex, self._column.shape[0], length, places
+        )  # fmt: skip
 
     def _convolve_columns(self) -> None:
         """Pairs of columns: transform along y, times G, back; what is beyond the punch is left out."""
-        batch, columns = self._column.shape[0], self._columns
-        for column in range(0, self._count, batch):
-            count = min(batch, self._count - column)
-            if "y" in self.points.mirror:
-                kernels.load_mirrored(columns, column, count, self._column)
-                self._forward()
-                kernels.multiply_mirrored(
-                    self._column_parts, self.multiplier, column, count, self._cosine, self._sine
-                )  # fmt: skip
-                self._backward()
-                kernels.store_mirrored(self._column, column, count, columns)
+        both = "y" in self.points.mirror
+        for column in self._transposition.groups:
+            count = self._transposition.load(column, self._column)
+            self._forward()
+            if both:
+                kernels.multiply_mirrored(self._parts, self.multiplier, column, count, self._cosine, self._sine)
             else:
-                transform_kernels.load_columns(columns, column, count, self._column)
-                self._forward()
-                kernels.multiply_pairs(self._column_parts, self.multiplier, column, count)
-                self._backward()
-                transform_kernels.store_columns(self._column, column, count, 0, columns)
+                kernels.multiply_pairs(self._parts, self.multiplier, column, count)
+            self._backward()
+            self._transposition.store(column, self._column)

@@ -3,7 +3,7 @@
 The only module that imports mpi4py-fft. A traction that lives on `nb` rows and columns is convolved with an even
 kernel, whose multiplier G(kx, ky) is real and even, and the result is wanted on `out` rows and columns:
 
-1. real-to-complex along x, of the occupied rows only, written into the columns of their owners (node.py);
+1. real-to-complex along x, of the occupied rows only (rows.py), written into the columns of their owners (node.py, tiles.py);
 2. for a few columns at a time, in cache: pad with zeros, complex transform along y, times G, back, keep the wanted
 rows; 3. complex-to-real along x of the wanted rows, out of the columns again.
 
@@ -23,24 +23,28 @@ from mpi4py_fft.pencil import Pencil, Subcomm
 from . import transform_kernels as kernels
 from .grid import share
 from .node import Node, Transposition
+from .rows import PackedRows, RealRows
+from .tiles import PairOperator, Tiles
 
 EFFORTS = {"estimate": fftw.FFTW_ESTIMATE, "measure": fftw.FFTW_MEASURE}
-_CACHE_BYTES = 1 << 18
-"""Working set of one batch of columns or rows: a quarter of a usual second-level cache."""
+_COLUMN_BYTES, ROW_BYTES = 1 << 18, 1 << 19
+"""Working set of one batch of columns, a quarter of a usual second-level cache, or of rows: these are written into tiles in
+longer stretches if there are more of them (n = 4096, double: 8 instead of 4 make rows 1.5 times as fast)."""
 _LARGEST_BATCH = 16
 """Most transforms done at a time. With 8, those below n = 1024 take 4 to 25 % longer; with more, ranks that have few
 columns do more transforms than they need."""
+_CACHE_LINE = 64
+"""Bytes. A group of columns that is narrower reads the same lines several times."""
 
 
-def _batch(length: int, itemsize: int, count: int) -> int:
-    """How many transforms of this length to do at a time; a multiple of 4 where there are enough.
+def _batch(length: int, itemsize: int, count: int, room: int) -> int:
+    """How many transforms of this length to do at a time within about `room` bytes; a multiple of 4 where there are enough.
 
     count: of all ranks together. FFTW may do a transform in another way where there are more or fewer beside it: so
     that last bits don't depend on the number of ranks, nor must this.
     """
-    fitting = max(1, _CACHE_BYTES // (length * itemsize))
-    fitting = fitting - fitting % 4 if fitting >= 4 else fitting
-    return max(1, min(fitting, count, _LARGEST_BATCH))
+    fitting = max(_CACHE_LINE // itemsize, room // (length * itemsize))
+    return max(1, min(fitting - fitting % 4, count, _LARGEST_BATCH))
 
 
 def forget_plans() -> None:
@@ -49,12 +53,24 @@ def forget_plans() -> None:
     fftw.forget_wisdom()
 
 
-def complex_lines(length: int, count: int, dtype, flags):
+def complex_lines(length: int, count: int, dtype, flags, room: int = _COLUMN_BYTES):
     """A buffer for a batch of complex lines of this length, out of `count` of all ranks together, and their transforms
-    forward and backward, in place."""
-    lines = fftw.aligned((_batch(length, np.dtype(dtype).itemsize, count), length), dtype=dtype, fill=0)
+    forward and backward, in place. room [bytes]: that a batch should not take more of."""
+    lines = fftw.aligned((_batch(length, np.dtype(dtype).itemsize, count, room), length), dtype=dtype, fill=0)
     forward = fftw.fftn(lines, axes=(1,), flags=flags, output_array=lines)
     return lines, forward, fftw.ifftn(lines, axes=(1,), flags=flags, output_array=lines)
+
+
+def real_lines(length: int, count: int, dtype, flags):
+    """Buffers for a batch of real lines of this length, out of `count` of all ranks together, and for their half spectra;
+    the transforms from one to the other, and back."""
+    kind = np.result_type(dtype, np.complex64)
+    batch = _batch(length, kind.itemsize, count, ROW_BYTES)
+    lines = fftw.aligned((batch, length), dtype=dtype, fill=0)
+    hat = fftw.aligned((batch, length // 2 + 1), dtype=kind, fill=0)
+    forward = fftw.rfftn(lines, axes=(1,), flags=flags, output_array=hat)
+    # Both ways on the same buffers: the second destroys its input, which is filled anew each time.
+    return lines, hat, forward, fftw.irfftn(hat, s=(length,), axes=(1,), flags=flags, output_array=lines)
 
 
 class Spectrum:
@@ -88,7 +104,7 @@ class Spectrum:
         Node.of(self.comm).trim()
 
 
-class Pruned:
+class Pruned(PairOperator):
     """What transforms between point vectors and the columns of a Spectrum need: buffers and plans.
 
     points: PunchPoints; n: points a side of the transform; effort: of FFTW's planner; dtype: of real numbers.
@@ -97,63 +113,20 @@ class Pruned:
     def __init__(self, points, n: int, effort: str, dtype):
         self.points, self.n, self.comm = points, n, points.comm
         self.dtype, self.complex = np.dtype(dtype), np.result_type(dtype, np.complex64)
-        self.spectrum = Spectrum(n, points.comm)
-        self._transposition = Transposition(self.comm, points.row_shares, self.spectrum.shares, self.complex)
-        self._columns = self._transposition.columns
-        self._plan((EFFORTS[effort],))
-
-    def _plan(self, flags):
+        self.spectrum, flags = Spectrum(n, points.comm), (EFFORTS[effort],)
         forget_plans()
-        n, width = self.n, self.spectrum.width
-        lines = _batch(n, self.complex.itemsize, self.points.nb)
-        self._line = fftw.aligned((lines, n), dtype=self.dtype, fill=0)
-        self._line_hat = fftw.aligned((lines, width), dtype=self.complex, fill=0)
-        # Both ways on the same buffers: c2r destroys its input, which is filled anew each time.
-        self._r2c = fftw.rfftn(self._line, axes=(1,), flags=flags, output_array=self._line_hat)
-        self._c2r = fftw.irfftn(self._line_hat, s=(n,), axes=(1,), flags=flags, output_array=self._line)
-        self._column, self._forward, self._backward = complex_lines(n, width, self.complex, flags)
-
-    def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
-        """Point vector -> transformed along x, columns whole on each rank."""
-        points, lines = self.points, self._line.shape[0]
-        for row in range(0, points.rows, lines):
-            count = min(lines, points.rows - row)
-            kernels.scatter_rows(traction, points.offset, points.first, row, count, points.nb, scale, self._line)
-            self._r2c()
-            for first, last, block in self._transposition.blocks:
-                block[row : row + count] = self._line_hat[:count, first:last]
-        self._transposition.to_columns()
-
-    def _rows_backward(self, values: np.ndarray) -> None:
-        """Columns -> point vector, transformed along x."""
-        self._transposition.to_rows()
-        points, lines = self.points, self._line.shape[0]
-        for row in range(0, points.rows, lines):
-            count = min(lines, points.rows - row)
-            for first, last, block in self._transposition.blocks:
-                self._line_hat[:count, first:last] = block[row : row + count]
-            self._c2r()
-            kernels.gather_rows(self._line, points.offset, points.first, row, count, values)
+        if self.dtype == np.float32:
+            self._rows = PackedRows(points, complex_lines(n, (points.nb + 1) // 2, self.complex, flags, ROW_BYTES))
+        else:
+            self._rows = RealRows(points, real_lines(n, points.nb, self.dtype, flags))
+        self._column, self._forward, self._backward = complex_lines(n, self.spectrum.width, self.complex, flags)
+        self._parts = self._column.view(self.dtype)
+        self._transposition = Tiles(
+            self.comm, points.row_shares, self.spectrum.shares, self.complex, self._column.shape[0], n
+        )  # fmt: skip
 
 
-class PairOperator:
-    """An operator between point vectors that takes one pair of transforms a call: rows there, columns, rows back. Counts
-    its calls in `pairs` and their time [s] in `seconds`."""
-
-    pairs, seconds = 0, 0.0
-
-    def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
-        """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
-        start = time.perf_counter()
-        self._rows_forward(traction, scale)
-        self._convolve_columns()
-        self._rows_backward(displacement)
-        self.pairs += 1
-        self.seconds += time.perf_counter() - start
-        return displacement
-
-
-class Convolution(Pruned, PairOperator):
+class Convolution(Pruned):
     """u = G * w between point vectors: one pair of transforms a call.
 
     points: the PunchPoints that the traction lives on. n: points a side of the transform, at least what the kernel
@@ -163,7 +136,7 @@ class Convolution(Pruned, PairOperator):
 
     def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
         super().__init__(points, n, effort, dtype)
-        assert min(points.nb, self.spectrum.width) >= self.comm.size, "more ranks than rows, or columns"
+        assert min((points.nb + 1) // 2, self.spectrum.width) >= self.comm.size, "more ranks than pairs of rows, or columns"
         self.multiplier = np.empty((self.spectrum.column_count, self.spectrum.width), self.dtype)
         make_multiplier(self.spectrum, self.multiplier)
         # G at q = 0, the same on every rank.
@@ -184,31 +157,34 @@ class Convolution(Pruned, PairOperator):
         wide_rows = np.empty(rows.subshape, self.complex)
         self._rows_forward(traction, 1.0)
         # Row and column 0 of the transform are the block's; the cell begins `start` before them.
-        self._convolve_columns(wide_columns, -start)
+        wanted = (np.arange(cell) - start) % self.n
+        for column, count in self._convolved():
+            wide_columns[:, column : column + count] = self._column[:count, wanted].T
         self._transposition.meet()
         rows.transfer(columns, self.complex).backward(wide_columns, wide_rows)
         surface = np.empty((rows.subshape[0], cell))
-        lines = self._line.shape[0]
-        wanted = (np.arange(cell) - start) % self.n
-        for row in range(0, surface.shape[0], lines):
-            count = min(lines, surface.shape[0] - row)
-            self._line_hat[:count] = wide_rows[row : row + count]
-            self._c2r()
-            surface[row : row + count] = self._line[:count, wanted]
+        forget_plans()
+        line, hat, _, backward = real_lines(self.n, self.points.nb, self.dtype, (EFFORTS["estimate"],))
+        for row in range(0, surface.shape[0], hat.shape[0]):
+            count = min(hat.shape[0], surface.shape[0] - row)
+            hat[:count] = wide_rows[row : row + count]
+            backward()
+            surface[row : row + count] = line[:count, wanted]
         self.pairs += 1
         return surface, rows.substart[0]
 
-    def _convolve_columns(self, out: np.ndarray | None = None, first: int = 0) -> None:
-        """Column by column: transform along y, times G, back; rows first, first + 1, ... of the result go to `out`, by
-        default into the columns themselves."""
-        out, batch = self._columns if out is None else out, self._column.shape[0]
-        for column in range(0, self.spectrum.column_count, batch):
-            count = min(batch, self.spectrum.column_count - column)
-            kernels.load_columns(self._columns, column, count, self._column)
+    def _convolve_columns(self) -> None:
+        for column, _ in self._convolved():
+            self._transposition.store(column, self._column)
+
+    def _convolved(self) -> Iterator[tuple[int, int]]:
+        """Some columns at a time, transformed along y, times G, and back, are in the buffer: the first, how many."""
+        for column in self._transposition.groups:
+            count = self._transposition.load(column, self._column)
             self._forward()
-            kernels.multiply_columns(self._column, self.multiplier, column, count)
+            kernels.multiply_columns(self._parts, self.multiplier, column, count)
             self._backward()
-            kernels.store_columns(self._column, column, count, first, out)
+            yield column, count
 
 
 class Plane:

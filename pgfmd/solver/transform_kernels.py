@@ -1,7 +1,8 @@
 """Compiled kernels of the transform: rows and columns in and out of the buffers of one batch.
 
 A point vector's row `i` runs from `offset[i]` to `offset[i + 1]` and begins at column `first[i]` of the punch block
-(grid.py).
+(grid.py). Complex lines are passed as real arrays where rows are packed, real and imaginary parts in turns. Between rows and
+columns lie tiles (tiles.py).
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ _compile = compiled()
 
 
 @_compile
-def scatter_rows(vector, offset, first, row, count, nb, scale, line):
-    """line[i, first:last] = scale * (row `row + i` of the point vector), zero in the rest of the first nb columns."""
+def scatter_rows(vector, offset, first, row, count, scale, line):
+    """line[i, first:last] = scale * (row `row + i` of the point vector), zero in the rest."""
     for i in range(count):
         start, stop, column = offset[row + i], offset[row + i + 1], first[row + i]
         target, source = line[i], vector[start:stop]
@@ -33,41 +34,131 @@ def gather_rows(line, offset, first, row, count, vector):
 
 
 @_compile
-def load_columns(columns, column, count, buffer):
-    """buffer[j, :nb] = columns[:, column + j], zeros behind."""
-    nb, n = columns.shape[0], buffer.shape[1]
-    # Four columns at a time: a cache line of the source, and few enough targets, whose distance is a power of two.
-    for start in range(0, count, 4):
-        stop = min(start + 4, count)
-        for i in range(nb):
-            for j in range(start, stop):
-                buffer[j, i] = columns[i, column + j]
-        for j in range(start, stop):
-            for i in range(nb, n):
-                buffer[j, i] = 0.0
+def scatter_packed(vector, offset, first, row, count, scale, lines):
+    """Lines of scale * (row `row + 2 l` + i times the next one), zero in the rest; `count` rows, the last maybe alone."""
+    for l in range(lines.shape[0]):
+        line = lines[l]
+        line[:] = 0
+        for h in range(min(2, count - 2 * l)):
+            start, stop, column = offset[row + 2 * l + h], offset[row + 2 * l + h + 1], first[row + 2 * l + h]
+            for j in range(stop - start):
+                line[2 * (column + j) + h] = scale * vector[start + j]
 
 
 @_compile
-def multiply_columns(buffer, multiplier, column, count):
-    """buffer[j, ky] *= G(column + j, |ky|)."""
-    n = buffer.shape[1]
-    half = n // 2
+def gather_packed(lines, offset, first, row, count, vector):
+    """The inverse of `scatter_packed`, without scale."""
+    for i in range(count):
+        line, h = lines[i // 2], i % 2
+        start, stop, column = offset[row + i], offset[row + i + 1], first[row + i]
+        for j in range(stop - start):
+            vector[start + j] = line[2 * (column + j) + h]
+
+
+@_compile
+def separate_packed(lines, half, rows):
+    """rows[2 l], rows[2 l + 1]: half spectra of the two rows a + i b in line l, from Z_k = A_k + i B_k. half: 1/2, in their precision."""
+    n = lines.shape[1] // 2
+    for l in range(lines.shape[0]):
+        z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
+        a[0], a[1], b[0], b[1] = z[0], 0, z[1], 0
+        for k in range(1, n // 2 + 1):
+            m = n - k
+            a[2 * k], a[2 * k + 1] = half * (z[2 * k] + z[2 * m]), half * (z[2 * k + 1] - z[2 * m + 1])
+            b[2 * k], b[2 * k + 1] = half * (z[2 * k + 1] + z[2 * m + 1]), half * (z[2 * m] - z[2 * k])
+
+
+@_compile
+def join_packed(rows, lines):
+    """The inverse of `separate_packed`; imaginary parts of a real row's first and middle number don't count."""
+    n = lines.shape[1] // 2
+    for l in range(lines.shape[0]):
+        z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
+        z[0], z[1] = a[0], b[0]
+        for k in range(1, (n + 1) // 2):
+            m = n - k
+            z[2 * k], z[2 * k + 1] = a[2 * k] - b[2 * k + 1], a[2 * k + 1] + b[2 * k]
+            z[2 * m], z[2 * m + 1] = a[2 * k] + b[2 * k + 1], b[2 * k] - a[2 * k + 1]
+        if n % 2 == 0:
+            z[n], z[n + 1] = a[n], b[n]
+
+
+@_compile
+def put_rows(hat, count, first, row, rows, columns, width, block):
+    """Some rows, from column `first` on, into the tiles of a block: rows `row` to `row + count` of its `rows`."""
+    for start in range(0, columns, width):
+        wide = min(width, columns - start)
+        for i in range(count):
+            source, target = hat[i, first + start : first + start + wide], start * rows + (row + i) * wide
+            for j in range(wide):
+                block[target + j] = source[j]
+
+
+@_compile
+def take_rows(block, count, first, row, rows, columns, width, hat):
+    """The inverse of `put_rows`."""
+    for start in range(0, columns, width):
+        wide = min(width, columns - start)
+        for i in range(count):
+            target, source = hat[i, first + start : first + start + wide], start * rows + (row + i) * wide
+            for j in range(wide):
+                target[j] = block[source + j]
+
+
+@_compile
+def load_columns(tiles, ends, columns, width, column, places, begin, end, buffer):
+    """buffer[j, places[i]] = row i of column `column + j`, for one group of columns; zeros from `begin` to `end`.
+
+    Rows of rank s: `ends[s]` to `ends[s + 1]`. Returns how many columns there are.
+    """
+    wide = min(width, columns - column)
+    for s in range(ends.size - 1):
+        top, rows = ends[s], ends[s + 1] - ends[s]
+        base = top * columns + column * rows
+        tile = tiles[base : base + rows * wide].reshape(rows, wide)
+        # Four columns at a time: a cache line of the source, and few enough targets, whose distance is a power of two.
+        fours = wide - wide % 4
+        for j in range(0, fours, 4):
+            one, two, three, four = buffer[j], buffer[j + 1], buffer[j + 2], buffer[j + 3]
+            for i in range(rows):
+                k = places[top + i]
+                one[k], two[k], three[k], four[k] = tile[i, j], tile[i, j + 1], tile[i, j + 2], tile[i, j + 3]
+        for j in range(fours, wide):
+            for i in range(rows):
+                buffer[j, places[top + i]] = tile[i, j]
+    for j in range(wide):
+        buffer[j, begin:end] = 0
+    return wide
+
+
+@_compile
+def store_columns(buffer, ends, columns, width, column, places, tiles):
+    """The inverse of `load_columns`: what is beyond the places is left out."""
+    wide = min(width, columns - column)
+    for s in range(ends.size - 1):
+        top, rows = ends[s], ends[s + 1] - ends[s]
+        base = top * columns + column * rows
+        tile = tiles[base : base + rows * wide].reshape(rows, wide)
+        fours = wide - wide % 4
+        for j in range(0, fours, 4):
+            one, two, three, four = buffer[j], buffer[j + 1], buffer[j + 2], buffer[j + 3]
+            for i in range(rows):
+                k = places[top + i]
+                tile[i, j], tile[i, j + 1], tile[i, j + 2], tile[i, j + 3] = one[k], two[k], three[k], four[k]
+        for j in range(fours, wide):
+            for i in range(rows):
+                tile[i, j] = buffer[j, places[top + i]]
+
+
+@_compile
+def multiply_columns(lines, multiplier, column, count):
+    """Lines of complex numbers, as real ones in turns: of index ky times G(column + j, |ky|)."""
+    n = lines.shape[1] // 2
     for j in range(count):
-        row = multiplier[column + j]
-        for k in range(half + 1):
-            buffer[j, k] *= row[k]
-        for k in range(half + 1, n):
-            buffer[j, k] *= row[n - k]
-
-
-@_compile
-def store_columns(buffer, column, count, first, columns):
-    """columns[i, column + j] = buffer[j, first + i], periodically."""
-    n = buffer.shape[1]
-    for start in range(0, count, 4):
-        stop = min(start + 4, count)
-        k = first % n
-        for i in range(columns.shape[0]):
-            for j in range(start, stop):
-                columns[i, column + j] = buffer[j, k]
-            k = k + 1 if k + 1 < n else 0
+        line, row = lines[j], multiplier[column + j]
+        for k in range(n // 2 + 1):
+            line[2 * k] *= row[k]
+            line[2 * k + 1] *= row[k]
+        for k in range(n // 2 + 1, n):
+            line[2 * k] *= row[n - k]
+            line[2 * k + 1] *= row[n - k]

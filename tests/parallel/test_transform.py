@@ -35,10 +35,10 @@ def random_field(points, seed=5):
 
 
 def case(comm, n, share_of_cell):
-    """The points; cells with fewer rows or columns than ranks are for `test_too_many_ranks_are_refused`."""
+    """The points; cells with fewer pairs of rows or columns than ranks are for `test_too_many_ranks_are_refused`."""
     points = PunchPoints(Grid(n, LENGTH), None if share_of_cell is None else share_of_cell * LENGTH, comm)
-    if min(points.nb, n // 2 + 1) < comm.size:
-        pytest.skip("fewer rows than ranks")
+    if min((points.nb + 1) // 2, n // 2 + 1) < comm.size:
+        pytest.skip("fewer pairs of rows than ranks")
     return points
 
 
@@ -193,6 +193,27 @@ def test_single_precision_is_that_good():
     single = Convolution(points, 64, periodic_multiplier(HalfSpace(MODULUS), LENGTH), dtype=np.float32)
     error = np.abs(single(random_field(points), points.zeros()) - exact).max(initial=0)
     assert points.maximum_of(error) < 1e-5 * points.maximum_of(np.abs(exact).max(initial=0))
+
+
+@pytest.mark.parametrize(("n", "radius"), CELLS)
+def test_two_rows_in_one_transform_are_that_good_and_have_the_same_bits_on_any_number_of_ranks(n, radius):
+    comm = MPI.COMM_WORLD
+    points, alone = case(comm, n, radius), case(MPI.COMM_SELF, n, radius)
+    make = periodic_multiplier(Film(2e6, 0.49, 0.2e-3, "bonded"), LENGTH)
+    shared, own = (Convolution(each, n, make, dtype=np.float32) for each in (points, alone))
+    exact = Convolution(alone, n, make)
+    for seed in range(2):
+        # The second row of a pair must not be rounded to what was there before, a billion times as large.
+        size = 1e9 if seed == 0 else 1.0
+        fields = [(size * random_field(each, seed)).astype(np.float32) for each in (points, alone)]
+        found = gathered(comm, shared(fields[0], points.zeros(np.float32), 0.37))
+        np.testing.assert_array_equal(found, own(fields[1], alone.zeros(np.float32), 0.37))
+        expected = exact(fields[1].astype(float), alone.zeros(), 0.37)
+        np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max(), rtol=0)
+    cell, _ = shared.whole_cell(fields[0])
+    single = np.concatenate(comm.allgather(cell))
+    expected, _ = exact.whole_cell(fields[1].astype(float))
+    np.testing.assert_allclose(single, expected, atol=1e-6 * np.abs(expected).max(), rtol=0)
 
 
 def test_measured_plans_agree_to_rounding():

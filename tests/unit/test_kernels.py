@@ -24,7 +24,7 @@ SHARES = {
     "odd block": PunchPoints(Grid(27, 1.0), 0.31, Rank(0, 1)),
     "whole cell": PunchPoints(Grid(12, 1.0), None, Rank(1, 3)),
     "a part": PunchPoints(Grid(100, 1.0), 0.25, Rank(1, 3)),
-    "single row": PunchPoints(Grid(16, 1.0), 0.3, Rank(3, 10)),
+    "single row": PunchPoints(Grid(27, 1.0), 0.31, Rank(8, 9)),
     "empty rows": PunchPoints(Grid(8, 1.0), 1e-3, Rank(0, 1)),
     "no rows": PunchPoints(Grid(16, 1.0), 0.3, Rank(10, 11)),
 }
@@ -71,7 +71,7 @@ def test_rows_are_scattered_with_zeros_around_and_gathered_back(points, rng):
     for row in range(0, points.rows, lines):
         count = min(lines, points.rows - row)
         line = np.full((lines, length), np.nan)
-        transform_kernels.scatter_rows(vector, points.offset, points.first, row, count, points.nb, -2.5, line)
+        transform_kernels.scatter_rows(vector, points.offset, points.first, row, count, -2.5, line)
         np.testing.assert_array_equal(line[:count, : points.nb], -2.5 * padded[row : row + count])
         np.testing.assert_array_equal(line[:count, points.nb :], 0.0)
         assert np.all(np.isnan(line[count:])), "wrote behind its rows"
@@ -79,32 +79,77 @@ def test_rows_are_scattered_with_zeros_around_and_gathered_back(points, rng):
     np.testing.assert_array_equal(back, -2.5 * vector)
 
 
+def test_pairs_of_rows_are_packed_separated_joined_and_gathered_back(points, rng):
+    for n in (2 * points.nb + 4, 2 * points.nb + 3):
+        vector, lines = rng.standard_normal(points.size), np.full((3, 2 * n), np.nan)
+        back, padded = np.full(points.size, np.nan), np.zeros((points.rows, n))
+        padded[:, : points.nb] = points.to_rows(vector, outside=0.0)
+        for row in range(0, points.rows, 6):
+            count = min(6, points.rows - row)
+            transform_kernels.scatter_packed(vector, points.offset, points.first, row, count, -2.5, lines)
+            expected = np.zeros((6, n))
+            expected[:count] = -2.5 * padded[row : row + count]
+            np.testing.assert_array_equal(lines.view(complex), expected[0::2] + 1j * expected[1::2])
+            hat = np.full((6, n // 2 + 1), np.nan, dtype=complex)
+            spectra = np.fft.fft(lines.view(complex)).view(float)
+            transform_kernels.separate_packed(spectra, 0.5, hat.view(float))
+            close(hat, np.fft.rfft(expected), n)
+            # They don't count, as in a transform to real numbers.
+            hat[:, 0] += 1e3j
+            hat[:, n // 2] += 1e3j * (n % 2 == 0)
+            joined = np.full_like(lines, np.nan)
+            transform_kernels.join_packed(hat.view(float), joined)
+            lines = np.fft.ifft(joined.view(complex)).view(float)
+            transform_kernels.gather_packed(lines, points.offset, points.first, row, count, back)
+        close(back, -2.5 * vector, n)
+
+
 @pytest.mark.parametrize(
-    ("nb", "n", "width", "batch"),
-    [(5, 16, 9, 4), (7, 7, 4, 4), (1, 9, 5, 3), (6, 13, 1, 1), (4, 8, 0, 2), (8, 16, 13, 7)],
+    ("rows", "n", "width", "batch"),
+    [((5,), 16, 9, 4), ((4, 3), 7, 4, 4), ((1,), 9, 5, 3), ((2, 0, 4), 13, 1, 1), ((4,), 8, 0, 2), ((2, 2, 4), 16, 13, 7)],
 )
-def test_columns_are_loaded_multiplied_and_stored(nb, n, width, batch, rng):
-    columns = rng.standard_normal((nb, width)) + 1j * rng.standard_normal((nb, width))
+def test_rows_become_tiles_columns_are_loaded_from_them_multiplied_and_stored(rows, n, width, batch, rng):
+    """Of one rank's columns; rows: of each rank."""
+    ends = np.concatenate(([0], np.cumsum(rows)))
+    nb, before = ends[-1], 2
+    hat = rng.standard_normal((nb, before + width)) + 1j * rng.standard_normal((nb, before + width))
+    tiles = np.full(nb * width, np.nan, dtype=complex)
+    for first, last in zip(ends[:-1], ends[1:], strict=True):
+        block = tiles[first * width : last * width]
+        for row in range(0, last - first, 3):
+            some = hat[first + row : min(first + row + 3, last)]
+            transform_kernels.put_rows(some, len(some), before, row, last - first, width, batch, block)
+            back = np.zeros_like(some)
+            transform_kernels.take_rows(block, len(some), before, row, last - first, width, batch, back)
+            np.testing.assert_array_equal(back[:, before:], some[:, before:])
+            assert not back[:, :before].any()
+    assert not np.isnan(tiles).any()
     multiplier = rng.standard_normal((width, n // 2 + 1))
     ky = np.minimum(np.arange(n), n - np.arange(n))
-    for first in (0, 3, -2):
-        stored = np.full((nb, width), np.nan, dtype=complex)
+    row = np.arange(nb)
+    # As they are, in Makhoul's order, and from the end.
+    for places in (row, np.where(row % 2, n - 1 - row // 2, row // 2), row + n - nb):
+        free = np.setdiff1d(np.arange(n), places)
+        begin, end = (free[0], free[-1] + 1) if free.size else (0, 0)
+        stored = np.full_like(tiles, np.nan)
         for column in range(0, width, batch):
-            count = min(batch, width - column)
             buffer = np.full((batch, n), np.nan, dtype=complex)
-            transform_kernels.load_columns(columns, column, count, buffer)
+            count = transform_kernels.load_columns(tiles, ends, width, batch, column, places, begin, end, buffer)
+            assert count == min(batch, width - column)
             expected = np.zeros((count, n), dtype=complex)
-            expected[:, :nb] = columns[:, column : column + count].T
+            expected[:, places] = hat[:, before + column : before + column + count].T
             np.testing.assert_array_equal(buffer[:count], expected)
             assert np.all(np.isnan(buffer[count:]))
-            transform_kernels.multiply_columns(buffer, multiplier, column, count)
+            transform_kernels.multiply_columns(buffer.view(float), multiplier, column, count)
             expected *= multiplier[column : column + count][:, ky]
             np.testing.assert_array_equal(buffer[:count], expected)
-            buffer[:count] += np.arange(n)
-            transform_kernels.store_columns(buffer, column, count, first, stored)
-            wanted = (first + np.arange(nb)) % n
-            np.testing.assert_array_equal(stored[:, column : column + count], buffer[:count, wanted].T)
-        assert not np.any(np.isnan(stored))
+            transform_kernels.store_columns(buffer, ends, width, batch, column, places, stored)
+        again = np.zeros((nb, width), dtype=complex)
+        for first, last in zip(ends[:-1], ends[1:], strict=True):
+            block = stored[first * width : last * width]
+            transform_kernels.take_rows(block, last - first, 0, 0, last - first, width, batch, again[first:last])
+        column = np.arange(width)
+        np.testing.assert_array_equal(again, hat[:, before:] * multiplier[column, :][:, ky[places]].T)
 
 
 # Cohesion and the incremental potential ------------------------------------------------------------------------------

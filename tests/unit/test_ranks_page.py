@@ -60,13 +60,13 @@ def test_each_block_of_the_page_has_a_table(monkeypatch):
     # Of three ranks on two cores the model says nothing.
     assert found["measured"].count("| (") == 4
     assert "mixed half points, as runs choose" in found["large"] and "| mixed half | 512 |" in found["traffic"]
-    # Whole and in double precision there are four times the bytes, as many meetings, and more ranks have work.
+    # Whole and in double precision there are four times the bytes, as many meetings, and as many ranks have work.
     double = made(options, WHOLE)
     assert "double whole points (solver.symmetry=none, solver.precision=double)" in double["large"]
     for n in (512, 1024):
         bytes_of = [traffic_of_pair(bench.usual(n, changes), [0, 1], 0).sent for changes in (WHOLE, [])]
         assert bytes_of[0] / bytes_of[1] == pytest.approx(4.0, rel=0.02)
-    assert double["large"].count("too many") < found["large"].count("too many")
+    assert double["large"].count("too many") == found["large"].count("too many")
 
 
 @pytest.mark.parametrize("part", [("double", ""), ("mixed", "x")])

@@ -1,0 +1,101 @@
+"""The columns of a half spectrum between the transforms of rows and those of columns: in tiles, which both read well.
+
+A row is written where columns are read, and these would be read at a stride of a whole row: a cache line for each number.
+So a block, the rows of one rank by the columns of another, consists of groups of as many columns as are transformed at a
+time, and a group of its rows, one after the other. A batch of columns is then one contiguous stretch for each rank that has
+rows, a batch of rows writes stretches of some cache lines, and a block is still one piece that can be sent as it is.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from . import transform_kernels as kernels
+from .node import Transposition
+
+
+class Tiles(Transposition):
+    """A Transposition whose blocks and columns consist of tiles.
+
+    comm, rows, columns, dtype: as of Transposition. width: columns of a group. length: numbers in a column when it is
+    transformed, and places: where its rows are then, (all rows,), by default the first ones.
+    """
+
+    def __init__(self, comm, rows, columns, dtype, width: int, length: int, places: np.ndarray | None = None):
+        super().__init__(comm, rows, columns, dtype)
+        total, self.count = self.columns.shape
+        self.rows, self.width = rows[comm.rank][1], width
+        self._tiles = self.columns.reshape(-1)
+        self._ends = np.array([0, *(start + count for start, count in rows)])
+        self._places = np.arange(total) if places is None else places
+        free = np.ones(length, bool)
+        free[self._places] = False
+        # They are next to each other.
+        self._free = int(np.argmax(free)), int(np.argmax(free) + free.sum())
+        self._blocks = [(first, last - first, block.reshape(-1)) for first, last, block in self.blocks]
+
+    def put(self, hat: np.ndarray, row: int, count: int) -> None:
+        """Takes this rank's rows from `row` on from the first `count` lines of `hat`, (any, all columns)."""
+        for first, columns, block in self._blocks:
+            kernels.put_rows(hat, count, first, row, self.rows, columns, self.width, block)
+
+    def take(self, row: int, count: int, hat: np.ndarray) -> None:
+        """Puts them back into `hat`."""
+        for first, columns, block in self._blocks:
+            kernels.take_rows(block, count, first, row, self.rows, columns, self.width, hat)
+
+    @property
+    def groups(self) -> range:
+        """The first column of each group of this rank's columns."""
+        return range(0, self.count, self.width)
+
+    def load(self, column: int, buffer: np.ndarray) -> int:
+        """A group of columns, from this one on, as the first lines of a buffer (width, length); returns how many."""
+        return kernels.load_columns(
+            self._tiles, self._ends, self.count, self.width, column, self._places, *self._free, buffer
+        )  # fmt: skip
+
+    def store(self, column: int, buffer: np.ndarray, places: np.ndarray | None = None) -> None:
+        """The inverse of `load`. places: where the rows are, if not where they were loaded to."""
+        places = self._places if places is None else places
+        kernels.store_columns(buffer, self._ends, self.count, self.width, column, places, self._tiles)
+
+
+class PairOperator:
+    """An operator between point vectors that takes one pair of transforms a call: rows there, columns, rows back. Counts
+    its calls in `pairs` and their time [s] in `seconds`.
+
+    `_rows` (rows.py) transforms rows, `_transposition` (tiles.py) makes columns of them, which `_convolve_columns` convolves.
+    """
+
+    pairs, seconds = 0, 0.0
+
+    def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
+        """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
+        start = time.perf_counter()
+        self._rows_forward(traction, scale)
+        self._convolve_columns()
+        self._rows_backward(displacement)
+        self.pairs += 1
+        self.seconds += time.perf_counter() - start
+        return displacement
+
+    def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
+        """Point vector -> transformed along x, columns whole on each rank."""
+        rows, scale = self._rows, self.dtype.type(scale)
+        for row in range(0, self.points.rows, rows.most):
+            count = min(rows.most, self.points.rows - row)
+            rows.forward(traction, row, count, scale)
+            self._transposition.put(rows.hat, row, count)
+        self._transposition.to_columns()
+
+    def _rows_backward(self, values: np.ndarray) -> None:
+        """Columns -> point vector, transformed along x."""
+        self._transposition.to_rows()
+        rows = self._rows
+        for row in range(0, self.points.rows, rows.most):
+            count = min(rows.most, self.points.rows - row)
+            self._transposition.take(row, count, rows.hat)
+            rows.backward(row, count, values)
