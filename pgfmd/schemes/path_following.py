@@ -104,10 +104,9 @@ class PathFollowing:
             self.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
             self._levels, points.offset, self._observed,
         )  # fmt: skip
-        rows = points.all_rows(self._observed)
-        contact, overlap, near, energy, far = points.summed(rows[:5])
+        contact, overlap, near, energy, far, closest = points.reduced(self._observed, 5)
         state.contact_points, state.overlap_points, state.near_points = int(contact), int(overlap), int(near)
-        state.smallest_gap, state.far_displacement = -rows[5].max(), far
+        state.smallest_gap, state.far_displacement = -closest, far
         state.energies.adhesive = energy * points.grid.cell_area
 
     def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:

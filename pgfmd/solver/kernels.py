@@ -12,6 +12,7 @@ import math
 
 import numba
 import numpy as np
+from numba.extending import overload
 
 from .compiled import compiled
 
@@ -22,6 +23,32 @@ _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
 # Maxima and minima vectorise only where NaN is ruled out: `observe`, which looks at every accepted step, is not among
 # these.
 _compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
+
+
+# Numbers of no sign are in the order of their bits. The largest of these is found many at a time, of the numbers
+# themselves one by one.
+def bits_of(number):
+    """The bits of a number as an integer."""
+    return number.view(np.int32 if number.dtype == np.float32 else np.int64)
+
+
+def number_of(bits):
+    """The number of these bits."""
+    return bits.view(np.float32 if bits.dtype == np.int32 else np.float64)
+
+
+@overload(bits_of, inline="always")
+def _bits_of(number):
+    if number == numba.types.float32:
+        return lambda number: np.float32(number).view(np.int32)
+    return lambda number: np.float64(number).view(np.int64)
+
+
+@overload(number_of, inline="always")
+def _number_of(bits):
+    if bits == numba.types.int32:
+        return lambda bits: np.int32(bits).view(np.float32)
+    return lambda bits: np.int64(bits).view(np.float64)
 
 
 # Cohesion and the incremental potential ------------------------------------------------------------------------------
@@ -163,55 +190,72 @@ def turn_direction(z, r, beta, k, p, y, offset, rows):
 def survey(z, r, k, offset, rows):
     """What a correction z = A r of CG asks of all ranks. rows[0] of r z;  rows[1] of z K z;  rows[2] of K z;  rows[3]:
     the largest |z| over points that interact (K != 0), row by row."""
+    none = bits_of(z.dtype.type(0.0))
     for row in range(offset.size - 1):
-        energy, bend, pull, largest = 0.0, 0.0, 0.0, 0.0
+        energy, bend, pull, largest = 0.0, 0.0, 0.0, none
         for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            here = z[i]
+            here = np.float64(z[i])
             stiff = k[i] * here
             energy += r[i] * here
             bend += here * stiff
             pull += stiff
-            largest = max(largest, abs(here) if k[i] != 0.0 else 0.0)
+            largest = max(largest, bits_of(abs(z[i])) if k[i] != 0.0 else none)
         rows[0, row] = energy
         rows[1, row] = bend
         rows[2, row] = pull
-        rows[3, row] = largest
+        rows[3, row] = number_of(largest)
 
 
 @_compile_maxima
-def turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, offset, rows):
-    """p = z + beta p;  y = r + beta y;  s += alpha p;  t += alpha y;  r -= alpha (y + K p), in one pass; the first one
-    begins with all of them zero, whatever is in them.
+def turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, last, rows):
+    """p = z + beta p;  y = r + beta y;  s += alpha p;  t += alpha y;  r -= alpha (y + K p), in one pass, in the precision
+    of the vectors; the first one begins with all of them zero, whatever is in them, the last one leaves p, y and r.
 
-    rows[0], rows[1]: the largest |p| and |s| over points that interact (K != 0), row by row.
+    rows[0], rows[1]: the largest |p| and |s| over points that interact (K != 0), in the first row, zero in the others; the
+    first not of the last pass, the second not of one that is first and last.
     """
-    for row in range(offset.size - 1):
-        turn, size = 0.0, 0.0
-        if first:
-            for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-                a, b = z[i], r[i]
-                p[i] = a
-                y[i] = b
-                s[i] = alpha * a
-                t[i] = alpha * b
-                r[i] = b - alpha * (b + k[i] * a)
-                interacting = k[i] != 0.0
-                turn = max(turn, abs(a) if interacting else 0.0)
-                size = max(size, abs(s[i]) if interacting else 0.0)
-        else:
-            for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-                a = z[i] + beta * p[i]
-                b = r[i] + beta * y[i]
-                p[i] = a
-                y[i] = b
-                s[i] += alpha * a
-                t[i] += alpha * b
-                r[i] -= alpha * (b + k[i] * a)
-                interacting = k[i] != 0.0
-                turn = max(turn, abs(a) if interacting else 0.0)
-                size = max(size, abs(s[i]) if interacting else 0.0)
-        rows[0, row] = turn
-        rows[1, row] = size
+    real = p.dtype.type
+    beta, alpha, none = real(beta), real(alpha), bits_of(real(0.0))
+    turn, size = none, none
+    if first and last:
+        for i in range(p.size):
+            s[i] = alpha * z[i]
+            t[i] = alpha * r[i]
+    elif first:
+        for i in range(p.size):
+            a, b = z[i], r[i]
+            moved = alpha * a
+            p[i] = a
+            y[i] = b
+            s[i] = moved
+            t[i] = alpha * b
+            r[i] = b - alpha * (b + k[i] * a)
+            interacts = k[i] != 0.0
+            turn = max(turn, bits_of(abs(a)) if interacts else none)
+            size = max(size, bits_of(abs(moved)) if interacts else none)
+    elif last:
+        for i in range(p.size):
+            moved = s[i] + alpha * (z[i] + beta * p[i])
+            s[i] = moved
+            t[i] += alpha * (r[i] + beta * y[i])
+            size = max(size, bits_of(abs(moved)) if k[i] != 0.0 else none)
+    else:
+        for i in range(p.size):
+            a = z[i] + beta * p[i]
+            b = r[i] + beta * y[i]
+            moved = s[i] + alpha * a
+            p[i] = a
+            y[i] = b
+            s[i] = moved
+            t[i] += alpha * b
+            r[i] -= alpha * (b + k[i] * a)
+            interacts = k[i] != 0.0
+            turn = max(turn, bits_of(abs(a)) if interacts else none)
+            size = max(size, bits_of(abs(moved)) if interacts else none)
+    rows[:2] = 0.0
+    if rows.shape[1]:
+        rows[0, 0] = number_of(turn)
+        rows[1, 0] = number_of(size)
 
 
 @_compile_maxima
@@ -265,14 +309,33 @@ def combine(c0, a0, c1, a1, c2, a2, out):
         out[i] = c0 * a0[i] + c1 * a1[i] + c2 * a2[i]
 
 
-@_compile
+@_compile_maxima
 def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
     """max |u - (c0 a0 + c1 a1 + c2 a2)| and max |u - a0| over points whose gap, by one or the other, is below reach; 0
     without any."""
-    largest, change = 0.0, 0.0
+    none = bits_of(0.0)
+    largest, change = none, none
     for i in range(u.size):
-        other = c0 * a0[i] + c1 * a1[i] + c2 * a2[i]
-        if position + height[i] - max(u[i], other) < reach:
-            largest = max(largest, abs(u[i] - other))
-            change = max(change, abs(u[i] - a0[i]))
-    return largest, change
+        here, before = np.float64(u[i]), np.float64(a0[i])
+        other = c0 * before + c1 * a1[i] + c2 * a2[i]
+        near = (position + height[i] - here < reach) | (position + height[i] - other < reach)
+        largest = max(largest, bits_of(abs(here - other)) if near else none)
+        change = max(change, bits_of(abs(here - before)) if near else none)
+    return number_of(largest), number_of(change)
+
+
+# Sums over rows
+# ----------------------------------------------------------------------------------------------
+@_compile_sums
+def reduce_rows(rows, sums, out):
+    """out: the sums over all rows of the first `sums` kinds of numbers, the largest of the others."""
+    for kind in range(sums):
+        total = 0.0
+        for i in range(rows.shape[1]):
+            total += rows[kind, i]
+        out[kind] = total
+    for kind in range(sums, rows.shape[0]):
+        largest = -math.inf
+        for i in range(rows.shape[1]):
+            largest = max(largest, rows[kind, i])
+        out[kind] = largest

@@ -1,0 +1,154 @@
+"""Where the processor time of a run's steps goes outside the transforms: kernel by kernel, and what Python adds.
+
+    python scripts/outside.py                                   tri-tack at n = 512, as shipped
+    python scripts/outside.py tri-tack grid.n=1024 drive.preload="5 mN"
+    mpirun -n 2 python scripts/outside.py tri-tack grid.n=512    of rank 0, waits for others included
+
+A whole run with its files, in a temporary folder; the start (imports, compiling, planning) is listed apart. Percent of the time of all steps, each
+part without those inside it; `calls` a pair of transforms.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections import defaultdict
+
+TRANSFORM = "transforms"
+OTHERS = {
+    "pgfmd.solver.grid.PunchPoints": ("all_rows", "summed", "maxima_of"),
+    "pgfmd.solver.conjugate_gradients.ConjugateGradients": ("correct",),
+    "pgfmd.solver.newton.NewtonSolver": ("solve", "_go_down", "_noise"),
+    "pgfmd.schemes.path_following.PathFollowing": ("_predict", "_change", "_move_on", "_remember", "measure"),
+    "pgfmd.schemes.inertialess.Inertialess": ("try_step", "accept"),
+    "pgfmd.schemes.energy_audit.EnergyAudit": ("energies",),
+    "pgfmd.solver.drift.Drift": ("extrapolated", "renewed", "disturbed", "kept"),
+    "pgfmd.output.observers.Curve": ("observe",),
+    "pgfmd.output.observers.Snapshots": ("observe",),
+    "pgfmd.output.observers.Events": ("observe",),
+    "pgfmd.output.observers.Progress": ("observe",),
+    "pgfmd.output.patch_observer.ContactWatch": ("observe", "next_time"),
+    "pgfmd.restart.keeper.Keeper": ("attend", "interrupts"),
+    "pgfmd.solver.interruption.Question": ("__call__",),
+    "pgfmd.solver.simulation.Simulation": ("_measure", "_turn_page"),
+    "pgfmd.solver.controller.Controller": ("advance",),
+}
+"""What is timed beside the compiled kernels and the transforms: methods, by class."""
+
+
+class Stopwatch:
+    """Seconds and calls of nested parts, each without the parts inside it."""
+
+    def __init__(self, clock):
+        self.clock, self.seconds, self.calls = clock, defaultdict(float), defaultdict(int)
+        self._inside: list[float] = []
+
+    def wrap(self, owner, name: str, part: str) -> None:
+        """Has every call of owner.name timed as `part`."""
+        original = getattr(owner, name)
+
+        def timed(*given, **named):
+            self._inside.append(0.0)
+            began = self.clock()
+            try:
+                return original(*given, **named)
+            finally:
+                taken = self.clock() - began
+                self.seconds[part] += taken - self._inside.pop()
+                self.calls[part] += 1
+                if self._inside:
+                    self._inside[-1] += taken
+
+        setattr(owner, name, timed)
+
+    def clear(self) -> None:
+        """Forgets what there was so far."""
+        self.seconds.clear()
+        self.calls.clear()
+
+
+def watched(clock) -> Stopwatch:
+    """A stopwatch of all parts of a run's steps."""
+    import importlib
+
+    from numba.core.dispatcher import Dispatcher
+
+    from pgfmd.solver import kernels, retardation_kernels
+    from pgfmd.solver.transform import PairOperator
+
+    watch = Stopwatch(clock)
+    for module in (kernels, retardation_kernels):
+        for name, kernel in list(vars(module).items()):
+            own = isinstance(kernel, Dispatcher) and kernel.py_func.__module__ == module.__name__
+            # What kernels have compiled in is not called from Python.
+            if own and not kernel.targetoptions.get("inline"):
+                watch.wrap(module, name, f"kernel {name}")
+    watch.wrap(PairOperator, "__call__", TRANSFORM)
+    for place, names in OTHERS.items():
+        module, _, kind = place.rpartition(".")
+        owner = getattr(importlib.import_module(module), kind)
+        for name in names:
+            if hasattr(owner, name):
+                watch.wrap(owner, name, f"{kind}.{name}")
+    return watch
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scene", nargs="?", default="tri-tack")
+    parser.add_argument("overrides", nargs="*", default=[])
+    parser.add_argument("--least", type=float, default=0.1, help="smallest share that is listed [%%]")
+    parser.add_argument("--wall", action="store_true", help="by the time of day, not of the processor")
+    given = parser.parse_args()
+    from pgfmd import runner
+    from pgfmd.host import launch
+    from pgfmd.scene import load_scene
+    from pgfmd.solver.simulation import Simulation
+
+    clock = time.perf_counter if given.wall else time.process_time
+    comm = launch.world()
+    overrides = given.overrides or ["grid.n=512"]
+    loaded, found = load_scene(given.scene, overrides), {}
+    # Loading compiled kernels, each at its first call, is no part of a step.
+    runner.warm_up(loaded.solver.scheme, loaded.solver.precision)
+    watch = watched(clock)
+    original = Simulation.run
+
+    def run(self, **named):
+        watch.clear()
+        began = found["start"] = clock()
+        state = original(self, **named)
+        found.update(steps=clock() - began, state=state, pairs=self.scheme.pairs)
+        return state
+
+    Simulation.run = run
+    with launch.guarded(comm), tempfile.TemporaryDirectory(prefix="pgfmd-outside-") as folder:
+        began = clock()
+        runner.run_scene(loaded, comm, comm.bcast(folder), say=lambda line: None)
+        whole = clock() - began
+    if comm.rank == 0:
+        report(watch, found, whole, began, given.least)
+
+
+def report(watch: Stopwatch, found: dict, whole: float, began: float, least: float) -> None:
+    """Prints the shares, largest first."""
+    steps, pairs, counters = found["steps"], found["pairs"], found["state"].counters
+    print(f"imports {began:.2f} s, start {found['start'] - began:.2f} s, end {whole - steps - found['start'] + began:.2f} s")
+    print(
+        f"steps {steps:.2f} s: {counters.steps} ({counters.rejected_steps} refused), {counters.newton_iterations} Newton,"
+        f" {pairs} pairs, {1e3 * steps / counters.steps:.2f} ms a step, {1e3 * watch.seconds[TRANSFORM] / pairs:.3f} ms a pair"
+    )
+    print(f"outside the transforms {100.0 * (1.0 - watch.seconds[TRANSFORM] / steps):.1f} %")
+    parts = dict(watch.seconds, **{"not in any part": steps - sum(watch.seconds.values())})
+    kernels = sum(seconds for part, seconds in parts.items() if part.startswith("kernel"))
+    print(f"of that, compiled kernels {100.0 * kernels / steps:.1f} %")
+    for part, seconds in sorted(parts.items(), key=lambda entry: -entry[1]):
+        if 100.0 * seconds / steps >= least:
+            calls = watch.calls[part]
+            each = f"{1e6 * seconds / calls:9.1f} us {calls / pairs:6.3f} a pair" if calls else ""
+            print(f"{100.0 * seconds / steps:6.2f} %  {part:44s} {each}")
+
+
+if __name__ == "__main__":
+    main()
