@@ -88,18 +88,44 @@ def weigh_branches(branches, weights, out):
 
 
 @_compile
-def add_stage(weight, stage, history):
-    """history += weight stage."""
-    for p in range(history.size):
-        history[p] += weight * stage[p]
+def stage_of(total, history, compliance, out):
+    """out = (total - history) / compliance: the f_i of w_i = J_i f_i + history_i."""
+    inverse = 1.0 / compliance
+    for p in range(out.size):
+        out[p] = (total[p] - history[p]) * inverse
 
 
 @_compile
-def stage_of(total, history, compliance, out):
-    """out = (total - history) / compliance: the f_i of w_i = J_i f_i + history_i, or its image G0 f_i from u_i. Out may be
-    the history's array."""
+def stage_and_history(total, history, compliance, weight, out, following):
+    """out = (total - history) / compliance, as `stage_of`; and what it adds to the next stage's history: following +=
+    weight out."""
+    inverse = 1.0 / compliance
     for p in range(out.size):
-        out[p] = (total[p] - history[p]) / compliance
+        stage = (total[p] - history[p]) * inverse
+        out[p] = stage
+        following[p] += weight * stage
+
+
+@_compile_sums
+def images_of(first, last, histories, compliance, weight, f, offset, rows):
+    """The images G0 f_i of 1 or 2 stages, from u_i and the images of their branches' histories, in the place of these.
+
+    g_0 = (u_0 - history_0) / J_0;  g_1 = (u_1 - history_1 - weight g_0) / J_1;  rows[2] of f g of the last stage. first,
+    last: u_i, the same for one stage; compliance (stages,); f of the last stage.
+    """
+    two = histories.shape[0] > 1
+    g, h = histories[0], histories[histories.shape[0] - 1]
+    inverse, inverse_last = 1.0 / compliance[0], 1.0 / compliance[histories.shape[0] - 1]
+    for row in range(offset.size - 1):
+        total = 0.0
+        for p in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            image = (first[p] - g[p]) * inverse
+            g[p] = image
+            if two:
+                image = (last[p] - h[p] - weight * image) * inverse_last
+                h[p] = image
+            total += f[p] * image
+        rows[2, row] = total
 
 
 @_compile
