@@ -5,6 +5,8 @@ It needs no transform: with psi_m = G0 phi_m kept beside the branches, all energ
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numpy as np
 
 from pgfmd.physics.rheology import CreepSeries
@@ -112,9 +114,9 @@ def work_of(state: State, trial: Trial, tableau: Tableau) -> float:
     if trial.is_jump:
         places = [phase.displacement(start + time) for time in times]
         return -sum(force * (b - a) for force, a, b in zip(forces[:-1], places[:-1], places[1:], strict=True))
-    for past, force in zip(-np.cumsum(state.past_steps), state.past_forces, strict=True):
-        if len(times) < POINTS_OF_WORK and past < -NEAREST_PAST * h:
-            times.append(past)
+    for span, force in zip(accumulate(state.past_steps), state.past_forces, strict=True):
+        if len(times) < POINTS_OF_WORK and span > NEAREST_PAST * h:
+            times.append(-span)
             forces.append(force)
     return -integral(times, forces, lambda time: phase.velocity(start + time), h)
 

@@ -113,13 +113,13 @@ class Inertialess(PathFollowing):
         weights = step_weights(self.creep, self.tableau, step)
         retardation_kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
         trial = Trial(step, state.position, phase, converged=True, is_jump=jump, weights=weights)
-        for i, node in enumerate(self.tableau.nodes):
+        for i, (node, compliance) in enumerate(zip(self.nodes, weights.compliance.tolist(), strict=True)):
             history = self._history[i]
             elapsed = state.elapsed + node * step
             trial.position = state.phase_start + phase.displacement(elapsed)
             self._predict(state, trial, i, node * step)
             outcome = self.solver.solve(
-                trial.position, history, weights.compliance[i], self._u[i], self._w[i],
+                trial.position, history, compliance, self._u[i], self._w[i],
                 self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
             )  # fmt: skip
             self._after_solve(trial.position, outcome)
@@ -133,9 +133,9 @@ class Inertialess(PathFollowing):
                 return trial
             # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes
             # the images G0 phi, and with them the stored energy, those of these tractions.
-            stage = self._w[i], history, weights.compliance[i]
+            stage = self._w[i], history, compliance
             if i + 1 < self.tableau.stages:
-                weight, following = weights.stage_weight[i + 1, i], self._history[i + 1]
+                weight, following = float(weights.stage_weight[i + 1, i]), self._history[i + 1]
                 retardation_kernels.stage_and_history(*stage, weight, self._f[i], following)
             else:
                 retardation_kernels.stage_of(*stage, self._f[i])

@@ -224,9 +224,7 @@ class PunchPoints:
         """Of numbers of each kind a row, (kinds, rows): of the first `sums` kinds the sums over all points under the punch,
         images included, of the others the largest. The same bits on every rank and for any number of ranks. Collective."""
         out = np.empty(local.shape[0])
-        self._reduce(self.all_rows(local), sums, out)
-        if self.images > 1:
-            out[:sums] *= self.images
+        self._reduce(self.all_rows(local), sums, self.images, out)
         return out.tolist()
 
     @cached_property

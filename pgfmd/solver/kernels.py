@@ -371,13 +371,13 @@ def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
 # Sums over rows
 # ----------------------------------------------------------------------------------------------
 @_compile_sums
-def reduce_rows(rows, sums, out):
-    """out: the sums over all rows of the first `sums` kinds of numbers, the largest of the others."""
+def reduce_rows(rows, sums, images, out):
+    """out: `images` times the sums over all rows of the first `sums` kinds of numbers, the largest of the others."""
     for kind in range(sums):
         total = 0.0
         for i in range(rows.shape[1]):
             total += rows[kind, i]
-        out[kind] = total
+        out[kind] = images * total
     for kind in range(sums, rows.shape[0]):
         largest = -math.inf
         for i in range(rows.shape[1]):
