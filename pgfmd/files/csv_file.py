@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import os
 from collections.abc import Sequence
@@ -171,7 +172,13 @@ def begins_as_marked(path: Path, mark: dict) -> bool:
 
 
 def _line(row: Any) -> bytes:
-    return (",".join(_text(getattr(row, column.name), column.type) for column in fields(row)) + "\n").encode()
+    return (",".join([_text(getattr(row, name), kind) for name, kind in _columns_of(type(row))]) + "\n").encode()
+
+
+@functools.cache
+def _columns_of(kind: type) -> tuple[tuple[str, str], ...]:
+    """Name and declared type of each field of a row."""
+    return tuple((column.name, column.type) for column in fields(kind))
 
 
 def _text(value: Any, kind: str) -> str:

@@ -140,7 +140,10 @@ class Frame:
             self.displacement, self.traction = np.empty_like(state.displacement), np.empty_like(state.traction)
         self.displacement[:], self.traction[:] = state.displacement, state.traction
         if surface:
-            self.kept = surface.keep(state)
+            kept = surface.keep(state)
+            if (self.kept.size, self.kept.dtype) != (kept.size, kept.dtype):
+                self.kept = np.empty_like(kept)
+            self.kept[:] = kept
         self.held, self.time, self.position, self.force = True, state.time, state.position, state.force
         return self
 
@@ -149,7 +152,7 @@ class Frame:
 class Surface:
     """How the surface of the whole cell is had: what is kept of a state, and how the surface is made of that.
 
-    keep: gives a vector, this rank's share. make: gives (rows of this rank, n) [m], and the first row's index.
+    keep: gives a vector, this rank's share, good until the next step. make: gives (rows of this rank, n) [m], and the first row's index.
     Collective.
     """
 

@@ -129,7 +129,7 @@ def _surface(simulation, scene) -> observers.Surface:
     if scene.solver.scheme == "gfmd":
         plane = scheme.plane
         return observers.Surface(
-            lambda state: plane.real.flatten(), lambda rows: (rows.reshape(plane.real.shape), plane.row_start)
+            lambda state: plane.real.ravel(), lambda rows: (rows.reshape(plane.real.shape), plane.row_start)
         )
     points = simulation.points
     if scene.substrate.boundary == "periodic" and not points.mirror:
@@ -139,4 +139,4 @@ def _surface(simulation, scene) -> observers.Surface:
         def whole_cell(load):
             return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(load))
 
-    return observers.Surface(lambda state: state.load.copy(), whole_cell)
+    return observers.Surface(lambda state: state.load, whole_cell)

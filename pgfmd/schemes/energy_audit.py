@@ -5,10 +5,12 @@ It needs no transform: with psi_m = G0 phi_m kept beside the branches, all energ
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numpy as np
 
 from pgfmd.physics.rheology import CreepSeries
-from pgfmd.solver import kernels, retardation_kernels
+from pgfmd.solver import retardation_kernels
 from pgfmd.solver.extrapolation import integral
 from pgfmd.solver.retardation import StepWeights, Tableau
 from pgfmd.solver.state import Energies, State
@@ -49,7 +51,7 @@ class EnergyAudit:
         # In single precision the energies have an error that does not shrink with the step.
         self._noise = SINGLE_NOISE if np.dtype(dtype) == np.float32 else 0.0
         self._images = np.zeros((tableau.stages, points.size), dtype)
-        self._rows = np.zeros((2, points.rows))
+        self._rows = np.zeros((3, points.rows))
 
     def sharpness(self, energies: Energies) -> float:
         """To which share of the tolerance steps have to be solved for the audit's sake, 1 where it makes no demand."""
@@ -87,19 +89,16 @@ class EnergyAudit:
         """
         stages, area, images = self.tableau.stages, self.points.grid.cell_area, self._images
         retardation_kernels.weigh_branches(state.images, weights.branch_weight, images)
-        for i in range(stages):
-            g = images[i]
-            for j in range(i):
-                retardation_kernels.add_stage(weights.stage_weight[i, j], images[j], g)
-            retardation_kernels.stage_of(u[i], g, weights.compliance[i], g)
-        offset = self.points.offset
+        offset, last = self.points.offset, stages - 1
+        retardation_kernels.images_of(
+            u[0], u[last], images, weights.compliance, weights.stage_weight[last, 0], f[last], offset, self._rows
+        )  # fmt: skip
         retardation_kernels.advance_branches_and_energy(
             state.branches, state.images, weights.decay, f, images, weights.gain, weights.rate_decay,
             weights.rate_gain, weights.quadrature, self.creep.J, stages, keep, offset, self._rows,
         )  # fmt: skip
-        stored, lost = self.points.total_of(self._rows)
-        kernels.dot(f[-1], images[-1], offset, self._rows)
-        stored += 0.5 * self.creep.J_inf * self.points.total_of(self._rows[:1])[0]
+        stored, lost, instantaneous = self.points.reduced(self._rows, 3)
+        stored += 0.5 * self.creep.J_inf * instantaneous
         return stored * area, lost * area
 
 
@@ -115,9 +114,9 @@ def work_of(state: State, trial: Trial, tableau: Tableau) -> float:
     if trial.is_jump:
         places = [phase.displacement(start + time) for time in times]
         return -sum(force * (b - a) for force, a, b in zip(forces[:-1], places[:-1], places[1:], strict=True))
-    for past, force in zip(-np.cumsum(state.past_steps), state.past_forces, strict=True):
-        if len(times) < POINTS_OF_WORK and past < -NEAREST_PAST * h:
-            times.append(past)
+    for span, force in zip(accumulate(state.past_steps), state.past_forces, strict=True):
+        if len(times) < POINTS_OF_WORK and span > NEAREST_PAST * h:
+            times.append(-span)
             forces.append(force)
     return -integral(times, forces, lambda time: phase.velocity(start + time), h)
 

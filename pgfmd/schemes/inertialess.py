@@ -100,7 +100,7 @@ class Inertialess(PathFollowing):
         state.traction[:] = solver.traction
         if self.audit:
             kernels.dot(state.traction, state.displacement, self.points.offset, self._rows)
-            stored = 0.5 * self.points.total_of(self._rows)[0] * self.points.grid.cell_area
+            stored = 0.5 * self.points.reduced(self._rows[:1], 1)[0] * self.points.grid.cell_area
             state.energies.elastic = state.energies.elastic_start = stored
         return outcome.force
 
@@ -113,15 +113,13 @@ class Inertialess(PathFollowing):
         weights = step_weights(self.creep, self.tableau, step)
         retardation_kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
         trial = Trial(step, state.position, phase, converged=True, is_jump=jump, weights=weights)
-        for i, node in enumerate(self.tableau.nodes):
+        for i, (node, compliance) in enumerate(zip(self.nodes, weights.compliance.tolist(), strict=True)):
             history = self._history[i]
-            for j in range(i):
-                retardation_kernels.add_stage(weights.stage_weight[i, j], self._f[j], history)
             elapsed = state.elapsed + node * step
             trial.position = state.phase_start + phase.displacement(elapsed)
             self._predict(state, trial, i, node * step)
             outcome = self.solver.solve(
-                trial.position, history, weights.compliance[i], self._u[i], self._w[i],
+                trial.position, history, compliance, self._u[i], self._w[i],
                 self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
             )  # fmt: skip
             self._after_solve(trial.position, outcome)
@@ -135,7 +133,12 @@ class Inertialess(PathFollowing):
                 return trial
             # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes
             # the images G0 phi, and with them the stored energy, those of these tractions.
-            retardation_kernels.stage_of(self._w[i], history, weights.compliance[i], self._f[i])
+            stage = self._w[i], history, compliance
+            if i + 1 < self.tableau.stages:
+                weight, following = float(weights.stage_weight[i + 1, i]), self._history[i + 1]
+                retardation_kernels.stage_and_history(*stage, weight, self._f[i], following)
+            else:
+                retardation_kernels.stage_of(*stage, self._f[i])
         # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path
         # is.
         trial.change = self._change(state, trial, self.order + 1 if self.creep.elements else 3)

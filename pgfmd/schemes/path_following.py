@@ -6,6 +6,8 @@ the difference between that and the solution is what the step's error is made of
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numpy as np
 
 from pgfmd.errors import RunError
@@ -104,16 +106,15 @@ class PathFollowing:
             self.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
             self._levels, points.offset, self._observed,
         )  # fmt: skip
-        rows = points.all_rows(self._observed)
-        contact, overlap, near, energy, far = points.summed(rows[:5])
+        contact, overlap, near, energy, far, closest = points.reduced(self._observed, 5)
         state.contact_points, state.overlap_points, state.near_points = int(contact), int(overlap), int(near)
-        state.smallest_gap, state.far_displacement = -rows[5].max(), far
+        state.smallest_gap, state.far_displacement = -closest, far
         state.energies.adhesive = energy * points.grid.cell_area
 
     def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:
         """Start of a stage's solve: through the last three known surfaces, this step's stages included."""
         nodes = self.nodes
-        times = [0.0, *-np.cumsum(state.past_steps)]
+        times = _times_of(state)
         u, w = [state.displacement, *state.past_u], [state.load, *state.past_w]
         if stage:
             last = stage - 1
@@ -143,7 +144,7 @@ class PathFollowing:
     def _change(self, state: State, trial: Trial, count: int = 3) -> Change:
         """How far the step has moved surface and force, and how far from where the last `count` ends of steps point."""
         known = [state.displacement, *state.past_u][:count]
-        times = [0.0, *-np.cumsum(state.past_steps)][:count]
+        times = _times_of(state)[:count]
         c = lagrange_weights(times, trial.step)
         forces = [state.force, *state.past_forces][:count]
         extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=True))
@@ -169,7 +170,8 @@ class PathFollowing:
             state.forget_history()
         self._require_time(state, trial)
         self._remember(state, trial)
-        state.traction[:] = self.solver.traction
+        # The next solve writes over what was the state's.
+        state.traction, self.solver.traction = self.solver.traction, state.traction
         state.position, state.force = trial.position, trial.force
         state.time += trial.step
         state.elapsed += trial.step
@@ -213,6 +215,11 @@ class PathFollowing:
         before = range(len(self.nodes), len(self.nodes) + len(state.past_u))
         # In one order of memory, as after a restart: the last bits of what is made of it depend on that.
         state.drift = np.ascontiguousarray(self._drift.kept([0, *before]).factor)
+
+
+def _times_of(state: State) -> list[float]:
+    """Times [s] of the known ends of steps, newest first, counted from the last."""
+    return [0.0, *(-span for span in accumulate(state.past_steps))]
 
 
 def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:

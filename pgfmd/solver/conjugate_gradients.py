@@ -63,9 +63,8 @@ class ConjugateGradients:
             first = count == 1 and not self.floating
             self.operator(r, z, compliance)
             kernels.survey(z, r, k, offset, rows)
-            numbers = points.all_rows(rows)
-            energy, stiff, bent = points.summed(numbers[:3]).tolist()
-            largest, turn, size = (numbers[3:].max(axis=1) * per_range).tolist()
+            energy, stiff, bent, largest, turn, size = points.reduced(rows, 3)
+            largest, turn, size = largest * per_range, turn * per_range, size * per_range
             if energy <= 0.0:
                 if first:
                     self._clear()
@@ -78,22 +77,26 @@ class ConjugateGradients:
                 if bend <= 0.0:
                     return count, self._to_edge(trust), True
             alpha, previous = energy / bend, energy
-            if sure:
-                kernels.turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, offset, rows[4:6])
-            else:
-                kernels.advance(alpha, p, y, k, s, t, r, offset, rows)
-                rows[4], rows[5] = rows[0] / alpha, rows[1]
             # Sums of y + K p and of r; where the mean load takes up the mean of r, that is zero.
             left = 0.0 if self.floating else imbalance
             pull = left + bent + beta * pull
-            imbalance = self._level(left - alpha * pull)
+            imbalance = left - alpha * pull
             change = alpha * math.hypot(largest, beta * turn)
             so_far = size if count > 1 else change
             small = change < max(self.linear_share * tolerance, 0.5 * self.forcing * so_far)
             quiet = quiet + 1 if small and abs(imbalance) <= 0.5 * unbalanced else 0
-            if size + change > 2.0 * trust or quiet >= self.patience:
+            last = size + change > 2.0 * trust or quiet >= self.patience or count == self.largest_count
+            if sure:
+                kernels.turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, last, rows[4:6])
+            else:
+                kernels.advance(alpha, p, y, k, s, t, r, offset, rows)
+                rows[4], rows[5] = rows[0] / alpha, rows[1]
+            self._level(imbalance)
+            if last:
                 break
-        return count, float(points.all_rows(rows[5:6]).max()) * per_range, False
+        if first and sure:
+            return count, alpha * largest, False
+        return count, points.reduced(rows[5:6], 0)[0] * per_range, False
 
     def _clear(self) -> None:
         """A correction and a direction of nothing. Without a mean load, the first pass of CG writes over what was there."""
@@ -108,7 +111,7 @@ class ConjugateGradients:
         kernels.turn_direction(
             self.z, self.r, beta, self.curvature, self.p, self.y, self.points.offset, self._rows
         )  # fmt: skip
-        return float(self.points.total_of(self._rows[:1])[0])
+        return self.points.reduced(self._rows[:1], 1)[0]
 
     def _level(self, imbalance: float) -> float:
         """Lets the mean load take up the mean residual where it moves nothing, A being singular there.
@@ -126,10 +129,10 @@ class ConjugateGradients:
         ranges."""
         points = self.points
         kernels.largest_in_rows(self.p, self.curvature, points.offset, self._rows)
-        largest = points.all_rows(self._rows[:1]).max()
+        largest = points.reduced(self._rows[:1], 0)[0]
         if largest == 0.0:
             # No interacting point moves, so the curvature was positive but for rounding: the solve has ended.
             return 0.0
         alpha = trust * self.law.range / largest
         kernels.advance(alpha, self.p, self.y, self.curvature, self.s, self.t, self.r, points.offset, self._rows)
-        return points.all_rows(self._rows[:2]).max(axis=1)[1] / self.law.range
+        return points.reduced(self._rows[1:2], 0)[0] / self.law.range

@@ -217,6 +217,20 @@ class PunchPoints:
         Collective."""
         return self.summed(self.all_rows(local))
 
+    def reduced(self, local: np.ndarray, sums: int) -> list[float]:
+        """Of numbers of each kind a row, (kinds, rows): of the first `sums` kinds the sums over all points under the punch,
+        images included, of the others the largest. The same bits on every rank and for any number of ranks. Collective."""
+        out = np.empty(local.shape[0])
+        self._reduce(self.all_rows(local), sums, self.images, out)
+        return out.tolist()
+
+    @cached_property
+    def _reduce(self):
+        # Points are also counted where nothing is computed.
+        from .kernels import reduce_rows
+
+        return reduce_rows
+
     def maximum_of(self, local: float) -> float:
         """The largest of one number a rank, the same on every rank. Collective."""
         return self.maxima_of(local)[0]

@@ -12,6 +12,7 @@ import math
 
 import numba
 import numpy as np
+from numba.extending import overload
 
 from .compiled import compiled
 
@@ -22,6 +23,45 @@ _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
 # Maxima and minima vectorise only where NaN is ruled out: `observe`, which looks at every accepted step, is not among
 # these.
 _compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
+
+
+# Numbers of no sign are in the order of their bits. The largest of these is found many at a time, of the numbers
+# themselves one by one.
+def bits_of(number):
+    """The bits of a number as an integer."""
+    return number.view(np.int32 if number.dtype == np.float32 else np.int64)
+
+
+def number_of(bits):
+    """The number of these bits."""
+    return bits.view(np.float32 if bits.dtype == np.int32 else np.float64)
+
+
+@overload(bits_of, inline="always")
+def _bits_of(number):
+    if number == numba.types.float32:
+        return lambda number: np.float32(number).view(np.int32)
+    return lambda number: np.float64(number).view(np.int64)
+
+
+@overload(number_of, inline="always")
+def _number_of(bits):
+    if bits == numba.types.int32:
+        return lambda bits: np.int32(bits).view(np.float32)
+    return lambda bits: np.int64(bits).view(np.float64)
+
+
+@numba.njit(inline="always")
+def place_of(number):
+    """An integer that is in the order of double numbers, those below zero included."""
+    bits = bits_of(number)
+    return bits ^ ((bits >> np.int64(63)) & np.int64(0x7FFFFFFFFFFFFFFF))
+
+
+@numba.njit(inline="always")
+def number_at(place):
+    """The number of a place."""
+    return number_of(place ^ ((place >> np.int64(63)) & np.int64(0x7FFFFFFFFFFFFFFF)))
 
 
 # Cohesion and the incremental potential ------------------------------------------------------------------------------
@@ -46,6 +86,11 @@ _cosine_of = _compiled_polynomial(_COSINE)
 _sine_of = _compiled_polynomial(_SINE)
 
 
+BLOCK = 64
+"""Points of a row that are looked at together: where none of them is attracted, all in contact or out of reach, the law
+needs no polynomials."""
+
+
 @_compile_maxima
 def evaluate(height, position, u, w, s, t, step, weight, history, compliance, law, offset, f, k, r, rows):
     """Traction, stiffness and out-of-balance stress of one implicit step, at the trial u + step s, w + weight t.
@@ -60,34 +105,56 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
     depth = strength * reach / math.pi
     per_range = 1.0 / reach
     limit = reach if attractive > 0.0 else 0.0
+    # Of a point in contact: bent and deep as at the end of the attraction.
+    pressed, bottom = (stiffness, -2.0 * depth) if attractive > 0.0 else (stiffness, 0.0)
     inverse = 1.0 / compliance
+    gaps = np.empty(BLOCK)
     for row in range(offset.size - 1):
         pull, imbalance, potential, growth = 0.0, 0.0, 0.0, 0.0
-        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            move = step * s[i]
-            here = u[i] + move
-            load = w[i] + weight * t[i]
-            gap = position + height[i] - here
-            overlap = min(gap, 0.0)
-            # pi gap/rho = pi y + pi/2, within reach of the attraction.
-            y = min(max(gap * per_range, 0.0), 1.0) - 0.5
-            sine, minus_cosine = _cosine_of(y * y), y * _sine_of(y * y)
-            near = gap < limit
-            traction = stiffness * overlap + (strength * sine if near else 0.0)
-            bend = -stiffness * minus_cosine if near else 0.0
-            f[i] = traction
-            k[i] = bend
-            rest = traction - (load - history[i]) * inverse
-            r[i] = rest
-            energy = 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
-            pull += traction
-            imbalance += rest
-            potential += energy
-            growth += move * (0.5 * (w[i] + load) - history[i]) * inverse
+        for begin in range(offset[row], offset[row + 1], BLOCK):
+            start, count = np.uint64(begin), np.uint64(min(BLOCK, offset[row + 1] - begin))
+            attracted = 0
+            for j in range(count):
+                gap = position + height[start + j] - (u[start + j] + step * s[start + j])
+                gaps[j] = gap
+                attracted += 1 if (gap > 0.0) & (gap < limit) else 0
+            if attracted:
+                for j in range(count):
+                    i, gap = start + j, gaps[j]
+                    overlap = min(gap, 0.0)
+                    # pi gap/rho = pi y + pi/2, within reach of the attraction.
+                    y = min(max(gap * per_range, 0.0), 1.0) - 0.5
+                    sine, minus_cosine = _cosine_of(y * y), y * _sine_of(y * y)
+                    near = gap < limit
+                    traction = stiffness * overlap + (strength * sine if near else 0.0)
+                    load = w[i] + weight * t[i]
+                    rest = traction - (load - history[i]) * inverse
+                    f[i] = traction
+                    k[i] = -stiffness * minus_cosine if near else 0.0
+                    r[i] = rest
+                    pull += traction
+                    imbalance += rest
+                    potential += 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
+                    growth += s[i] * (0.5 * (w[i] + load) - history[i])
+            else:
+                for j in range(count):
+                    i, gap = start + j, gaps[j]
+                    overlap = min(gap, 0.0)
+                    near = gap < limit
+                    traction = stiffness * overlap
+                    load = w[i] + weight * t[i]
+                    rest = traction - (load - history[i]) * inverse
+                    f[i] = traction
+                    k[i] = pressed if near else 0.0
+                    r[i] = rest
+                    pull += traction
+                    imbalance += rest
+                    potential += 0.5 * stiffness * overlap * overlap + (bottom if near else 0.0)
+                    growth += s[i] * (0.5 * (w[i] + load) - history[i])
         rows[0, row] = pull
         rows[1, row] = imbalance
         rows[2, row] = potential
-        rows[3, row] = growth
+        rows[3, row] = step * inverse * growth
 
 
 @numba.njit(inline="always")
@@ -112,11 +179,16 @@ def observe(height, position, u, f, weights, law, levels, offset, rows):
     per_range = 1.0 / reach
     limit = reach if attractive > 0.0 else 0.0
     weighted = weights.size == u.size
+    first, second, third = levels
     for row in range(offset.size - 1):
-        energy, far, closest = 0.0, 0.0, math.inf
+        energy, far, closest = 0.0, 0.0, place_of(math.inf)
+        below_first, below_second, below_third = 0, 0, 0
         for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
             gap = position + height[i] - u[i]
-            closest = min(closest, gap)
+            closest = min(closest, place_of(gap))
+            below_first += 1 if gap < first else 0
+            below_second += 1 if gap < second else 0
+            below_third += 1 if gap < third else 0
             overlap = min(gap, 0.0)
             y = min(max(gap * per_range, 0.0), 1.0) - 0.5
             energy += 0.5 * stiffness * overlap * overlap
@@ -124,13 +196,12 @@ def observe(height, position, u, f, weights, law, levels, offset, rows):
         if weighted:
             for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
                 far += weights[i] * f[i]
-        # Apart from the sums above: those would be added up in another order beside them.
-        rows[0, row], rows[1, row], rows[2, row] = count_below(
-            height, position, u, offset[row], offset[row + 1], levels
-        )
+        rows[0, row] = below_first
+        rows[1, row] = below_second
+        rows[2, row] = below_third
         rows[3, row] = energy
         rows[4, row] = far
-        rows[5, row] = -closest
+        rows[5, row] = -number_at(closest)
 
 
 # Conjugate gradients
@@ -163,55 +234,72 @@ def turn_direction(z, r, beta, k, p, y, offset, rows):
 def survey(z, r, k, offset, rows):
     """What a correction z = A r of CG asks of all ranks. rows[0] of r z;  rows[1] of z K z;  rows[2] of K z;  rows[3]:
     the largest |z| over points that interact (K != 0), row by row."""
+    none = bits_of(z.dtype.type(0.0))
     for row in range(offset.size - 1):
-        energy, bend, pull, largest = 0.0, 0.0, 0.0, 0.0
+        energy, bend, pull, largest = 0.0, 0.0, 0.0, none
         for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            here = z[i]
+            here = np.float64(z[i])
             stiff = k[i] * here
             energy += r[i] * here
             bend += here * stiff
             pull += stiff
-            largest = max(largest, abs(here) if k[i] != 0.0 else 0.0)
+            largest = max(largest, bits_of(abs(z[i])) if k[i] != 0.0 else none)
         rows[0, row] = energy
         rows[1, row] = bend
         rows[2, row] = pull
-        rows[3, row] = largest
+        rows[3, row] = number_of(largest)
 
 
 @_compile_maxima
-def turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, offset, rows):
-    """p = z + beta p;  y = r + beta y;  s += alpha p;  t += alpha y;  r -= alpha (y + K p), in one pass; the first one
-    begins with all of them zero, whatever is in them.
+def turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, last, rows):
+    """p = z + beta p;  y = r + beta y;  s += alpha p;  t += alpha y;  r -= alpha (y + K p), in one pass, in the precision
+    of the vectors; the first one begins with all of them zero, whatever is in them, the last one leaves p, y and r.
 
-    rows[0], rows[1]: the largest |p| and |s| over points that interact (K != 0), row by row.
+    rows[0], rows[1]: the largest |p| and |s| over points that interact (K != 0), in the first row, zero in the others; the
+    first not of the last pass, the second not of one that is first and last.
     """
-    for row in range(offset.size - 1):
-        turn, size = 0.0, 0.0
-        if first:
-            for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-                a, b = z[i], r[i]
-                p[i] = a
-                y[i] = b
-                s[i] = alpha * a
-                t[i] = alpha * b
-                r[i] = b - alpha * (b + k[i] * a)
-                interacting = k[i] != 0.0
-                turn = max(turn, abs(a) if interacting else 0.0)
-                size = max(size, abs(s[i]) if interacting else 0.0)
-        else:
-            for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-                a = z[i] + beta * p[i]
-                b = r[i] + beta * y[i]
-                p[i] = a
-                y[i] = b
-                s[i] += alpha * a
-                t[i] += alpha * b
-                r[i] -= alpha * (b + k[i] * a)
-                interacting = k[i] != 0.0
-                turn = max(turn, abs(a) if interacting else 0.0)
-                size = max(size, abs(s[i]) if interacting else 0.0)
-        rows[0, row] = turn
-        rows[1, row] = size
+    real = p.dtype.type
+    beta, alpha, none = real(beta), real(alpha), bits_of(real(0.0))
+    turn, size = none, none
+    if first and last:
+        for i in range(p.size):
+            s[i] = alpha * z[i]
+            t[i] = alpha * r[i]
+    elif first:
+        for i in range(p.size):
+            a, b = z[i], r[i]
+            moved = alpha * a
+            p[i] = a
+            y[i] = b
+            s[i] = moved
+            t[i] = alpha * b
+            r[i] = b - alpha * (b + k[i] * a)
+            interacts = k[i] != 0.0
+            turn = max(turn, bits_of(abs(a)) if interacts else none)
+            size = max(size, bits_of(abs(moved)) if interacts else none)
+    elif last:
+        for i in range(p.size):
+            moved = s[i] + alpha * (z[i] + beta * p[i])
+            s[i] = moved
+            t[i] += alpha * (r[i] + beta * y[i])
+            size = max(size, bits_of(abs(moved)) if k[i] != 0.0 else none)
+    else:
+        for i in range(p.size):
+            a = z[i] + beta * p[i]
+            b = r[i] + beta * y[i]
+            moved = s[i] + alpha * a
+            p[i] = a
+            y[i] = b
+            s[i] = moved
+            t[i] += alpha * b
+            r[i] -= alpha * (b + k[i] * a)
+            interacts = k[i] != 0.0
+            turn = max(turn, bits_of(abs(a)) if interacts else none)
+            size = max(size, bits_of(abs(moved)) if interacts else none)
+    rows[:2] = 0.0
+    if rows.shape[1]:
+        rows[0, 0] = number_of(turn)
+        rows[1, 0] = number_of(size)
 
 
 @_compile_maxima
@@ -265,14 +353,33 @@ def combine(c0, a0, c1, a1, c2, a2, out):
         out[i] = c0 * a0[i] + c1 * a1[i] + c2 * a2[i]
 
 
-@_compile
+@_compile_maxima
 def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
     """max |u - (c0 a0 + c1 a1 + c2 a2)| and max |u - a0| over points whose gap, by one or the other, is below reach; 0
     without any."""
-    largest, change = 0.0, 0.0
+    none = bits_of(0.0)
+    largest, change = none, none
     for i in range(u.size):
-        other = c0 * a0[i] + c1 * a1[i] + c2 * a2[i]
-        if position + height[i] - max(u[i], other) < reach:
-            largest = max(largest, abs(u[i] - other))
-            change = max(change, abs(u[i] - a0[i]))
-    return largest, change
+        here, before = np.float64(u[i]), np.float64(a0[i])
+        other = c0 * before + c1 * a1[i] + c2 * a2[i]
+        near = (position + height[i] - here < reach) | (position + height[i] - other < reach)
+        largest = max(largest, bits_of(abs(here - other)) if near else none)
+        change = max(change, bits_of(abs(here - before)) if near else none)
+    return number_of(largest), number_of(change)
+
+
+# Sums over rows
+# ----------------------------------------------------------------------------------------------
+@_compile_sums
+def reduce_rows(rows, sums, images, out):
+    """out: `images` times the sums over all rows of the first `sums` kinds of numbers, the largest of the others."""
+    for kind in range(sums):
+        total = 0.0
+        for i in range(rows.shape[1]):
+            total += rows[kind, i]
+        out[kind] = images * total
+    for kind in range(sums, rows.shape[0]):
+        largest = -math.inf
+        for i in range(rows.shape[1]):
+            largest = max(largest, rows[kind, i])
+        out[kind] = largest

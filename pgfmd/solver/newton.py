@@ -159,7 +159,7 @@ class NewtonSolver:
         squares = []
         for vector in (u, w):
             kernels.dot(vector, vector, self.points.offset, self._rows)
-            squares.append(float(self.points.total_of(self._rows[:1])[0]))
+            squares.append(self.points.reduced(self._rows[:1], 1)[0])
         return float(np.finfo(self.dtype).eps) * math.sqrt(squares[0] * squares[1]) / compliance
 
     def _shortest(self, tolerance: float, size: float, everywhere: bool) -> float:
@@ -227,4 +227,4 @@ class NewtonSolver:
             self.height, position, u, w, self.cg.s, self.cg.t, step, weight, history, compliance,
             self.law_numbers, self.points.offset, self.traction, self.curvature, self.cg.r, self._rows,
         )  # fmt: skip
-        return self.points.total_of(self._rows)
+        return self.points.reduced(self._rows, 4)

@@ -1,4 +1,4 @@
-"""The creep law discretised in time by a diagonally implicit Runge-Kutta method. Plain NumPy.
+"""The creep law discretised in time by a diagonally implicit Runge-Kutta method.
 
     w = J_inf f + sum_m J_m phi_m,    lambda_m dphi_m/dt = f - phi_m
 
@@ -18,10 +18,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from pgfmd.physics.rheology import CreepSeries
+
+from .retardation_kernels import weights_of
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,11 @@ class Tableau:
     a: tuple[tuple[float, ...], ...]
     order: int
     error_constant: float
+
+    @cached_property
+    def matrix(self) -> np.ndarray:
+        """a as an array (s, s)."""
+        return np.array(self.a)
 
     @property
     def nodes(self) -> tuple[float, ...]:
@@ -68,29 +76,4 @@ class StepWeights:
 
 def step_weights(creep: CreepSeries, tableau: Tableau, step: float) -> StepWeights:
     """The weights for a step of `step` [s]."""
-    count, elements = tableau.stages, creep.elements
-    a = np.array(tableau.a)
-    speed = step / creep.retardation_times
-    rate_decay = np.zeros((elements, count))
-    rate_gain = np.zeros((elements, count, count))
-    for i in range(count):
-        denominator = 1.0 / (1.0 + speed * a[i, i])
-        pulled = (speed * denominator)[:, None]
-        rate_decay[:, i] = -denominator - pulled[:, 0] * (rate_decay[:, :i] @ a[i, :i])
-        rate_gain[:, i, i] = denominator
-        rate_gain[:, i, :i] = -pulled * np.einsum("j,mjk->mk", a[i, :i], rate_gain[:, :i, :i])
-    # phi_i = f_i - k_i, without the cancellation that this has for slow elements.
-    value_decay = 1.0 + speed[:, None] * (rate_decay @ a.T)
-    value_gain = speed[:, None, None] * np.einsum("ij,mjk->mik", a, rate_gain)
-    weight = creep.J
-    weighted = np.einsum("m,mij->ij", weight, value_gain)
-    return StepWeights(
-        compliance=creep.J_inf + np.diag(weighted),
-        branch_weight=np.ascontiguousarray((weight[:, None] * value_decay).T),
-        stage_weight=np.tril(weighted, -1),
-        decay=np.ascontiguousarray(value_decay[:, -1]),
-        gain=np.ascontiguousarray(value_gain[:, -1, :]),
-        rate_decay=rate_decay,
-        rate_gain=rate_gain,
-        quadrature=(weight * speed)[:, None] * a[-1],
-    )
+    return StepWeights(*weights_of(tableau.matrix, creep.J, creep.retardation_times, float(creep.J_inf), step))

@@ -10,6 +10,49 @@ import numpy as np
 from .kernels import _compile, _compile_sums
 
 
+@_compile
+def weights_of(a, compliances, times, instantaneous, step):
+    """What StepWeights (retardation.py) holds, in its order. a (s, s); compliances J_m and retardation times (N,)."""
+    count, elements = a.shape[0], times.size
+    last = count - 1
+    weighted = np.zeros((count, count))
+    branch_weight, decay, gain = np.empty((count, elements)), np.empty(elements), np.zeros((elements, count))
+    rate_decay, rate_gain = np.empty((elements, count)), np.zeros((elements, count, count))
+    quadrature = np.empty((elements, count))
+    for m in range(elements):
+        speed, weight = step / times[m], compliances[m]
+        for i in range(count):
+            denominator = 1.0 / (1.0 + speed * a[i, i])
+            pulled, total = speed * denominator, 0.0
+            for j in range(i):
+                total += a[i, j] * rate_decay[m, j]
+            rate_decay[m, i] = -denominator - pulled * total
+            rate_gain[m, i, i] = denominator
+            for k in range(i):
+                total = 0.0
+                for j in range(k, i):
+                    total += a[i, j] * rate_gain[m, j, k]
+                rate_gain[m, i, k] = -pulled * total
+            # phi_i = f_i - k_i, without the cancellation that this has for slow elements.
+            total = 0.0
+            for j in range(i + 1):
+                total += a[i, j] * rate_decay[m, j]
+            decay[m] = 1.0 + speed * total
+            branch_weight[i, m] = weight * decay[m]
+            for k in range(i + 1):
+                total = 0.0
+                for j in range(k, i + 1):
+                    total += a[i, j] * rate_gain[m, j, k]
+                gain[m, k] = speed * total
+                weighted[i, k] += weight * gain[m, k]
+            quadrature[m, i] = weight * speed * a[last, i]
+    compliance = np.empty(count)
+    for i in range(count):
+        compliance[i] = instantaneous + weighted[i, i]
+        weighted[i, i:] = 0.0
+    return compliance, branch_weight, weighted, decay, gain, rate_decay, rate_gain, quadrature
+
+
 # Whole branches one after another, although stages and sums are read anew for each: going through all branches a
 # stretch at a time, to keep those in cache, took half as long again.
 @_compile
@@ -18,8 +61,9 @@ def weigh_branches(branches, weights, out):
     elements, size = branches.shape
     last = out.shape[0] - 1
     first_sum, last_sum = out[0], out[last]
-    out[:] = 0.0
     fours = elements - elements % 4
+    if fours or not elements:
+        out[:] = 0.0
     for m in range(0, fours, 4):
         w, x, y, z = branches[m], branches[m + 1], branches[m + 2], branches[m + 3]
         a0, a1, a2, a3 = weights[0, m], weights[0, m + 1], weights[0, m + 2], weights[0, m + 3]
@@ -30,7 +74,12 @@ def weigh_branches(branches, weights, out):
             here_last = last_sum[p] + b0 * w[p] + b1 * x[p] + b2 * y[p] + b3 * z[p]
             first_sum[p] = here_first
             last_sum[p] = here_last
-    for m in range(fours, elements):
+    if not fours and elements:
+        row, a0, b0 = branches[0], weights[0, 0], weights[last, 0]
+        for p in range(size):
+            first_sum[p] = a0 * row[p]
+            last_sum[p] = b0 * row[p]
+    for m in range(max(fours, 1), elements):
         row = branches[m]
         for i in range(out.shape[0]):
             weight, total = weights[i, m], out[i]
@@ -39,18 +88,44 @@ def weigh_branches(branches, weights, out):
 
 
 @_compile
-def add_stage(weight, stage, history):
-    """history += weight stage."""
-    for p in range(history.size):
-        history[p] += weight * stage[p]
+def stage_of(total, history, compliance, out):
+    """out = (total - history) / compliance: the f_i of w_i = J_i f_i + history_i."""
+    inverse = 1.0 / compliance
+    for p in range(out.size):
+        out[p] = (total[p] - history[p]) * inverse
 
 
 @_compile
-def stage_of(total, history, compliance, out):
-    """out = (total - history) / compliance: the f_i of w_i = J_i f_i + history_i, or its image G0 f_i from u_i. Out may be
-    the history's array."""
+def stage_and_history(total, history, compliance, weight, out, following):
+    """out = (total - history) / compliance, as `stage_of`; and what it adds to the next stage's history: following +=
+    weight out."""
+    inverse = 1.0 / compliance
     for p in range(out.size):
-        out[p] = (total[p] - history[p]) / compliance
+        stage = (total[p] - history[p]) * inverse
+        out[p] = stage
+        following[p] += weight * stage
+
+
+@_compile_sums
+def images_of(first, last, histories, compliance, weight, f, offset, rows):
+    """The images G0 f_i of 1 or 2 stages, from u_i and the images of their branches' histories, in the place of these.
+
+    g_0 = (u_0 - history_0) / J_0;  g_1 = (u_1 - history_1 - weight g_0) / J_1;  rows[2] of f g of the last stage. first,
+    last: u_i, the same for one stage; compliance (stages,); f of the last stage.
+    """
+    two = histories.shape[0] > 1
+    g, h = histories[0], histories[histories.shape[0] - 1]
+    inverse, inverse_last = 1.0 / compliance[0], 1.0 / compliance[histories.shape[0] - 1]
+    for row in range(offset.size - 1):
+        total = 0.0
+        for p in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            image = (first[p] - g[p]) * inverse
+            g[p] = image
+            if two:
+                image = (last[p] - h[p] - weight * image) * inverse_last
+                h[p] = image
+            total += f[p] * image
+        rows[2, row] = total
 
 
 @_compile
