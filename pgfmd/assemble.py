@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
-from . import parts, symmetry
+from . import coarsening, parts, symmetry
 from .schemes.inertialess import Inertialess
+from .solver.conjugate_gradients import ConjugateGradients
 from .solver.controller import Controller, StepLimits
 from .solver.far_field import far_weights
 from .solver.grid import Grid, PunchPoints
@@ -25,14 +27,16 @@ tri-tack at n = 512 takes 9 % more transforms at the default accuracy, and its a
 def convolution_of(
     scene, points: PunchPoints, whole_cell: bool = False, dtype=np.float64
 ) -> Convolution | MirroredConvolution:  # fmt: skip
-    """The operator G0 on the scene's grid; `whole_cell`: fit for `Convolution.whole_cell` too; dtype: its precision."""
+    """The operator G0 on the scene's grid, or a coarser one; `whole_cell`: fit for `Convolution.whole_cell` too; dtype: its precision."""
     compliance = parts.compliance_of(scene)
     if scene.substrate.boundary == "periodic":
-        make = periodic_multiplier(compliance, scene.grid.length)
+        # The cell's, or that of a coarser grid.
+        make, side = periodic_multiplier(compliance, scene.grid.length), points.grid.n
     else:
         make = free_multiplier(compliance, points.grid.spacing)
+        side = parts.transform_side(scene, points.nb, whole_cell, points.mirror)
     kind = MirroredConvolution if points.mirror else Convolution
-    return kind(points, parts.transform_side(scene, points.nb, whole_cell, points.mirror), make, dtype=dtype)
+    return kind(points, side, make, dtype=dtype)
 
 
 def heights_of(scene, points: PunchPoints) -> np.ndarray:
@@ -75,7 +79,30 @@ def _solver(scene, comm, mirror: str, wrap=lambda convolve: convolve) -> NewtonS
     convolve = wrap(convolution_of(scene, points, dtype=dtype))
     rough = wrap(convolution_of(scene, points, dtype=np.float32)) if scene.solver.precision == "mixed" else None
     height = heights_of(scene, points).astype(dtype, copy=False)
-    return NewtonSolver(points, convolve, height, parts.law_of(scene.adhesion), scene.drive.preload, rough)
+    corrections, m = ConjugateGradients, coarsening.expected(scene).factor
+    if m:
+        corrections = _corrections_on_two_grids(scene, points, m, (rough or convolve).dtype)
+    return NewtonSolver(points, convolve, height, parts.law_of(scene.adhesion), scene.drive.preload, rough, corrections)
+
+
+def _corrections_on_two_grids(scene, points: PunchPoints, m: int, dtype):
+    """What finds corrections with a grid of cells of m x m points beside the points. Each rank has all of it."""
+    # Not at the top: small scenes do without.
+    from .solver.two_grid import CoarseGrid, TwoGrid, coarse_points_of
+
+    comm = points.comm
+    if comm.size > 1:
+        from mpi4py import MPI
+
+        comm = MPI.COMM_SELF
+    coarse = coarse_points_of(points, m, comm)
+    # As of a periodic cell: a free solid answers to short waves like that.
+    periodic = scene.substrate.model_copy(update={"boundary": "periodic"})
+    waves = parts.compliance_of(scene.model_copy(update={"substrate": periodic}))
+    shortest = np.pi / coarse.grid.spacing * np.eye(2)
+    return partial(
+        TwoGrid, coarse=CoarseGrid(coarse, convolution_of(scene, coarse, dtype=dtype), float(waves(*shortest).max()))
+    )
 
 
 def _far_weights(scene, solver: NewtonSolver) -> np.ndarray:

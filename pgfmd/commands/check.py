@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from pgfmd import coarsening
 from pgfmd.forecast.advice import automatic_range, remarks, warnings
 from pgfmd.forecast.estimate import PROGRAM_BYTES, effort_of, memory_of, punch_points
 from pgfmd.forecast.plausibility import face_of
@@ -171,6 +172,7 @@ def _cost(scene, ranks: int) -> Iterator[Line]:
     yield Line("grid spacing h", scene.grid.length / scene.grid.n, "m")
     yield Line("points under the punch", points.total, "", f"in a block of {points.nb} x {points.nb}")
     yield _symmetry(scene)
+    yield _coarse_grid(scene)
     yield Line("fields per rank", memory.peak, "B", f"on {_ranks(ranks)}")
     yield Line("memory in all", total, "B", f"with {PROGRAM_BYTES / 1e6:.0f} MB for the program on each rank")
     note = "an estimate, within a factor of 3"
@@ -185,6 +187,14 @@ def _symmetry(scene) -> Line:
         return Line("mirror symmetry", value, "", f"all points are stepped: {found.reason}")
     part = {"x": "half", "xy": "a quarter"}[found.mirror]
     return Line("mirror symmetry", value, "", f"{part} of the points stand for all, and {part} of the work is done")
+
+
+def _coarse_grid(scene) -> Line:
+    found = coarsening.expected(scene)
+    if not found.factor:
+        return Line("coarser grid", "none", "", found.reason)
+    m = found.factor
+    return Line("coarser grid", scene.grid.n // m, "", f"cells a side of {m} x {m} points, which save transform pairs")
 
 
 def _rounded(value: float) -> int:

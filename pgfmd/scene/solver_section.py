@@ -69,6 +69,11 @@ class Solver(Section):
         "on a half or a quarter of its points; `none`: on all",
         "auto",
     )
+    coarse_grid: Literal["auto", "always", "none"] = key(
+        "`auto`: conjugate gradients use a coarser grid beside the points in viscoelastic `inertialess` scenes whose transforms "
+        "have 512 points a side or more; `always`: in smaller ones, too, where it can be; `none`: never",
+        "auto",
+    )
     max_steps: int = key("largest number of steps", 1_000_000, ge=1)
     _automatic: bool = PrivateAttr(default=False)
 

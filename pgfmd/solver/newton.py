@@ -57,7 +57,8 @@ class NewtonSolver:
 
     points: PunchPoints. convolve: the Convolution with G0. height z [m] (size,). law: CohesiveLaw. force_scale [N]: the
     force that a relative error of one would be, the preload. rough: the same operator in single precision, if
-    corrections are to be found by it; residuals, u and w keep the precision of `convolve`.
+    corrections are to be found by it; residuals, u and w keep the precision of `convolve`. corrections: makes what finds
+    them, as ConjugateGradients is made.
     After a solve, `traction` and `curvature` are those of the solution.
     """
 
@@ -70,7 +71,9 @@ class NewtonSolver:
     force_share = 0.2
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
 
-    def __init__(self, points, convolve, height: np.ndarray, law, force_scale: float, rough=None):
+    def __init__(
+        self, points, convolve, height: np.ndarray, law, force_scale: float, rough=None, corrections=ConjugateGradients
+    ):  # fmt: skip
         self.force_scale = force_scale
         # A traction on the whole plane has a mean, and a half-space no compliance for it.
         self.floating = points.total == points.grid.n**2 and convolve.mean_compliance == 0.0
@@ -80,7 +83,7 @@ class NewtonSolver:
         self.operators = [convolve, rough] if rough else [convolve]
         self.dtype, self._slack = convolve.dtype, SLACK[convolve.dtype.name, self.rough.dtype.name]
         self.traction = points.zeros(self.dtype)
-        self.cg = ConjugateGradients(points, self.rough, law, self.floating)
+        self.cg = corrections(points, self.rough, law, self.floating)
         self.curvature = self.cg.curvature
         self._rows = np.zeros((4, points.rows))
 

@@ -1,0 +1,48 @@
+"""Whether conjugate gradients use a coarser grid beside the points of a scene (solver/two_grid.py), and which. No MPI.
+
+It follows from measurements: scripts/two_grid_cost.py, docs/measured.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from . import parts
+from .scene.precision import transform_side_about
+from .symmetry import MOST_INSTANTANEOUS
+
+FACTORS = (8, 7, 6, 5, 4)
+"""Points along a side of a cell, the best first: with 4, transforms on the cells take as long as they save; with 16, more
+pairs are needed."""
+LEAST_SIDE = 512
+"""Points a side of the transform from which on it is clearly cheaper. Below, a pair costs no more than what it takes to
+save it."""
+
+
+@dataclass(frozen=True)
+class Coarsening:
+    """factor: points along a side of a cell; 0, with the reason, where there is no coarser grid."""
+
+    factor: int
+    reason: str = ""
+
+
+def expected(scene) -> Coarsening:
+    """The coarser grid that a run of the scene uses. A pure function of the resolved scene, its mirror symmetry left out: a
+    part of the punch and the whole are solved alike."""
+    solver, series, n = scene.solver, parts.series_of(scene.rheology), scene.grid.n
+    if solver.coarse_grid == "none":
+        return Coarsening(0, 'solver.coarse_grid = "none"')
+    if solver.scheme != "inertialess":
+        return Coarsening(0, f"the scheme {solver.scheme} does without")
+    if not series.elements or series.to_creep().J_inf > MOST_INSTANTANEOUS:
+        return Coarsening(0, "(nearly) elastic surfaces, whose waves are all alike soft, have not been measured")
+    if scene.punch.radius is None:
+        return Coarsening(0, "a punch that fills the cell has not been measured")
+    if solver.coarse_grid == "auto" and transform_side_about(scene) < LEAST_SIDE:
+        return Coarsening(0, f"with transforms below {LEAST_SIDE} points a side it costs what it saves")
+    # An even number of cells, as half of them may stand for all.
+    for factor in FACTORS:
+        if n % (2 * factor) == 0:
+            return Coarsening(factor)
+    return Coarsening(0, f"grid.n is no multiple of {', '.join(str(2 * factor) for factor in sorted(FACTORS))}")

@@ -1,0 +1,210 @@
+"""Newton's correction by conjugate gradients with a coarser grid beside the points (conjugate_gradients.py, newton.py).
+
+Preconditioned by A alone, conjugate gradients take one pair of transforms for each of the few long waves that a contact
+stiffens. A grid of cells of m x m points knows these waves, and costs next to nothing. So the direction is
+
+    z = A d,   d = r - K P s_c + (what makes the mean of d over each cell that of t_c),
+
+where s_c with its dual t_c solves (A_c^-1 + K_c) s_c = R r on the cells: R takes means over cells, K_c = R K, A_c is the same
+compliance on the coarser grid, and P interpolates. For long waves t_c = A^-1 s is the dual of the solution, and short ones
+are as in Picard's iteration, which converges where A K is small. The dual d of z is known as r is without it, so there
+is still one pair an iteration, and A^-1 is never applied. As s_c is a rough solution, and another operator each time, the
+direction is made conjugate to the last one by its curvature (flexible conjugate gradients: Notay, SIAM J. Sci. Comput. 22,
+1444 (2000)). What is left to correct is also told by the cells: it ends where that is small, with no pair to find out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import kernels
+from . import two_grid_kernels as between
+from .conjugate_gradients import ConjugateGradients
+from .grid import Grid, PunchPoints
+
+MARGIN = 1.5
+"""Coarse points reach beyond the punch by so many of their spacings: each point under it then lies between four."""
+MOST = 30
+"""Iterations after which conjugate gradients go on without the cells; three are usual."""
+ROUGH_SHARE = 0.25
+"""Share of the largest residual within cells, times the compliance of waves two cells long, that they may still move the
+surface by. The waves within a cell are shorter, and signs differ."""
+COARSE_SHARE = 0.3
+"""Tolerance of the problem on the cells, relative to that of the correction."""
+
+
+def coarse_points_of(points: PunchPoints, m: int, comm) -> PunchPoints:
+    """The points of a grid of cells of m x m points, n divisible by m, and by 2 m with a mirror, as far as these need them."""
+    grid = Grid(points.grid.n // m, points.grid.length)
+    radius = None if points.radius is None else points.radius + MARGIN * grid.spacing
+    return PunchPoints(grid, radius, comm, mirror=points.mirror)
+
+
+@dataclass(frozen=True)
+class CoarseGrid:
+    """points: of `coarse_points_of`, all of them on this rank; operator: the Convolution with G0 between them; shortest
+    [m/Pa]: G0 of the shortest waves that they tell, two spacings long."""
+
+    points: PunchPoints
+    operator: object
+    shortest: float
+
+
+class Cells:
+    """Moves numbers between the local points and all cells, (rows, columns), of a coarse grid. Each rank has them all.
+
+    points: PunchPoints; coarse: the PunchPoints of `coarse_points_of`, on one rank.
+    """
+
+    def __init__(self, points, coarse):
+        self.points, self.coarse, self.m = points, coarse, points.grid.n // coarse.grid.n
+        left = coarse.nb // 2 if coarse.mirror else 0
+        top = (coarse.block_start + coarse.top) * self.m
+        self._begin = points.block_start + points.row_start - top
+        self._begin_of_all = points.block_start + points.top - top
+        self._first = points.block_start + points.first - (coarse.block_start + left) * self.m
+        self.shape = coarse.rows, coarse.nb - left
+        self._sums = np.zeros((self.shape[1], points.rows))
+        self._rim = np.zeros((self.shape[0] + 2, self.shape[1] + 2))
+        self._line = np.zeros(self._rim.shape[1])
+        row, column = np.nonzero(coarse.inside()[:, left:])
+        self._index, self._inner = (row, column), (row + 1, column + 1)
+        self._change = np.zeros(self.shape)
+        self._exchange = None
+
+    def means(self, v: np.ndarray, cells: np.ndarray) -> None:
+        """Means over cells of a point vector, zero where there are no points. Collective."""
+        between.sum_in_rows(v, self.points.offset, self._first, self.m, self._sums)
+        self._fold(cells)
+
+    def at_points(self, cells: np.ndarray) -> np.ndarray:
+        """Cells as a vector of the coarse points."""
+        return cells[self._index]
+
+    def roughness(self, r: np.ndarray, k: np.ndarray, cells: np.ndarray, rows: np.ndarray) -> float:
+        """The largest |r - number of its cell| over all points with K != 0. Collective."""
+        between.roughness(r, k, cells, self.points.offset, self._first, self._begin, self.m, rows)
+        return float(self.points.all_rows(rows[:1]).max())
+
+    def turn(self, r: np.ndarray, k: np.ndarray, s_c: np.ndarray, t_c: np.ndarray, means: np.ndarray, d: np.ndarray) -> None:
+        """d = r - K P s_c, and what makes the mean of d over each cell t_c; means: of r. Collective."""
+        points, rim, mirror = self.points, self._rim, self.coarse.mirror
+        rim[self._inner] = s_c
+        if "y" in mirror:
+            rim[0] = rim[1]
+        if "x" in mirror:
+            rim[:, 0] = rim[:, 1]
+        between.turn_residual(
+            r, k, points.offset, self._first, self._begin, self.m, rim, self._line, d, self._sums
+        )  # fmt: skip
+        self._fold(self._change)
+        self._change += means
+        np.negative(self._change, out=self._change)
+        self._change[self._index] += t_c
+        between.add_cells(self._change, points.offset, self._first, self._begin, self.m, d)
+
+    def _fold(self, cells: np.ndarray) -> None:
+        between.fold(self._of_all(self._sums), self._begin_of_all, self.m, 1.0 / self.m**2, cells)
+
+    def _of_all(self, sums: np.ndarray) -> np.ndarray:
+        """Sums of all ranks' rows (columns, rows)."""
+        points = self.points
+        if points.comm.size == 1:
+            return sums
+        if self._exchange is None:
+            from .node import Node, RowExchange
+
+            start, total = points.row_start - points.top, points.nb - points.top
+            self._exchange = RowExchange(Node.of(points.comm), start, points.rows, total, self.shape[1])
+        return self._exchange(sums)
+
+
+class TwoGrid(ConjugateGradients):
+    """The same with a coarser grid. Not where a mean load moves nothing.
+
+    coarse: CoarseGrid. All ranks solve the same problem on its cells, and come to the same numbers. `coarse_pairs` counts
+    its transforms.
+    """
+
+    def __init__(self, points, operator, law, floating: bool, coarse: CoarseGrid):
+        super().__init__(points, operator, law, floating)
+        assert not floating, "the cells balance the mean load by its displacement"
+        self.d = points.zeros(operator.dtype)
+        self._cells = Cells(points, coarse.points)
+        self._cg = ConjugateGradients(coarse.points, coarse.operator, law, False)
+        self._shortest = coarse.shortest
+        self._means = np.zeros(self._cells.shape)
+
+    @property
+    def coarse_pairs(self) -> int:
+        """Pairs of transforms on the cells so far."""
+        return self._cg.operator.pairs
+
+    def correct(
+        self, compliance: float, tolerance: float, unbalanced: float, trust: float, imbalance: float
+    ) -> tuple[int, float, bool]:
+        """As that of ConjugateGradients; iterations are those on all points."""
+        points, k, r, s, t, p, y, cg = self.points, self.curvature, self.r, self.s, self.t, self.p, self.y, self._cg
+        offset, rows, cells, means = points.offset, self._rows, self._cells, self._means
+        limits = compliance, tolerance, unbalanced, trust
+        cells.means(k, means)
+        cg.curvature[:] = cells.at_points(means)
+        cells.means(r, means)
+        self._solve_coarse(*limits)
+        given, previous = imbalance, 1.0
+        for count in range(1, MOST + 1):
+            self.poll()
+            first = count == 1
+            # The first direction is not turned: it is written where it stays.
+            z, d = (p, y) if first else (self.z, self.d)
+            cells.turn(r, k, cg.s, cg.t, means, d)
+            self.operator(d, z, compliance)
+            between.survey(z, d, r, k, p, y, first, offset, rows)
+            bend, down, along = points.total_of(rows[:3]).tolist()
+            bend -= along * along / previous
+            if down <= 0.0 or bend <= 0.0:
+                break
+            alpha, beta, previous = down / bend, -along / previous, bend
+            if first:
+                between.begin_and_advance(alpha, p, y, k, s, t, r, offset, rows)
+            else:
+                between.turn_and_advance(z, d, beta, alpha, k, p, y, s, t, r, offset, rows)
+            numbers = points.all_rows(rows[:2])
+            imbalance, size = float(points.summed(numbers[:1])[0]), float(numbers[1].max()) / self.law.range
+            if size > 2.0 * trust or self._is_enough(limits, size, imbalance):
+                return count, size, False
+        if count > 1:
+            # Nothing stays of what was found: where the potential bends down, it is the last direction that leads there.
+            r += t
+            r += k * s
+        used, size, bent = super().correct(*limits, given)
+        return count + used, size, bent
+
+    def _is_enough(self, limits: tuple[float, float, float, float], size: float, imbalance: float) -> bool:
+        """Whether what is left to correct, by the cells, is small beside the tolerance or the correction so far, whose size
+        is in ranges. If not, the cells are solved for the next direction. Collective."""
+        compliance, tolerance, unbalanced, _ = limits
+        cg, cells, means = self._cg, self._cells, self._means
+        small = max(self.linear_share * tolerance, 0.5 * self.forcing * size)
+        cells.means(self.r, means)
+        rough = cells.roughness(self.r, self.curvature, means, self._rows) / self.law.range
+        rough *= ROUGH_SHARE * compliance * self._shortest
+        balanced = abs(imbalance) <= 0.5 * unbalanced
+        if balanced and rough < small:
+            # Mostly one transform tells.
+            cg.r[:] = cells.at_points(means)
+            cg.operator(cg.r, cg.z, compliance)
+            kernels.largest_in_rows(cg.z, cg.curvature, cg.points.offset, cg._rows)
+            if rough + float(cg._rows[0].max()) / self.law.range < small:
+                return True
+        return self._solve_coarse(*limits) + rough < small and balanced
+
+    def _solve_coarse(self, compliance: float, tolerance: float, unbalanced: float, trust: float) -> float:
+        """Solves the problem on the cells, for the means of r; the largest |s_c| in ranges."""
+        cg = self._cg
+        cg.r[:] = self._cells.at_points(self._means)
+        total = float(cg.r.sum(dtype=np.float64)) * cg.points.images
+        # A force out of balance is a sum over points: over cells it is m^2 times smaller.
+        return cg.correct(compliance, COARSE_SHARE * tolerance, unbalanced / self._cells.m**2, trust, total)[1]

@@ -1,0 +1,163 @@
+"""Compiled kernels between points and the cells of a coarser grid, m x m points each (two_grid.py).
+
+Points are point vectors (grid.py). `begin`: the first local row, in points from the upper edge of the coarse block; `first`
+(rows,): the column of each row's first point, in points from its left edge. Numbers of cells are (coarse rows, coarse
+columns). Sums within a row of points run in an order that depends on the row alone; those of several rows are added in
+their order, so that they have the same bits for any number of ranks.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .compiled import compiled
+
+_compile = compiled(fastmath={"reassoc", "contract", "nsz"})
+_compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
+
+
+@_compile
+def sum_in_rows(v, offset, first, m, sums):
+    """sums[c, row]: of v over the points of a row that are in the coarse column c."""
+    for row in range(offset.size - 1):
+        sums[:, row] = 0.0
+        start, stop = offset[row], offset[row + 1]
+        column = first[row] // m
+        end = start + (column + 1) * m - first[row]
+        while start < stop:
+            total = v[start]
+            for i in range(np.uint64(start + 1), np.uint64(min(end, stop))):
+                total += v[i]
+            sums[column, row] = total
+            start, end, column = end, end + m, column + 1
+
+
+@_compile
+def fold(sums, begin, m, scale, cells):
+    """cells[I, c] = scale * sum of sums[c, row] over the rows of points in the coarse row I; sums of all ranks' rows, the
+    first of which is `begin`."""
+    cells[:] = 0.0
+    for c in range(sums.shape[0]):
+        for row in range(sums.shape[1]):
+            cells[(begin + row) // m, c] += scale * sums[c, row]
+
+
+@_compile
+def turn_residual(r, k, offset, first, begin, m, s, line, d, sums):
+    """d = r - K P s;  sums[c, row]: of -K P s, as of `sum_in_rows`.
+
+    P is bilinear between the centres of cells, s (coarse rows + 2, coarse columns + 2) with a rim of one cell. line: room
+    for a row of s.
+    """
+    for row in range(offset.size - 1):
+        sums[:, row] = 0.0
+        start, stop = offset[row], offset[row + 1]
+        if start == stop:
+            continue
+        # Centres of cells are at m/2, 3 m/2, ... points, and that of the rim at -m/2.
+        place = (begin + row + 0.5) / m + 0.5
+        above = int(place)
+        for c in range(line.size):
+            line[c] = s[above, c] + (place - above) * (s[above + 1, c] - s[above, c])
+        column = first[row] // m
+        inside = first[row] - column * m
+        while start < stop:
+            end = min(start + m - inside, stop)
+            middle = line[column + 1]
+            down, up = (middle - line[column]) / m, (line[column + 2] - middle) / m
+            total = 0.0
+            for i in range(start, end):
+                x = i - start + inside + 0.5 - 0.5 * m
+                value = -k[i] * (middle + x * (up if x > 0.0 else down))
+                d[i] = r[i] + value
+                total += value
+            sums[column, row] = total
+            start, inside, column = end, 0, column + 1
+
+
+@_compile
+def add_cells(cells, offset, first, begin, m, d):
+    """d += the number of the cell that a point is in."""
+    for row in range(offset.size - 1):
+        here = cells[(begin + row) // m]
+        start, stop = offset[row], offset[row + 1]
+        column = first[row] // m
+        end = start + (column + 1) * m - first[row]
+        while start < stop:
+            for i in range(np.uint64(start), np.uint64(min(end, stop))):
+                d[i] += here[column]
+            start, end, column = end, end + m, column + 1
+
+
+@_compile_maxima
+def roughness(r, k, cells, offset, first, begin, m, rows):
+    """rows[0]: the largest |r - number of its cell| over points that interact (K != 0), row by row."""
+    for row in range(offset.size - 1):
+        here = cells[(begin + row) // m]
+        start, stop = offset[row], offset[row + 1]
+        column = first[row] // m
+        end = start + (column + 1) * m - first[row]
+        largest = 0.0
+        while start < stop:
+            for i in range(np.uint64(start), np.uint64(min(end, stop))):
+                largest = max(largest, abs(r[i] - here[column]) if k[i] != 0.0 else 0.0)
+            start, end, column = end, end + m, column + 1
+        rows[0, row] = largest
+
+
+@_compile
+def survey(z, d, r, k, p, y, first, offset, rows):
+    """What a direction z with the dual d asks of all ranks. rows[0] of z (d + K z);  rows[1] of r z;  rows[2] of
+    z (y + K p), zero in the first direction, which is p and y themselves."""
+    for row in range(offset.size - 1):
+        bend, down, along = 0.0, 0.0, 0.0
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            here = z[i]
+            bend += here * (d[i] + k[i] * here)
+            down += r[i] * here
+        if not first:
+            for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+                along += z[i] * (y[i] + k[i] * p[i])
+        rows[0, row] = bend
+        rows[1, row] = down
+        rows[2, row] = along
+
+
+@_compile_maxima
+def begin_and_advance(alpha, p, y, k, s, t, r, offset, rows):
+    """s = alpha p;  t = alpha y;  r -= alpha (y + K p).
+
+    rows[0] of r;  rows[1]: the largest |s| over points that interact (K != 0), row by row.
+    """
+    for row in range(offset.size - 1):
+        imbalance, size = 0.0, 0.0
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            move, load = alpha * p[i], alpha * y[i]
+            s[i] = move
+            t[i] = load
+            rest = r[i] - (load + k[i] * move)
+            r[i] = rest
+            imbalance += rest
+            size = max(size, abs(move) if k[i] != 0.0 else 0.0)
+        rows[0, row] = imbalance
+        rows[1, row] = size
+
+
+@_compile_maxima
+def turn_and_advance(z, d, beta, alpha, k, p, y, s, t, r, offset, rows):
+    """p = z + beta p;  y = d + beta y;  s += alpha p;  t += alpha y;  r -= alpha (y + K p). rows: as of
+    `begin_and_advance`."""
+    for row in range(offset.size - 1):
+        imbalance, size = 0.0, 0.0
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            a, b = z[i] + beta * p[i], d[i] + beta * y[i]
+            p[i] = a
+            y[i] = b
+            s[i] += alpha * a
+            t[i] += alpha * b
+            rest = r[i] - alpha * (b + k[i] * a)
+            r[i] = rest
+            imbalance += rest
+            size = max(size, abs(s[i]) if k[i] != 0.0 else 0.0)
+        rows[0, row] = imbalance
+        rows[1, row] = size
