@@ -128,12 +128,10 @@ def memory_of(scene, ranks: int = 1) -> Memory:
 
 def _output_bytes(scene, points: PunchPoints, ranks: int, size: float) -> float:
     """The surface and traction of the largest tension, and what a snapshot needs for a while: one field of the whole punch as a
-    vector and as rows of the block, with a mask of these, what it is made of on the points that are stepped, and with patches
-    gap and traction of the whole punch, labels of points, and of the block."""
+    vector and as rows of the block; and with patches gap and traction of the whole punch, labels of points, and of the block."""
     whole, here = points.whole, largest_share(points, ranks)
     most, block = largest_share(whole, ranks), whole.nb * math.ceil(whole.nb / ranks)
-    unfolding = 16.0 * here if points.mirror else 0.0
-    writing = 8.0 * (most + block) + 2.0 * block + unfolding
+    writing = 8.0 * (most + block)
     finding = 24.0 * most + 5.0 * block if scene.output.patches else 0.0
     return (2.0 + scene.output.surface) * size * here + max(writing, finding)
 
