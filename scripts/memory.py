@@ -4,8 +4,9 @@
     .venv/bin/python scripts/memory.py [--scene tri-tack hex-tack] [--n 4096] [--ranks 2] [--set KEY=VALUE]
 
 Runs whole tests with the defaults of each scene, audit, snapshots, patches and checkpoints, but with a preload so small that they
-take few steps: memory does not grow with these. The ranks' memory is read from the system again and again (Linux: `smaps_rollup`), and pages that ranks share
-are counted once. Prints a table of the most memory at any time; `--trace` prints it in the course of time as well.
+take few steps: memory does not grow with these. The ranks' memory is read from the system again and again (Linux: `smaps_rollup`
+and `status`). Pages that ranks share are counted once: those of windows by their share, those of program files, which are the same
+for all, on the rank that has most of them. Prints a table of the most memory at any time; `--trace` prints it in the course of time as well.
 """
 
 from __future__ import annotations
@@ -19,8 +20,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
-from pgfmd.host.launch import world
+from pgfmd.forecast.estimate import memory_of
 from pgfmd.scene import load_scene
 
 PERIOD = 0.1
@@ -44,13 +44,20 @@ def sample(processes: list[int]) -> Sample:
     found = Sample()
     for process in processes:
         try:
-            lines = Path(f"/proc/{process}/smaps_rollup").read_text().splitlines()[1:]
+            rolled, status = _kilobytes(process, "smaps_rollup"), _kilobytes(process, "status")
         except OSError:
             continue
-        kilobytes = {name: int(value.split()[0]) for name, value in (line.split(":", 1) for line in lines)}
-        for attribute, name in (("total", "Pss"), ("own", "Pss_Anon"), ("windows", "Pss_Shmem"), ("files", "Pss_File")):
-            setattr(found, attribute, getattr(found, attribute) + 1024 * kilobytes.get(name, 0))
+        found.own += 1024 * rolled.get("Pss_Anon", 0)
+        found.windows += 1024 * rolled.get("Pss_Shmem", 0)
+        found.files = max(found.files, 1024 * status.get("RssFile", 0))
+    found.total = found.own + found.windows + found.files
     return found
+
+
+def _kilobytes(process: int, name: str) -> dict[str, int]:
+    """The numbers with the unit kB in a file of a process."""
+    lines = (line.split() for line in Path(f"/proc/{process}/{name}").read_text().splitlines())
+    return {words[0].rstrip(":"): int(words[1]) for words in lines if words[-1:] == ["kB"]}
 
 
 def descendants(process: int) -> list[int]:
@@ -112,7 +119,7 @@ def main() -> None:
         for n in chosen.n:
             for ranks in chosen.ranks:
                 changes = [f"grid.n={n}", *SHORT, *chosen.set]
-                foretold = ranks * (memory_of(load_scene(scene, changes), ranks).peak + PROGRAM_BYTES)
+                foretold = memory_of(load_scene(scene, changes), ranks).in_all(ranks)
                 most = measure(scene, changes, ranks, chosen.trace)
                 parts = " | ".join(f"{value / 1e6:.0f} MB" for value in (most.total, most.own, most.windows, most.files))
                 print(

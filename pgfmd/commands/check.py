@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from pgfmd import coarsening
 from pgfmd.forecast.advice import automatic_range, remarks, warnings
-from pgfmd.forecast.estimate import PROGRAM_BYTES, effort_of, memory_of, punch_points
+from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, effort_of, memory_of, punch_points
 from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
@@ -168,13 +168,13 @@ def _inertia(scene, series) -> Iterator[Line]:
 
 def _cost(scene, ranks: int) -> Iterator[Line]:
     points, memory, effort = punch_points(scene), memory_of(scene, ranks), effort_of(scene)
-    total = ranks * (memory.peak + PROGRAM_BYTES)
     yield Line("grid spacing h", scene.grid.length / scene.grid.n, "m")
     yield Line("points under the punch", points.total, "", f"in a block of {points.nb} x {points.nb}")
     yield _symmetry(scene)
     yield _coarse_grid(scene)
     yield Line("fields per rank", memory.peak, "B", f"on {_ranks(ranks)}")
-    yield Line("memory in all", total, "B", f"with {PROGRAM_BYTES / 1e6:.0f} MB for the program on each rank")
+    program = f"{OWN_BYTES / 1e6:.0f} MB for the program on each rank and {FILE_BYTES / 1e6:.0f} MB for its files"
+    yield Line("memory in all", memory.in_all(ranks), "B", f"with {program}")
     note = "an estimate, within a factor of 3"
     yield Line("expected steps", _rounded(effort.steps), "", note)
     yield Line("expected transform pairs", _rounded(effort.pairs), "", note)

@@ -15,7 +15,7 @@ from pgfmd.units import handy_quantity as shown
 
 from . import plausibility
 from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
-from .estimate import PROGRAM_BYTES, depth_of, effort_of, memory_of, modulus_of
+from .estimate import depth_of, effort_of, memory_of, modulus_of
 
 PAPER_FACTOR = 0.156
 """Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means here."""
@@ -189,7 +189,7 @@ def _explicit_steps(scene) -> Iterator[str]:
 
 
 def _memory(scene, ranks: int) -> Iterator[str]:
-    needed = ranks * (memory_of(scene, ranks).peak + PROGRAM_BYTES)
+    needed = memory_of(scene, ranks).in_all(ranks)
     present = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     if needed > 0.9 * present:
         yield f"memory: {needed / 1e9:.3g} GB are needed in all, this machine has {present / 1e9:.3g} GB"

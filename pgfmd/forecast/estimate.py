@@ -19,8 +19,11 @@ from pgfmd.reference import flat_punch, hertz
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.symmetry import expected, points_of
 
-PROGRAM_BYTES = 245e6
-"""Python, compiled kernels and libraries on every rank: peak resident memory less the fields, with 1 and 2 ranks."""
+OWN_BYTES, FILE_BYTES = 110e6, 138e6
+"""Python, compiled kernels and libraries: memory of each rank's own, and the files of the program, which the ranks of a node
+share (scripts/memory.py at n = 64)."""
+PROGRAM_BYTES = OWN_BYTES + FILE_BYTES
+"""What a single rank needs beside its fields."""
 SINGLE_PAIR = 0.63
 """Time of a transform pair in single precision, relative to one in double: 0.54 to 0.75 for n = 192 to 2048."""
 OUTSIDE = 2.0 / 3.0
@@ -34,13 +37,14 @@ class Memory:
     """Bytes of one rank's arrays.
 
     points: vectors over the punch, of which `state` belong to the State. transform: its arrays. start: the most at any
-    time before the first step, what stays included.
+    time before the first step, what stays included. output: what is held for snapshots, and while one is written.
     """
 
     points: float
     transform: float
     state: float
     start: float
+    output: float = 0.0
 
     @property
     def running(self) -> float:
@@ -50,7 +54,11 @@ class Memory:
     @property
     def peak(self) -> float:
         """The most at any time."""
-        return max(self.running, self.start)
+        return max(self.running + self.output, self.start)
+
+    def in_all(self, ranks: int) -> float:
+        """The most of all ranks of a node together, with the program."""
+        return ranks * (self.peak + OWN_BYTES) + FILE_BYTES
 
 
 def vectors_of(elements: int, audit: bool, periodic: bool, order: int = 2, rough: float = 1.0) -> tuple[float, float]:
@@ -115,7 +123,17 @@ def memory_of(scene, ranks: int = 1) -> Memory:
         # The surface of the whole cell is that of the whole punch, whose transform is made for it.
         rows, columns, _, multiplier = _transform_of(scene, points.whole, ranks)
         start = max(start, state + rest + transform + 8.0 * (multiplier + 2.0 * rows * columns))
-    return Memory(state + rest, transform, state, start)
+    return Memory(state + rest, transform, state, start, _output_bytes(scene, points, ranks, size))
+
+
+def _output_bytes(scene, points: PunchPoints, ranks: int, size: float) -> float:
+    """The surface and traction of the largest tension, and what a snapshot needs for a while: one field of the whole punch as a
+    vector and as rows of the block; and with patches gap and traction of the whole punch, labels of points, and of the block."""
+    whole, here = points.whole, largest_share(points, ranks)
+    most, block = largest_share(whole, ranks), whole.nb * math.ceil(whole.nb / ranks)
+    writing = 8.0 * (most + block)
+    finding = 24.0 * most + 5.0 * block if scene.output.patches else 0.0
+    return (2.0 + scene.output.surface) * size * here + max(writing, finding)
 
 
 def _transform_of(scene, points: PunchPoints, ranks: int) -> tuple[int, int, int, float]:
@@ -143,7 +161,8 @@ def _gfmd_memory(scene, ranks: int) -> Memory:
     mine = 8.0 * min(points.total, rows * points.nb)
     modes = state + 16.0 * (n // 2 + 1) * columns
     transform = 8.0 * rows * n + 16.0 * rows * (n // 2 + 1) + 2.0 * spectral
-    return Memory(3.0 * mine + modes, transform, state, transform + _map_bytes(scene.punch))
+    output = _output_bytes(scene, points, ranks, 8.0)
+    return Memory(3.0 * mine + modes, transform, state, transform + _map_bytes(scene.punch), output)
 
 
 @dataclass(frozen=True)

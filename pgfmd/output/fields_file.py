@@ -25,6 +25,7 @@ from pgfmd.host.streams import say
 
 # HDF5's own book-keeping for one more snapshot: B-tree nodes and chunks of the per-snapshot numbers.
 BOOKKEEPING_BYTES = 2**17
+Rows = np.ndarray | Callable[[], np.ndarray]
 
 _told = False
 
@@ -94,9 +95,9 @@ class FieldsFile:
         time: float,
         displacement: float,
         force: float,
-        gap: np.ndarray,
-        traction: np.ndarray,
-        displacement_field: np.ndarray,
+        gap: Rows,
+        traction: Rows,
+        displacement_field: Rows,
         surface: tuple[np.ndarray, int] | None = None,
     ) -> None:
         """Add one snapshot; collective.
@@ -104,7 +105,8 @@ class FieldsFile:
         Args:
             label: what this moment is called, up to 80 bytes of UTF-8.
             time, displacement, force: time [s], punch position [m], force on the punch [N]; rank 0's are written.
-            gap, traction, displacement_field: (rows_local, nb) on this rank's rows of the block: [m], [Pa], [m].
+            gap, traction, displacement_field: (rows_local, nb) on this rank's rows of the block: [m], [Pa], [m]; or functions,
+                collective, that make a new array of them each time: then only one of these exists at a time.
             surface: displacement [m] of this rank's rows of the whole cell, (any, n), and the first of these rows;
                 needed if the file keeps surfaces.
 
@@ -112,8 +114,8 @@ class FieldsFile:
             ResultError: on every rank, if it can't be written. The file is as before, or put right by the next start.
             ValueError: on every rank, if the ranks' rows of the surface do not make up the cell.
         """
-        arrays = self._local_arrays(gap, traction, displacement_field, surface)
-        sums = self._checksums(arrays)
+        fields = self._fields(gap, traction, displacement_field, surface)
+        sums = {name: self._checksum(*self._local(name, make)) for name, make in fields.items()}
         frame, what = self.frames, f"{self.path}: could not be written"
 
         def make_room() -> None:
@@ -128,7 +130,11 @@ class FieldsFile:
 
         on_root(self._comm, what, make_room)
         write = self._write_together if self.parallel else self._write_gathered
-        agree(self._comm, attempt(what, lambda: write(frame, arrays))[1])
+        for name, make in fields.items():
+            # Made before: what can fail without others must not do so within a collective write.
+            values, first = self._local(name, make)
+            agree(self._comm, attempt(what, lambda: write(name, frame, values, first))[1])
+            del values
         # Each rank: on a cluster the data may still be in its own node's memory.
         agree(self._comm, attempt(what, lambda: bring_to_disk(self.path))[1])
         on_root(self._comm, what, lambda: fields_layout.forget(self.path))
@@ -163,27 +169,36 @@ class FieldsFile:
             fields_layout.create(self.path, self._layout, self._told)
         return fields_layout.count_frames(self.path, self._layout)
 
-    def _local_arrays(self, gap, traction, displacement_field, surface) -> dict[str, tuple[np.ndarray, int]]:
-        """name -> (rows of this rank as they will be written, first row), checked on all ranks beforehand."""
-        given = {name: np.asarray(values, dtype=np.float64)
-                 for name, values in zip(BLOCK_FIELDS, (gap, traction, displacement_field))}  # fmt: skip
-        problems = [self._shape_problem(name, values, self._inside.shape) for name, values in given.items()]
+    def _fields(self, gap: Rows, traction: Rows, displacement: Rows, surface) -> dict[str, Callable]:
+        """name -> what makes (rows of this rank, first row) of it."""
+        rows = dict(zip(BLOCK_FIELDS, (gap, traction, displacement), strict=True))
+        fields = {name: lambda values=values: (self._punch_rows(values), self._rows[0]) for name, values in rows.items()}
         if self._layout.surface:
-            plane, first = surface if surface is not None else (np.empty(0), 0)
-            plane = np.ascontiguousarray(plane, dtype=np.float64)
-            problems.append(self._shape_problem(SURFACE_FIELD, plane, (len(plane), self._layout.n)))
-        agree(self._comm, next((problem for problem in problems if problem), None))
-        arrays = {name: (np.where(self._inside, values, np.nan), self._rows[0]) for name, values in given.items()}
-        if self._layout.surface:
-            _check_rows(self._comm, (first, len(plane)), self._layout.n)
-            arrays[SURFACE_FIELD] = plane, int(first)
-        return arrays
+            fields[SURFACE_FIELD] = lambda: surface if surface is not None else (np.empty(0), 0)
+        return fields
 
-    def _checksums(self, arrays: dict[str, tuple[np.ndarray, int]]) -> dict[str, np.uint64]:
-        """name -> checksum of the whole array, from the shares of all ranks."""
-        mine = [whole_sum(values, first * values.shape[1]) for values, first in arrays.values()]
-        total = np.array(self._comm.allgather(mine), dtype=np.uint64).sum(axis=0, dtype=np.uint64)
-        return dict(zip(arrays, total, strict=True))
+    def _punch_rows(self, values: Rows) -> np.ndarray:
+        """Rows of the block as they will be written, or as they are where their shape is wrong."""
+        made = values() if callable(values) else np.array(values, dtype=np.float64)
+        made = np.asarray(made, dtype=np.float64)
+        if made.shape == self._inside.shape:
+            np.copyto(made, np.nan, where=~self._inside)
+        return made
+
+    def _local(self, name: str, make: Callable) -> tuple[np.ndarray, int]:
+        """Rows of this rank, and the first row, checked on all ranks."""
+        values, first = make()
+        wanted = self._inside.shape if name != SURFACE_FIELD else (len(values), self._layout.n)
+        values = np.ascontiguousarray(values, dtype=np.float64)
+        agree(self._comm, self._shape_problem(name, values, wanted))
+        if name == SURFACE_FIELD:
+            _check_rows(self._comm, (first, len(values)), self._layout.n)
+        return values, int(first)
+
+    def _checksum(self, values: np.ndarray, first: int) -> np.uint64:
+        """Checksum of the whole array, from the shares of all ranks."""
+        mine = whole_sum(values, first * values.shape[1])
+        return np.array(self._comm.allgather(mine), dtype=np.uint64).sum(dtype=np.uint64)
 
     def _shape_problem(self, name: str, values: np.ndarray, shape: tuple[int, ...]) -> ResultError | None:
         if values.shape == shape:
@@ -191,26 +206,25 @@ class FieldsFile:
         where = f"{name} on rank {self._comm.rank}"
         return ResultError(f"{self.path}: {where} has the shape {values.shape}, expected {shape}")
 
-    def _write_together(self, frame: int, arrays: dict[str, tuple[np.ndarray, int]]) -> None:
+    def _write_together(self, name: str, frame: int, values: np.ndarray, first: int) -> None:
         with h5py.File(self.path, "r+", driver="mpio", comm=self._comm) as file:
-            problem = row_pieces.write_together(f"{self.path}: could not be written", self._calls(file, frame, arrays))
+            calls = self._calls(file[name], frame, values, first)
+            problem = row_pieces.write_together(f"{self.path}: could not be written", calls)
         if problem is not None:
             raise problem
 
-    def _calls(self, file: h5py.File, frame: int, arrays: dict[str, tuple[np.ndarray, int]]) -> Iterator[tuple]:
+    def _calls(self, dataset: h5py.Dataset, frame: int, values: np.ndarray, first: int) -> Iterator[tuple]:
         """Dataset, rows and their place, for as many collective writes on every rank."""
-        for name, (values, first) in arrays.items():
-            most = max(1, row_pieces.PIECE_BYTES // (8 * values.shape[1]))
-            for start in range(0, max(self._comm.allgather(len(values))), most):
-                yield file[name], values[start : start + most], (frame, first + start, 0)
+        most = max(1, row_pieces.PIECE_BYTES // (8 * values.shape[1]))
+        for start in range(0, max(self._comm.allgather(len(values))), most):
+            yield dataset, values[start : start + most], (frame, first + start, 0)
 
-    def _write_gathered(self, frame: int, arrays: dict[str, tuple[np.ndarray, int]]) -> None:
+    def _write_gathered(self, name: str, frame: int, values: np.ndarray, first: int) -> None:
         problem, what = None, f"{self.path}: could not be written"
-        for name, (values, first) in arrays.items():
-            for start, rows in row_pieces.rows_on_root(self._comm, values, first):
-                # What is left is taken in any case: the others wait until it is.
-                if problem is None:
-                    problem = attempt(what, lambda: self._write_rows(name, frame, start, rows))[1]
+        for start, rows in row_pieces.rows_on_root(self._comm, values, first):
+            # What is left is taken in any case: the others wait until it is.
+            if problem is None:
+                problem = attempt(what, lambda: self._write_rows(name, frame, start, rows))[1]
         if problem is not None:
             raise problem
 

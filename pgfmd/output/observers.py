@@ -135,7 +135,7 @@ class Frame:
     kept: np.ndarray = field(default_factory=_nothing)
 
     def take(self, state, surface: Surface | None) -> Frame:
-        """Holds the present fields of the state, in the arrays of before where there are some."""
+        """Holds a copy of the present fields of the state, in the arrays of before where there are some."""
         if (self.displacement.size, self.displacement.dtype) != (state.displacement.size, state.displacement.dtype):
             self.displacement, self.traction = np.empty_like(state.displacement), np.empty_like(state.traction)
         self.displacement[:], self.traction[:] = state.displacement, state.traction
@@ -178,14 +178,14 @@ class Snapshots(Observer):
     retraction.
 
     wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface: how
-    to have the whole cell's surface, or None. follow: called with number, frame and gap [m] of each snapshot written,
-    all of the whole punch.
+    to have the whole cell's surface, or None. follow: called with number, time [s], gap [m] and traction [Pa] of each snapshot
+    written, of the whole punch.
     The largest tension is known only when it is over: the surface is kept back until then.
     """
 
     def __init__(
         self, file: FieldsFile, wanted: list[tuple[float, str]], fractions: list[float], surface: Surface | None = None,
-        follow: Callable[[int, Frame, np.ndarray], None] | None = None,
+        follow: Callable[[int, float, np.ndarray, np.ndarray], None] | None = None,
     ):  # fmt: skip
         self.file, self.surface, self.follow = file, surface, follow
         self.agenda = Agenda(sorted(wanted), fractions)
@@ -236,22 +236,31 @@ class Snapshots(Observer):
         self.agenda.fractions = []
 
     def _write_present(self, simulation, label: str) -> None:
-        self._write(simulation, label, Frame().take(simulation.state, self.surface))
+        state = simulation.state
+        kept = self.surface.keep(state) if self.surface else _nothing()  # No copies: it is written at once.
+        frame = Frame(True, state.time, state.position, state.force, state.displacement, state.traction, kept)
+        self._write(simulation, label, frame)
 
     def _write(self, simulation, label: str, frame: Frame) -> None:
-        points = simulation.points
-        # In double precision, whatever that of the fields.
-        gap = points.unfold(np.float64(frame.position) + simulation.scheme.height - frame.displacement)
-        displacement, traction = points.unfold(frame.displacement), points.unfold(frame.traction)
+        points, height = simulation.points, simulation.scheme.height
         # The punch hangs on its spring, and so, seen from the machine, does the surface.
         length = simulation.scheme.machine_compliance * frame.force
+
+        def gap() -> np.ndarray:  # In double precision, whatever that of the fields.
+            return points.unfold(np.float64(frame.position) + height - frame.displacement)
+
+        def traction() -> np.ndarray:
+            return points.unfold(frame.traction)
+
         surface = self.surface.make(frame.kept) if self.surface else None
+        # One field of the whole punch at a time.
         self.file.append(
-            label, frame.time, frame.position + length, frame.force, points.whole.to_rows(gap),
-            points.whole.to_rows(traction), points.whole.to_rows(displacement + length), surface=surface,
+            label, frame.time, frame.position + length, frame.force, lambda: points.whole.to_rows(gap()),
+            lambda: points.whole.to_rows(traction()),
+            lambda: points.whole.to_rows(points.unfold(frame.displacement + length)), surface=surface,
         )  # fmt: skip
         if self.follow:
-            self.follow(self.file.frames - 1, replace(frame, displacement=displacement, traction=traction), gap)
+            self.follow(self.file.frames - 1, frame.time, gap(), traction())
 
 
 def _is_to_come(entry: tuple[float, str], state) -> bool:

@@ -12,7 +12,7 @@ from pgfmd.host import launch
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
 from pgfmd.solver.interruption import Interrupted
-from pgfmd.solver.patches import SitePoints
+from pgfmd.solver.sites import SitePoints
 
 from . import observers
 from .fields_file import FieldsFile

@@ -10,9 +10,10 @@ import numpy as np
 from pgfmd.files.curve_file import PatchFile, PatchRow, SiteFile, SiteRow
 from pgfmd.physics.contact_sites import KINDS
 from pgfmd.solver.grid import PunchPoints
-from pgfmd.solver.patches import SitePoints, patches_of
+from pgfmd.solver.patches import patches_of
+from pgfmd.solver.sites import SitePoints
 
-from .observers import Frame, Observer
+from .observers import Observer
 
 JOINS, LEAVES = "joins", "leaves"
 SAME = 1e-6
@@ -26,14 +27,10 @@ class PatchTable:
         self.file, self.points, self.places = file, points, places
         self.contact_gap, self.periodic = contact_gap, periodic
 
-    def __call__(self, snapshot: int, frame: Frame, gap: np.ndarray) -> None:
-        """snapshot: its number; gap [m]: of the frame, (size,), both of all points under the punch."""
-        self.file.extend([
-            PatchRow(snapshot, frame.time, *astuple(patch))
-            for patch in patches_of(
-                self.points, gap, frame.traction, self.places, self.contact_gap, self.periodic
-            )
-        ])
+    def __call__(self, snapshot: int, time: float, gap: np.ndarray, traction: np.ndarray) -> None:
+        """snapshot: its number, and time [s]; gap [m] and traction [Pa] of all points under the punch, (size,)."""
+        found = patches_of(self.points, gap, traction, self.places, self.contact_gap, self.periodic)
+        self.file.extend([PatchRow(snapshot, time, *astuple(patch)) for patch in found])
 
 
 @dataclass(frozen=True)

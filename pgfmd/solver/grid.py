@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -160,7 +161,8 @@ class PunchPoints:
     def to_rows(self, values: np.ndarray, outside: float = np.nan) -> np.ndarray:
         """A point vector as rows of the block, (rows, nb), with `outside` beyond the punch."""
         rows = np.full((self.rows, self.nb), outside)
-        rows[self.inside()] = values
+        for row, (begin, end) in enumerate(pairwise(self.offset)):
+            rows[row, self.first[row] : self.last[row]] = values[begin:end]
         return rows
 
     @cached_property
@@ -173,24 +175,46 @@ class PunchPoints:
         Collective."""
         if not self.mirror:
             return values
-        whole, middle = self.whole, self.nb // 2
+        whole = self.whole
         wanted = [start + np.arange(count) for start, count in whole.row_shares]
         if "y" in self.mirror:
             wanted = [np.maximum(rows, self.nb - 1 - rows) for rows in wanted]
-        # Halves of rows, from the ranks that have them to those that want them, in the order of these.
-        send = []
+        mine, result = wanted[self.comm.rank], np.empty(whole.size, values.dtype)
+        # Halves of rows, from the ranks that have them to those that want them, in the order of these. All goes row by row:
+        # indices of points would take more memory than the points.
+        for (start, count), part in zip(self.row_shares, self._halves(values, wanted), strict=True):
+            there, end = np.flatnonzero((mine >= self.top + start) & (mine < self.top + start + count)), 0
+            for row in there:
+                begin, end = end, end + self._widths[mine[row]]
+                middle = whole.offset[row] + end - begin
+                result[whole.offset[row] : middle] = part[begin:end][::-1]
+                result[middle : whole.offset[row + 1]] = part[begin:end]
+        return result
+
+    def _halves(self, values: np.ndarray, wanted: list[np.ndarray]) -> list[np.ndarray]:
+        """Of each rank, those of its rows (by their index in the block) that this one wants, of those that each wants. Collective."""
+        parts = []
         for rows in wanted:
             here = rows[(rows >= self.row_start) & (rows < self.row_start + self.rows)] - self.row_start
-            send.append(values[_spans(self.offset[here], self.offset[here + 1])])
-        received = send if self.comm.size == 1 else self.comm.alltoall(send)
-        mine = wanted[self.comm.rank]
-        offset = np.concatenate(([0], np.cumsum(self._widths[mine])))
-        halves = np.empty(offset[-1], values.dtype)
-        for (start, count), part in zip(self.row_shares, received, strict=True):
-            there = np.flatnonzero((mine >= self.top + start) & (mine < self.top + start + count))
-            halves[_spans(offset[there], offset[there + 1])] = part
-        row, column = np.nonzero(whole.inside())
-        return halves[offset[row] + np.maximum(column, self.nb - 1 - column) - middle]
+            if here.size and (np.diff(here) == 1).all():
+                parts.append(values[self.offset[here[0]] : self.offset[here[-1] + 1]])
+            else:
+                parts.append(np.concatenate([values[:0], *(values[self.offset[row] : self.offset[row + 1]] for row in here)]))
+        if self.comm.size == 1:
+            return parts
+        from mpi4py import MPI
+
+        received, requests = [], []
+        for rank, (start, count) in enumerate(self.row_shares):
+            mine = wanted[self.comm.rank]
+            mine = mine[(mine >= self.top + start) & (mine < self.top + start + count)]
+            received.append(np.empty(self._widths[mine].sum(), values.dtype) if rank != self.comm.rank else parts[rank])
+            if rank != self.comm.rank and received[rank].size:
+                requests.append(self.comm.Irecv(received[rank], rank))
+        others = [(rank, part) for rank, part in enumerate(parts) if rank != self.comm.rank and part.size]
+        requests += [self.comm.Isend(part, rank) for rank, part in others]
+        MPI.Request.Waitall(requests)
+        return received
 
     def all_rows(self, local: np.ndarray) -> np.ndarray:
         """One number of each kind a row, for the local rows (kinds, rows), gathered from all ranks: (kinds, all rows).
@@ -244,9 +268,3 @@ class PunchPoints:
         largest = np.empty(len(local))
         self.comm.Allreduce(np.array(local, dtype=float), largest, op=MPI.MAX)
         return largest.tolist()
-
-
-def _spans(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """begin[0], begin[0] + 1, ... end[0] - 1, begin[1], ...: the indices of several intervals, one after the other."""
-    sizes = end - begin
-    return np.arange(sizes.sum()) + np.repeat(begin - np.concatenate(([0], np.cumsum(sizes)[:-1])), sizes)

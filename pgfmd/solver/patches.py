@@ -11,7 +11,9 @@ bits for any number of ranks.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,7 @@ from pgfmd.errors import RunError
 from pgfmd.physics.contact_sites import KINDS, ContactSites
 
 from .grid import PunchPoints
+from .sites import SitePoints, reduced
 
 Numbers = NDArray[np.int64]
 
@@ -32,10 +35,6 @@ MERGED = "merged"
 
 MOST = 2**31 - 1
 """What MPI counts to."""
-TIE = 1e-6
-"""Shift towards the axis, in grid spacings, by which a place half-way between two points is decided."""
-ROUNDING = 1e-9
-"""Distances that differ by less, in grid spacings, are the same: of such points the first is taken."""
 
 
 @dataclass(frozen=True)
@@ -73,50 +72,40 @@ class Labels:
         return self.first.shape[1]
 
 
-class SitePoints:
-    """The grid points that stand for a face's sites: for each the nearest point under the punch, or its mirror image.
-    Collective.
-
-    Attributes: `index` (count,) of the point among those of all ranks; `mine`, the numbers of the sites whose points
-    this rank has, and `local`, these points.
-    """
-
-    def __init__(self, points: PunchPoints, sites: ContactSites):
-        self.sites, self.comm = sites, points.comm
-        self.index = _nearest_points(points, *points.folded(sites.x, sites.y))
-        local = self.index - points.first_point
-        self.mine = np.flatnonzero((self.index >= 0) & (local >= 0) & (local < points.size))
-        self.local = local[self.mine]
-
-    def collect(self, values: NDArray) -> NDArray:
-        """Of each site of the face, from those of this rank: a whole number, -1 without a point; or a truth value. Collective."""
-        found = np.full(len(self.sites), -1, np.int64)
-        found[self.mine] = values
-        found = _reduced(self.comm, found, "MAX")
-        return found > 0 if values.dtype == bool else found
-
-
 def label_contact(points: PunchPoints, contact: NDArray[np.bool_], periodic: bool) -> Labels:
     """The patches of a contact (size,). periodic: whether the punch fills the cell, and patches go on across its edges.
     Collective."""
-    comm, inside = points.comm, points.inside()
-    rows = np.zeros(inside.shape, bool)
-    rows[inside] = contact
+    comm, rows = points.comm, points.to_rows(contact, outside=False)
     local, count = ndimage.label(rows) if rows.size else (np.zeros(rows.shape, np.int32), 0)
-    place = np.flatnonzero(rows)
-    _, begins = np.unique(local.ravel()[place], return_index=True)
+    del rows
     found = comm.allgather((points.rows, count))
-    before = [0, *np.cumsum([count for _, count in found])]
-    whole = np.where(local > 0, local + before[comm.rank] - 1, -1)
-    pairs = [_across_ranks(comm, whole, [size for size, _ in found], periodic)]
-    if periodic and rows.size:
-        pairs.append(_meeting(whole[:, -1], whole[:, 0]))
-    (firsts,) = _of_all(points, (place[begins] + points.row_start * points.nb)[np.newaxis])
+    before = sum(count for _, count in found[: comm.rank])
+
+    def everywhere(line: NDArray) -> Numbers:
+        """The labels of a line of points among those of all ranks; -1 without contact."""
+        return np.where(line > 0, line + np.int64(before - 1), -1)
+
+    edges = everywhere(local[[0, -1]] if len(local) else np.zeros((2, points.nb), np.int32))
+    pairs = [_across_ranks(comm, edges, [size for size, _ in found], periodic)]
+    if periodic and local.size:
+        pairs.append(_meeting(everywhere(local[:, -1]), everywhere(local[:, 0])))
+    (firsts,) = _of_all(points, _first_points(points, local, count)[np.newaxis])
     number_of, first = _joined(_of_all(points, np.concatenate(pairs, axis=1)), firsts)
-    labels = whole[inside]
-    held = labels >= 0
-    labels[held] = number_of[labels[held]]
-    return Labels(labels.astype(np.int64), np.array(np.divmod(first, points.nb)))
+    number = np.concatenate(([-1], number_of[before : before + count]))
+    labels = np.empty(points.size, np.int64)
+    for row, line in enumerate(local):
+        labels[points.offset[row] : points.offset[row + 1]] = number[line[points.first[row] : points.last[row]]]
+    return Labels(labels, np.array(np.divmod(first, points.nb)))
+
+
+def _first_points(points: PunchPoints, local: NDArray, count: int) -> Numbers:
+    """Where in the punch block, row by row, the first point of each label 1 ... count of this rank is."""
+    first = np.zeros(count, np.int64)
+    # From behind: what is first comes last.
+    for row in reversed(range(len(local))):
+        columns = np.flatnonzero(local[row])[::-1]
+        first[local[row, columns] - 1] = (points.row_start + row) * points.nb + columns
+    return first
 
 
 def _of_all(points: PunchPoints, mine: Numbers) -> Numbers:
@@ -137,8 +126,10 @@ def _of_all(points: PunchPoints, mine: Numbers) -> Numbers:
     return whole
 
 
-def _across_ranks(comm, whole: Numbers, sizes: list[int], periodic: bool) -> Numbers:
+def _across_ranks(comm, edges: Numbers, sizes: list[int], periodic: bool) -> Numbers:
     """Pairs of labels that meet between this rank's first row and the last row of the rank before it, (2, pairs).
+
+    edges: the labels of this rank's first and last row.
 
     Ranks without rows take no part. In a periodic cell, the last row meets the first.
     """
@@ -149,14 +140,13 @@ def _across_ranks(comm, whole: Numbers, sizes: list[int], periodic: bool) -> Num
     # Ring of the ranks, open between the last and the first unless the cell is periodic.
     to = occupied[(place + 1) % len(occupied)] if place < last or periodic else None
     of = occupied[place - 1] if place > 0 or periodic else None
-    edge = np.ascontiguousarray(whole[-1], np.int64)
-    above = edge
+    edge = above = edges[1]
     if (to, of) != (comm.rank, comm.rank):
         request = comm.isend(edge, to) if to is not None else None
         above = comm.recv(source=of) if of is not None else None
         if request:
             request.wait()
-    return np.zeros((2, 0), np.int64) if above is None else _meeting(above, whole[0])
+    return np.zeros((2, 0), np.int64) if above is None else _meeting(above, edges[0])
 
 
 def _meeting(one: Numbers, other: Numbers) -> Numbers:
@@ -224,17 +214,16 @@ def centres(points: PunchPoints, labels: Labels, periodic: bool) -> tuple[Number
     In a periodic cell distances from the patch's first point are counted the shorter way around; a patch that
     stretches over half the cell or more has no centre that means anything.
     """
-    held = labels.of_point >= 0
-    patch = labels.of_point[held]
-    sums = np.zeros((3, labels.count), np.int64)
-    sums[0] = np.bincount(patch, minlength=labels.count)
-    n = points.grid.n
-    for axis, index in enumerate(_rows_and_columns(points)):
-        away = index[held] - labels.first[axis, patch]
-        if periodic:
-            away = (away + n // 2) % n - n // 2
-        np.add.at(sums[1 + axis], patch, away)
-    sums = _reduced(points.comm, sums, "SUM")
+    sums, n = np.zeros((3, labels.count), np.int64), points.grid.n
+    # Row by row, here and below: indices of all points would take more memory than the fields.
+    for row, patch, columns, _ in _rows_in_contact(points, labels):
+        np.add.at(sums[0], patch, 1)
+        for axis, index in enumerate((points.row_start + row, columns)):
+            away = index - labels.first[axis, patch]
+            if periodic:
+                away = (away + n // 2) % n - n // 2
+            np.add.at(sums[1 + axis], patch, away)
+    sums = reduced(points.comm, sums, "SUM")
     middle = points.block_start + labels.first + sums[1:] / np.maximum(sums[0], 1)
     if periodic:
         middle = (middle + 0.5) % n - 0.5
@@ -242,59 +231,26 @@ def centres(points: PunchPoints, labels: Labels, periodic: bool) -> tuple[Number
     return sums[0], x, y
 
 
-def _rows_and_columns(points: PunchPoints) -> tuple[Numbers, Numbers]:
-    """Row and column in the punch block of each local point, (size,) each."""
-    rows, columns = np.nonzero(points.inside())
-    return rows + points.row_start, columns
+def _rows_in_contact(points: PunchPoints, labels: Labels) -> Iterator[tuple[int, Numbers, Numbers, Numbers]]:
+    """Of each local row with contact, its index among these, and of its points in contact: patches, columns in the punch block,
+    indices."""
+    for row, (begin, end) in enumerate(pairwise(points.offset)):
+        held = np.flatnonzero(labels.of_point[begin:end] >= 0)
+        if held.size:
+            yield row, labels.of_point[begin + held], points.first[row] + held, begin + held
 
 
 def _tractions(points: PunchPoints, labels: Labels, traction: NDArray) -> NDArray:
     """Sum of the traction [Pa] over each patch's points."""
-    held = labels.of_point >= 0
-    # A row belongs to one rank: sums over a row's points are the same for any number of ranks.
-    keys, of_key = np.unique(
-        labels.of_point[held] * points.nb + _rows_and_columns(points)[0][held], return_inverse=True
-    )
-    sums = np.bincount(of_key, weights=traction[held].astype(np.float64), minlength=keys.size)
-    # From rank to rank, each adding its rows: no rank needs those of all.
+    # A row belongs to one rank: sums over a row's points are the same for any number of ranks. From rank to rank, each
+    # adding its rows: no rank needs those of all.
     comm, total = points.comm, np.zeros(labels.count)
     if comm.rank > 0:
         comm.Recv(total, comm.rank - 1)
-    np.add.at(total, keys // points.nb, sums)
+    for _, patch, _, held in _rows_in_contact(points, labels):
+        patches, of_patch = np.unique(patch, return_inverse=True)
+        total[patches] += np.bincount(of_patch, weights=traction[held].astype(np.float64))
     if comm.rank < comm.size - 1:
         comm.Send(total, comm.rank + 1)
     comm.Bcast(total, comm.size - 1)
     return total
-
-
-def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
-    """Index, among the points of all ranks, of the point under the punch that is nearest to each place [m]; -1 if there
-    is none. Collective."""
-    grid, best, index = points.grid, np.full(x.size, np.inf), np.full(x.size, -1, np.int64)
-    # Of points that are equally far, the one nearer to the axis: places that mirror each other get points that do.
-    shift = TIE * grid.spacing
-    x, y = (np.where(np.abs(place) < shift, 0.0, place - np.sign(place) * shift) for place in (x, y))
-    column = np.rint((x + 0.5 * grid.length) / grid.spacing - 0.5).astype(np.int64) - points.block_start
-    for row in np.flatnonzero(points.last > points.first):
-        here = np.clip(column, points.first[row], points.last[row] - 1)
-        away_x = grid.coordinate(points.block_start + here) - x
-        away = np.hypot(away_x, grid.coordinate(points.block_start + points.row_start + row) - y)
-        closer = away < best - ROUNDING * grid.spacing
-        best[closer] = away[closer]
-        index[closer] = (points.first_point + points.offset[row] + here - points.first[row])[closer]
-    # The ranks' points follow each other, so of those that are as near the first is that of the first rank.
-    least = _reduced(points.comm, best, "MIN") + ROUNDING * grid.spacing
-    none = np.iinfo(np.int64).max
-    index = _reduced(points.comm, np.where((best <= least) & (index >= 0), index, none), "MIN")
-    return np.where(index == none, -1, index)
-
-
-def _reduced(comm, values: NDArray, operation: str) -> NDArray:
-    """Numbers reduced over all ranks, by "SUM", "MIN" or "MAX"."""
-    if comm.size == 1 or not values.size:
-        return values
-    from mpi4py import MPI
-
-    result = np.empty_like(values)
-    comm.Allreduce(np.ascontiguousarray(values), result, op=getattr(MPI, operation))
-    return result

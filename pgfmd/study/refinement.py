@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pgfmd.errors import Problem, SceneError
-from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
+from pgfmd.forecast.estimate import memory_of
 from pgfmd.parts import confirm
 from pgfmd.scene import load_scene
 
@@ -152,7 +152,7 @@ def _refusal(case: Case, largest_n: int | None, ranks: int) -> str:
     n = case.scene.grid.n
     if largest_n is not None and n > largest_n:
         return f"n = {n} is above --largest-n {largest_n}"
-    needed = ranks * (memory_of(case.scene, ranks).peak + PROGRAM_BYTES)
+    needed = memory_of(case.scene, ranks).in_all(ranks)
     present = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     if needed > SHARE_OF_MEMORY * present:
         return f"n = {n} takes {needed / 1e9:.3g} GB, this machine has {present / 1e9:.3g} GB"

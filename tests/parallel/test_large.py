@@ -3,6 +3,7 @@ ranks. Small stand-ins for large numbers."""
 
 import gc
 import tracemalloc
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -15,6 +16,7 @@ from pgfmd.files import row_pieces
 from pgfmd.forecast.estimate import memory_of
 from pgfmd.host import launch
 from pgfmd.output.fields_file import FieldsFile
+from pgfmd.output.outputs import Outputs
 from pgfmd.physics.film import Film
 from pgfmd.scene import load_scene
 from pgfmd.solver import patches
@@ -221,3 +223,30 @@ def test_steps_allocate_what_is_foretold_of_the_whole_a_half_or_a_quarter(comm, 
         # Memory that the ranks of a node share is not Python's.
         peak += node.held - shared
     assert max(comm.allgather(peak)) == pytest.approx(memory_of(scene, comm.size).running, rel=0.1)
+
+
+@pytest.mark.parametrize(("pattern", "patches"), [("triangular", True), ("flat", True), ("triangular", False)])
+def test_a_snapshot_of_full_contact_takes_what_is_foretold(comm, pattern, patches, tmp_path_factory, monkeypatch):
+    scene = load_scene("tri-tack", ["grid.n=960", f"punch.pattern={pattern}", f"output.patches={str(patches).lower()}"])
+    folder = Path(comm.bcast(str(tmp_path_factory.mktemp("snapshot")) if comm.rank == 0 else None))
+    # Buffers of a fixed size don't count.
+    monkeypatch.setattr("pgfmd.files.row_pieces.PIECE_BYTES", 2**16)
+    monkeypatch.setattr("pgfmd.files.checksum.BLOCK", 2**10)
+    simulation = assemble(scene, comm)
+    outputs = Outputs(simulation, scene, comm, folder, lambda line: None)
+    simulation.state.displacement[:] = simulation.scheme.height
+    simulation.state.position = 0.1 * simulation.scheme.law.range
+    outputs.snapshots._write_present(simulation, "first")
+    tracemalloc.start()
+    try:
+        simulation.state.force = -1.0
+        outputs.snapshots.agenda.tension.take(simulation.state, None)
+        outputs.snapshots._write_present(simulation, "second")
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+        outputs.close()
+    assert max(comm.allgather(peak)) == pytest.approx(memory_of(scene, comm.size).output, rel=0.15)
+    if patches and comm.rank == 0:
+        rows = (folder / "patches.csv").read_text().splitlines()
+        assert len(rows) == 3

@@ -22,7 +22,7 @@ from pgfmd.solver.far_field import far_weights
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.solver.mirrored_transform import MirroredConvolution
 from pgfmd.solver.multiplier import free_multiplier, periodic_multiplier
-from pgfmd.solver.patches import SitePoints
+from pgfmd.solver.sites import SitePoints
 from pgfmd.solver.transform import Convolution
 
 pytestmark = pytest.mark.mpi

@@ -18,7 +18,8 @@ from pgfmd.results import load
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
 from pgfmd.solver.grid import Grid, PunchPoints
-from pgfmd.solver.patches import SitePoints, label_contact, patches_of
+from pgfmd.solver.patches import label_contact, patches_of
+from pgfmd.solver.sites import SitePoints
 
 pytestmark = pytest.mark.mpi
 

@@ -5,13 +5,13 @@ import pytest
 from mpi4py import MPI
 
 from pgfmd.files.curve_file import SITE_COLUMNS, PatchFile, SiteFile
-from pgfmd.output.observers import Frame
 from pgfmd.output.patch_observer import ContactWatch, PatchTable
 from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
 from pgfmd.physics.topography import Topography
 from pgfmd.solver.grid import Grid, PunchPoints
-from pgfmd.solver.patches import SitePoints, patches_of
+from pgfmd.solver.patches import patches_of
+from pgfmd.solver.sites import SitePoints
 from pgfmd.solver.simulation import Event
 
 N = 20
@@ -164,8 +164,8 @@ def test_a_frame_gives_the_patches_of_its_own_surface(tmp_path):
     write = PatchTable(file, POINTS, SitePoints(POINTS, sites()), LAW.contact_gap, periodic=False)
     gap = np.ones((N, N))
     gap[4, 4] = gap[7, 7] = 0.3
-    write(3, Frame(time=2.5, traction=np.full(N * N, -4.0)), gap.ravel())
-    write(4, Frame(time=3.5, traction=np.zeros(N * N)), np.ones(N * N))
+    write(3, 2.5, gap.ravel(), np.full(N * N, -4.0))
+    write(4, 3.5, np.ones(N * N), np.zeros(N * N))
     rows = (tmp_path / "patches.csv").read_text().splitlines()[1:]
     assert [row.split(",")[:5] for row in rows] == [
         ["3", "2.5", str(k), repr(POINTS.grid.cell_area), repr(4.0 * POINTS.grid.cell_area)] for k in (0, 1)

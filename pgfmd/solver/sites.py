@@ -1,0 +1,73 @@
+"""The grid points that stand for the sites of a punch's face: its summits, saddles and valleys. Collective."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgfmd.physics.contact_sites import ContactSites
+
+from .grid import PunchPoints
+
+Numbers = NDArray[np.int64]
+
+TIE = 1e-6
+"""Shift towards the axis, in grid spacings, by which a place half-way between two points is decided."""
+ROUNDING = 1e-9
+"""Distances that differ by less, in grid spacings, are the same: of such points the first is taken."""
+
+
+class SitePoints:
+    """The grid points that stand for a face's sites: for each the nearest point under the punch, or its mirror image.
+    Collective.
+
+    Attributes: `index` (count,) of the point among those of all ranks; `mine`, the numbers of the sites whose points
+    this rank has, and `local`, these points.
+    """
+
+    def __init__(self, points: PunchPoints, sites: ContactSites):
+        self.sites, self.comm = sites, points.comm
+        self.index = _nearest_points(points, *points.folded(sites.x, sites.y))
+        local = self.index - points.first_point
+        self.mine = np.flatnonzero((self.index >= 0) & (local >= 0) & (local < points.size))
+        self.local = local[self.mine]
+
+    def collect(self, values: NDArray) -> NDArray:
+        """Of each site of the face, from those of this rank: a whole number, -1 without a point; or a truth value. Collective."""
+        found = np.full(len(self.sites), -1, np.int64)
+        found[self.mine] = values
+        found = reduced(self.comm, found, "MAX")
+        return found > 0 if values.dtype == bool else found
+
+
+def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
+    """Index, among the points of all ranks, of the point under the punch that is nearest to each place [m]; -1 if there
+    is none. Collective."""
+    grid, best, index = points.grid, np.full(x.size, np.inf), np.full(x.size, -1, np.int64)
+    # Of points that are equally far, the one nearer to the axis: places that mirror each other get points that do.
+    shift = TIE * grid.spacing
+    x, y = (np.where(np.abs(place) < shift, 0.0, place - np.sign(place) * shift) for place in (x, y))
+    column = np.rint((x + 0.5 * grid.length) / grid.spacing - 0.5).astype(np.int64) - points.block_start
+    for row in np.flatnonzero(points.last > points.first):
+        here = np.clip(column, points.first[row], points.last[row] - 1)
+        away_x = grid.coordinate(points.block_start + here) - x
+        away = np.hypot(away_x, grid.coordinate(points.block_start + points.row_start + row) - y)
+        closer = away < best - ROUNDING * grid.spacing
+        best[closer] = away[closer]
+        index[closer] = (points.first_point + points.offset[row] + here - points.first[row])[closer]
+    # The ranks' points follow each other, so of those that are as near the first is that of the first rank.
+    least = reduced(points.comm, best, "MIN") + ROUNDING * grid.spacing
+    none = np.iinfo(np.int64).max
+    index = reduced(points.comm, np.where((best <= least) & (index >= 0), index, none), "MIN")
+    return np.where(index == none, -1, index)
+
+
+def reduced(comm, values: NDArray, operation: str) -> NDArray:
+    """Numbers reduced over all ranks, by "SUM", "MIN" or "MAX"."""
+    if comm.size == 1 or not values.size:
+        return values
+    from mpi4py import MPI
+
+    result = np.empty_like(values)
+    comm.Allreduce(np.ascontiguousarray(values), result, op=getattr(MPI, operation))
+    return result
