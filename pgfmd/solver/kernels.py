@@ -250,7 +250,8 @@ def survey(z, r, k, offset, rows):
         rows[3, row] = number_of(largest)
 
 
-@_compile_maxima
+# Rows do not matter here, so the last bits of a number must not depend on where it stands: no sum may be contracted.
+@_compile
 def turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, last, rows):
     """p = z + beta p;  y = r + beta y;  s += alpha p;  t += alpha y;  r -= alpha (y + K p), in one pass, in the precision
     of the vectors; the first one begins with all of them zero, whatever is in them, the last one leaves p, y and r.
@@ -353,7 +354,7 @@ def combine(c0, a0, c1, a1, c2, a2, out):
         out[i] = c0 * a0[i] + c1 * a1[i] + c2 * a2[i]
 
 
-@_compile_maxima
+@_compile
 def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
     """max |u - (c0 a0 + c1 a1 + c2 a2)| and max |u - a0| over points whose gap, by one or the other, is below reach; 0
     without any."""

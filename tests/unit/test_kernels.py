@@ -266,8 +266,11 @@ def test_advance_branches(points, elements, count, rng):
 def test_advance_branches_and_energy(points, elements, count, rng):
     size = points.size
     phi, psi = rng.standard_normal((2, elements, size))
-    f, g = rng.standard_normal((2, count, size))
+    f, u = rng.standard_normal((2, count, size))
     decay, compliances = rng.random((2, elements))
+    branch_weight, compliance, stage_weight = rng.standard_normal((count, elements)), 0.5 + rng.random(count), 0.7
+    g = (u - branch_weight @ psi) / compliance[:, None]
+    g[1:] -= stage_weight * g[:-1] / compliance[1:, None]
     gain, rate_decay, quadrature = rng.standard_normal((3, elements, count))
     rate_gain = np.tril(rng.standard_normal((elements, count, count)))
     rates_phi = rate_decay[:, :, None] * phi[:, None, :] + np.einsum("mij,jp->mip", rate_gain, f)
@@ -275,16 +278,18 @@ def test_advance_branches_and_energy(points, elements, count, rng):
     lost = np.einsum("mi,mip,mip->p", quadrature, rates_phi, rates_psi)
     new_phi, new_psi = decay[:, None] * phi + gain @ f, decay[:, None] * psi + gain @ g
     stored = np.einsum("m,mp,mp->p", compliances, new_phi, new_psi) / 2
-    rows = np.zeros((2, points.rows))
-    weights = decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count
+    rows = np.zeros((3, points.rows))
+    weights = branch_weight, stage_weight, compliance, decay, gain, rate_decay, rate_gain, quadrature, compliances
+    given = phi, psi, f, u[0], u[-1], *weights
     before = phi.copy(), psi.copy()
-    foreseen = np.zeros((2, points.rows))
-    retardation_kernels.advance_branches_and_energy(phi, psi, *weights, False, points.offset, foreseen)
+    foreseen = np.zeros((3, points.rows))
+    retardation_kernels.advance_branches_and_energy(*given, False, points.offset, foreseen)
     assert np.array_equal(phi, before[0]) and np.array_equal(psi, before[1])
-    retardation_kernels.advance_branches_and_energy(phi, psi, *weights, True, points.offset, rows)
+    retardation_kernels.advance_branches_and_energy(*given, True, points.offset, rows)
     # To rounding: without writing, a processor may sum more numbers of a row at a time.
     close(foreseen, rows, 1e3)
     close(phi, new_phi, 10.0)
     close(psi, new_psi, 10.0)
     close(rows[0], row_sums(stored, points), 1e3)
     close(rows[1], row_sums(lost, points), 1e4)
+    close(rows[2], row_sums(f[-1] * g[-1], points), 1e3)
