@@ -131,7 +131,7 @@ def advance_branches(branches, decay, stages, gain, count):
             row[p] = keep * row[p] + gain_first * first[p] + gain_last * last[p]
 
 
-PIECE = 4096
+PIECE = 1024
 """Points that go through all of an audit's passes together, in cache: whole rows, at least one."""
 
 
