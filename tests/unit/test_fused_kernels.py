@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pgfmd.solver import drift_kernels, kernels, retardation_kernels
+from pgfmd.solver import contact_kernels, drift_kernels, kernels, retardation_kernels
 from pgfmd.solver.grid import Grid, PunchPoints
 
 from test_kernels import LAWS, RHO, SHARES, close, numbers, row_maxima, row_sums
@@ -76,13 +76,13 @@ def test_turn_and_advance(points, rng, dtype, first, last):
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 @pytest.mark.parametrize("place", [-4.0, 0.0, 6.0])
 def test_evaluate_where_whole_blocks_are_in_contact_or_out_of_reach(law, place, rng):
-    size = 3 * kernels.BLOCK + 7
+    size = 3 * contact_kernels.BLOCK + 7
     height = RHO * (place + 0.1 * rng.standard_normal(size))
     # At each end of a row, and in its middle, one point that is attracted.
     height[[0, size // 2, -1]] = 0.4 * RHO
     zeros, offset = np.zeros(size), np.array([0, size])
     f, k, r, rows = zeros.copy(), zeros.copy(), zeros.copy(), np.zeros((4, 1))
-    kernels.evaluate(
+    contact_kernels.evaluate(
         height, 0.0, zeros, zeros, zeros, zeros, 0.0, 0.0, zeros, 1.0, numbers(law), offset, f, k, r, rows
     )
     close(f, law.traction(height), law.strength, 1e-14)
@@ -98,7 +98,7 @@ def test_places_are_in_the_order_of_numbers():
         heights = values[-size:].copy()
         heights[~np.isfinite(heights)] = 7.0
         levels, law = (0.0, 0.0, 0.0), numbers(LAWS["cosine"])
-        kernels.observe(heights, 0.0, zeros, zeros, np.zeros(0), law, levels, np.array([0, size]), rows)
+        contact_kernels.observe(heights, 0.0, zeros, zeros, np.zeros(0), law, levels, np.array([0, size]), rows)
         assert rows[5, 0] == -heights.min()
 
 

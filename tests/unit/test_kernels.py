@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pgfmd.physics.cohesion import CohesiveLaw
-from pgfmd.solver import kernels, retardation_kernels, transform_kernels
+from pgfmd.solver import contact_kernels, kernels, retardation_kernels, transform_kernels
 from pgfmd.solver.grid import Grid, PunchPoints
 
 GAMMA, RHO = 0.05, 0.75e-6
@@ -122,7 +122,7 @@ def test_evaluate_is_the_incremental_potential_and_its_slopes(points, trial, law
     position, step, weight, compliance = 0.3 * RHO, 0.7, 0.2, 0.013
     f, k, r, rows = points.zeros(), points.zeros(), points.zeros(), np.full((4, points.rows), np.nan)
     before = {name: values.copy() for name, values in trial.items()}
-    kernels.evaluate(
+    contact_kernels.evaluate(
         trial["height"], position, trial["u"], trial["w"], trial["s"], trial["t"], step, weight, trial["history"],
         compliance, numbers(law), points.offset, f, k, r, rows,
     )  # fmt: skip
@@ -145,7 +145,7 @@ def test_evaluate_at_the_edges_of_the_law(law):
     gaps = np.array([0.0, -0.0, RHO, np.nextafter(RHO, 0), np.nextafter(0, -1), 5 * RHO, -3 * RHO, 1.0])
     zeros, offset = np.zeros(gaps.size), np.array([0, gaps.size])
     f, k, r = zeros.copy(), zeros.copy(), zeros.copy()
-    kernels.evaluate(
+    contact_kernels.evaluate(
         gaps, 0.0, zeros, zeros, zeros, zeros, 0.0, 0.0, zeros, 1.0, numbers(law), offset, f, k, r, np.zeros((4, 1))
     )
     close(f, law.traction(gaps), law.strength, 1e-15)
@@ -161,7 +161,7 @@ def test_observe_counts_energies_and_gaps(points, trial, law, weighted, rng):
     weights = rng.standard_normal(points.size) if weighted else np.zeros(0)
     rows = np.full((6, points.rows), np.nan)
     position, levels = 0.4 * RHO, (law.contact_gap, 0.0, 0.8 * RHO)
-    kernels.observe(
+    contact_kernels.observe(
         trial["height"], position, trial["u"], trial["w"], weights, numbers(law), levels, points.offset, rows
     )
     gap = position + trial["height"] - trial["u"]
