@@ -103,7 +103,7 @@ def main() -> None:
     parser.add_argument("--least", type=float, default=0.1, help="smallest share that is listed [%%]")
     parser.add_argument("--repeats", type=int, default=1, help="runs without a stopwatch around every part")
     parser.add_argument("--wall", action="store_true", help="by the time of day, not of the processor")
-    given = parser.parse_args()
+    given = parser.parse_intermixed_args()
     from pgfmd import runner
     from pgfmd.host import launch
     from pgfmd.scene import load_scene

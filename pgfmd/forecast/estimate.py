@@ -65,11 +65,11 @@ def vectors_of(elements: int, audit: bool, periodic: bool, order: int = 2, rough
     """Numbers that a run keeps for every point under the punch: (state, everything else).
 
     State: u, w, f, two past u and w; N branches; their N images where energies are followed. Scheme: u, w, f, history a
-    stage, and a fifth with energies; two stages, one where elastic or of first order. Newton: heights and f, and K, r,
+    stage; two stages, one where elastic or of first order. Newton: heights and f, and K, r,
     s, t, p, y, z, of `rough` the size. Weights of the far field.
     """
     stages = order if elements else 1
-    return 7 + elements * (1 + audit), stages * (4 + audit) + 2 + 7 * rough + periodic
+    return 7 + elements * (1 + audit), stages * 4 + 2 + 7 * rough + periodic
 
 
 def punch_points(scene) -> PunchPoints:

@@ -50,7 +50,6 @@ class EnergyAudit:
         self.bounds_steps = tolerance <= FINE and (creep.elements > 0 or law.attractive)
         # In single precision the energies have an error that does not shrink with the step.
         self._noise = SINGLE_NOISE if np.dtype(dtype) == np.float32 else 0.0
-        self._images = np.zeros((tableau.stages, points.size), dtype)
         self._rows = np.zeros((3, points.rows))
 
     def sharpness(self, energies: Energies) -> float:
@@ -87,15 +86,11 @@ class EnergyAudit:
         u [m], f [Pa] at the stages; keep: move the branches and their images phi_m, G0 phi_m on to the step's end. No
         transform: G0 f = (u - G0 w_hist) / J. Collective.
         """
-        stages, area, images = self.tableau.stages, self.points.grid.cell_area, self._images
-        retardation_kernels.weigh_branches(state.images, weights.branch_weight, images)
-        offset, last = self.points.offset, stages - 1
-        retardation_kernels.images_of(
-            u[0], u[last], images, weights.compliance, weights.stage_weight[last, 0], f[last], offset, self._rows
-        )  # fmt: skip
+        final, area = self.tableau.stages - 1, self.points.grid.cell_area
         retardation_kernels.advance_branches_and_energy(
-            state.branches, state.images, weights.decay, f, images, weights.gain, weights.rate_decay,
-            weights.rate_gain, weights.quadrature, self.creep.J, stages, keep, offset, self._rows,
+            state.branches, state.images, f, u[0], u[final], weights.branch_weight, weights.stage_weight[final, 0],
+            weights.compliance, weights.decay, weights.gain, weights.rate_decay, weights.rate_gain, weights.quadrature,
+            self.creep.J, keep, self.points.offset, self._rows,
         )  # fmt: skip
         stored, lost, instantaneous = self.points.reduced(self._rows, 3)
         stored += 0.5 * self.creep.J_inf * instantaneous

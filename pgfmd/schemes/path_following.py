@@ -11,7 +11,7 @@ from itertools import accumulate
 import numpy as np
 
 from pgfmd.errors import RunError
-from pgfmd.solver import kernels
+from pgfmd.solver import contact_kernels, kernels
 from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.solver.extrapolation import lagrange_weights
 from pgfmd.solver.newton import NewtonSolver, Outcome
@@ -102,7 +102,7 @@ class PathFollowing:
         """What the curve holds of the present surface: contact, overlap, near points, smallest gap, far displacement,
         adhesive energy. Collective."""
         solver, points = self.solver, self.points
-        kernels.observe(
+        contact_kernels.observe(
             self.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
             self._levels, points.offset, self._observed,
         )  # fmt: skip

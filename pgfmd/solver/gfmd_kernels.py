@@ -8,7 +8,8 @@ import math
 import numpy as np
 
 from .compiled import compiled
-from .kernels import _compile, _compile_maxima, _compile_sums, _cosine_of, _sine_of, count_below
+from .contact_kernels import _cosine_of, _sine_of, count_below
+from .kernels import _compile, _compile_maxima, _compile_sums
 
 
 @_compile

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import kernels
+from . import contact_kernels, kernels
 from .conjugate_gradients import ConjugateGradients
 from .stagnation import MOST_IDLE, Progress
 
@@ -226,7 +226,7 @@ class NewtonSolver:
     def _evaluate(self, position, u, w, step, weight, history, compliance):
         """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets
         traction, curvature and residual at u + step s."""
-        kernels.evaluate(
+        contact_kernels.evaluate(
             self.height, position, u, w, self.cg.s, self.cg.t, step, weight, history, compliance,
             self.law_numbers, self.points.offset, self.traction, self.curvature, self.cg.r, self._rows,
         )  # fmt: skip

@@ -106,28 +106,6 @@ def stage_and_history(total, history, compliance, weight, out, following):
         following[p] += weight * stage
 
 
-@_compile_sums
-def images_of(first, last, histories, compliance, weight, f, offset, rows):
-    """The images G0 f_i of 1 or 2 stages, from u_i and the images of their branches' histories, in the place of these.
-
-    g_0 = (u_0 - history_0) / J_0;  g_1 = (u_1 - history_1 - weight g_0) / J_1;  rows[2] of f g of the last stage. first,
-    last: u_i, the same for one stage; compliance (stages,); f of the last stage.
-    """
-    two = histories.shape[0] > 1
-    g, h = histories[0], histories[histories.shape[0] - 1]
-    inverse, inverse_last = 1.0 / compliance[0], 1.0 / compliance[histories.shape[0] - 1]
-    for row in range(offset.size - 1):
-        total = 0.0
-        for p in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            image = (first[p] - g[p]) * inverse
-            g[p] = image
-            if two:
-                image = (last[p] - h[p] - weight * image) * inverse_last
-                h[p] = image
-            total += f[p] * image
-        rows[2, row] = total
-
-
 @_compile
 def advance_branches(branches, decay, stages, gain, count):
     """branches[m] = decay[m] branches[m] + sum_{j < count} gain[m, j] stages[j], with 1 or 2 stages.
@@ -153,37 +131,89 @@ def advance_branches(branches, decay, stages, gain, count):
             row[p] = keep * row[p] + gain_first * first[p] + gain_last * last[p]
 
 
+PIECE = 1024
+"""Points that go through all of an audit's passes together, in cache: whole rows, at least one."""
+
+
+@_compile
+def _images(psi, branch_weight, stage_weight, compliance, first, last, begin, end, g):
+    """g[i, p]: the images G0 f_i of the stages at the points from begin to end, by u_i and the images psi of the branches.
+
+    history_i = sum_m branch_weight[i, m] psi_m;  g_0 = (u_0 - history_0) / J_0;
+    g_1 = (u_1 - history_1 - stage_weight g_0) / J_1
+    """
+    size, final = end - begin, g.shape[0] - 1
+    a, b, u, v = g[0], g[final], first[begin:end], last[begin:end]
+    for p in range(size):
+        a[p] = u[p]
+        b[p] = v[p]
+    for m in range(psi.shape[0]):
+        image, x, y = psi[m, begin:end], branch_weight[0, m], branch_weight[final, m]
+        # Both before either is written: with one stage they are the same.
+        for p in range(size):
+            here, there = a[p] - x * image[p], b[p] - y * image[p]
+            a[p] = here
+            b[p] = there
+    inverse, inverse_last = 1.0 / compliance[0], 1.0 / compliance[final]
+    for p in range(size):
+        a[p] *= inverse
+    if final:
+        for p in range(size):
+            b[p] = (b[p] - stage_weight * a[p]) * inverse_last
+
+
 @_compile_sums
 def advance_branches_and_energy(
-    phi, psi, decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count, keep, offset, rows
+    phi, psi, f, first, last, branch_weight, stage_weight, compliance, decay, gain, rate_decay, rate_gain, quadrature,
+    compliances, keep, offset, rows
 ):
-    """`advance_branches` for phi and for psi = G0 phi, with the energies that they store and dissipate.
+    """`advance_branches` for phi and for psi = G0 phi, with the energies that they store and dissipate. No transform: the
+    images g_i = G0 f_i of the stages follow from their surfaces u_i, `first` and `last`, the same for one stage.
 
     The rates of stage i are k_i = f_i - phi_i = rate_decay[m, i] phi_n + sum_{j <= i} rate_gain[m, i, j] f_j, likewise
     for psi. Written out for two stages, as loops over them would not vectorise; a single one has no second term.
     Without `keep` phi and psi stay as they are.
-    rows[0] of sum_m J_m phi_m psi_m / 2;  rows[1] of sum_m sum_i quadrature[m, i] k_i G0 k_i,  [Pa m].
+    rows[0] of sum_m J_m phi_m psi_m / 2;  rows[1] of sum_m sum_i quadrature[m, i] k_i G0 k_i;  rows[2] of f g of the last
+    stage,  [Pa m].
     """
-    two, last = count > 1, count - 1
-    f0, f1, g0, g1 = f[0], f[last], g[0], g[last]
-    rows[0] = 0.0
-    rows[1] = 0.0
-    for m in range(phi.shape[0]):
-        a, b = phi[m], psi[m]
-        half, fading, gain0, gain1 = 0.5 * compliances[m], decay[m], gain[m, 0], gain[m, last] if two else 0.0
-        r0, r00, weight0 = rate_decay[m, 0], rate_gain[m, 0, 0], quadrature[m, 0]
-        r1, r11, weight1 = rate_decay[m, last], rate_gain[m, last, last], quadrature[m, last] if two else 0.0
-        r10 = rate_gain[m, last, 0] if two else 0.0
-        for row in range(offset.size - 1):
-            stored, lost = 0.0, 0.0
-            for p in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-                x, y = a[p], b[p]
-                new_x = fading * x + gain0 * f0[p] + gain1 * f1[p]
-                new_y = fading * y + gain0 * g0[p] + gain1 * g1[p]
-                lost += weight0 * (r0 * x + r00 * f0[p]) * (r0 * y + r00 * g0[p])
-                lost += weight1 * (r1 * x + r10 * f0[p] + r11 * f1[p]) * (r1 * y + r10 * g0[p] + r11 * g1[p])
-                stored += new_x * new_y
-                if keep:
-                    a[p], b[p] = new_x, new_y
-            rows[0, row] += half * stored
-            rows[1, row] += lost
+    count = f.shape[0]
+    two, final, all_rows, longest = count > 1, count - 1, offset.size - 1, 0
+    for row in range(all_rows):
+        longest = max(longest, offset[row + 1] - offset[row])
+    images = np.empty((count, max(PIECE, longest)), psi.dtype)
+    g0, g1 = images[0], images[final]
+    row_begin = 0
+    while row_begin < all_rows:
+        begin, row_end = offset[row_begin], row_begin + 1
+        while row_end < all_rows and offset[row_end + 1] - begin <= PIECE:
+            row_end += 1
+        end = offset[row_end]
+        _images(psi, branch_weight, stage_weight, compliance, first, last, begin, end, images)
+        f0, f1 = f[0, begin:end], f[final, begin:end]
+        for row in range(row_begin, row_end):
+            total = 0.0
+            for p in range(np.uint64(offset[row] - begin), np.uint64(offset[row + 1] - begin)):
+                total += f1[p] * g1[p]
+            rows[0, row] = 0.0
+            rows[1, row] = 0.0
+            rows[2, row] = total
+        for m in range(phi.shape[0]):
+            a, b = phi[m, begin:end], psi[m, begin:end]
+            half, fading, gain0, gain1 = 0.5 * compliances[m], decay[m], gain[m, 0], gain[m, final] if two else 0.0
+            r0, r00, weight0 = rate_decay[m, 0], rate_gain[m, 0, 0], quadrature[m, 0]
+            r1, r11, weight1 = rate_decay[m, final], rate_gain[m, final, final], quadrature[m, final] if two else 0.0
+            r10 = rate_gain[m, final, 0] if two else 0.0
+            for row in range(row_begin, row_end):
+                stored, lost = 0.0, 0.0
+                for p in range(np.uint64(offset[row] - begin), np.uint64(offset[row + 1] - begin)):
+                    x, y = a[p], b[p]
+                    new_x = fading * x + gain0 * f0[p] + gain1 * f1[p]
+                    new_y = fading * y + gain0 * g0[p] + gain1 * g1[p]
+                    lost += weight0 * (r0 * x + r00 * f0[p]) * (r0 * y + r00 * g0[p])
+                    lost += weight1 * (r1 * x + r10 * f0[p] + r11 * f1[p]) * (r1 * y + r10 * g0[p] + r11 * g1[p])
+                    stored += new_x * new_y
+                    if keep:
+                        a[p], b[p] = new_x, new_y
+                rows[0, row] += half * stored
+                rows[1, row] += lost
+        row_begin = row_end

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pgfmd.physics.cohesion import CohesiveLaw
-from pgfmd.solver import kernels, retardation_kernels, transform_kernels
+from pgfmd.solver import contact_kernels, kernels, retardation_kernels, transform_kernels
 from pgfmd.solver.grid import Grid, PunchPoints
 
 GAMMA, RHO = 0.05, 0.75e-6
@@ -167,7 +167,7 @@ def test_evaluate_is_the_incremental_potential_and_its_slopes(points, trial, law
     position, step, weight, compliance = 0.3 * RHO, 0.7, 0.2, 0.013
     f, k, r, rows = points.zeros(), points.zeros(), points.zeros(), np.full((4, points.rows), np.nan)
     before = {name: values.copy() for name, values in trial.items()}
-    kernels.evaluate(
+    contact_kernels.evaluate(
         trial["height"], position, trial["u"], trial["w"], trial["s"], trial["t"], step, weight, trial["history"],
         compliance, numbers(law), points.offset, f, k, r, rows,
     )  # fmt: skip
@@ -190,7 +190,7 @@ def test_evaluate_at_the_edges_of_the_law(law):
     gaps = np.array([0.0, -0.0, RHO, np.nextafter(RHO, 0), np.nextafter(0, -1), 5 * RHO, -3 * RHO, 1.0])
     zeros, offset = np.zeros(gaps.size), np.array([0, gaps.size])
     f, k, r = zeros.copy(), zeros.copy(), zeros.copy()
-    kernels.evaluate(
+    contact_kernels.evaluate(
         gaps, 0.0, zeros, zeros, zeros, zeros, 0.0, 0.0, zeros, 1.0, numbers(law), offset, f, k, r, np.zeros((4, 1))
     )
     close(f, law.traction(gaps), law.strength, 1e-15)
@@ -206,7 +206,7 @@ def test_observe_counts_energies_and_gaps(points, trial, law, weighted, rng):
     weights = rng.standard_normal(points.size) if weighted else np.zeros(0)
     rows = np.full((6, points.rows), np.nan)
     position, levels = 0.4 * RHO, (law.contact_gap, 0.0, 0.8 * RHO)
-    kernels.observe(
+    contact_kernels.observe(
         trial["height"], position, trial["u"], trial["w"], weights, numbers(law), levels, points.offset, rows
     )
     gap = position + trial["height"] - trial["u"]
@@ -311,8 +311,11 @@ def test_advance_branches(points, elements, count, rng):
 def test_advance_branches_and_energy(points, elements, count, rng):
     size = points.size
     phi, psi = rng.standard_normal((2, elements, size))
-    f, g = rng.standard_normal((2, count, size))
+    f, u = rng.standard_normal((2, count, size))
     decay, compliances = rng.random((2, elements))
+    branch_weight, compliance, stage_weight = rng.standard_normal((count, elements)), 0.5 + rng.random(count), 0.7
+    g = (u - branch_weight @ psi) / compliance[:, None]
+    g[1:] -= stage_weight * g[:-1] / compliance[1:, None]
     gain, rate_decay, quadrature = rng.standard_normal((3, elements, count))
     rate_gain = np.tril(rng.standard_normal((elements, count, count)))
     rates_phi = rate_decay[:, :, None] * phi[:, None, :] + np.einsum("mij,jp->mip", rate_gain, f)
@@ -320,16 +323,18 @@ def test_advance_branches_and_energy(points, elements, count, rng):
     lost = np.einsum("mi,mip,mip->p", quadrature, rates_phi, rates_psi)
     new_phi, new_psi = decay[:, None] * phi + gain @ f, decay[:, None] * psi + gain @ g
     stored = np.einsum("m,mp,mp->p", compliances, new_phi, new_psi) / 2
-    rows = np.zeros((2, points.rows))
-    weights = decay, f, g, gain, rate_decay, rate_gain, quadrature, compliances, count
+    rows = np.zeros((3, points.rows))
+    weights = branch_weight, stage_weight, compliance, decay, gain, rate_decay, rate_gain, quadrature, compliances
+    given = phi, psi, f, u[0], u[-1], *weights
     before = phi.copy(), psi.copy()
-    foreseen = np.zeros((2, points.rows))
-    retardation_kernels.advance_branches_and_energy(phi, psi, *weights, False, points.offset, foreseen)
+    foreseen = np.zeros((3, points.rows))
+    retardation_kernels.advance_branches_and_energy(*given, False, points.offset, foreseen)
     assert np.array_equal(phi, before[0]) and np.array_equal(psi, before[1])
-    retardation_kernels.advance_branches_and_energy(phi, psi, *weights, True, points.offset, rows)
+    retardation_kernels.advance_branches_and_energy(*given, True, points.offset, rows)
     # To rounding: without writing, a processor may sum more numbers of a row at a time.
     close(foreseen, rows, 1e3)
     close(phi, new_phi, 10.0)
     close(psi, new_psi, 10.0)
     close(rows[0], row_sums(stored, points), 1e3)
     close(rows[1], row_sums(lost, points), 1e4)
+    close(rows[2], row_sums(f[-1] * g[-1], points), 1e3)

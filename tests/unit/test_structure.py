@@ -24,7 +24,7 @@ NAMES = {file: dotted(file) for file in FILES}
 LONGEST_FILE, LONGEST_FUNCTION = 300, 60
 
 PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (PACKAGE / "physics").glob("[a-z]*.py")),
-         "solver.retardation", "solver.drift", "characterisation.dma", "characterisation.prony_fit",
+         "characterisation.dma", "characterisation.prony_fit",
          "characterisation.temperature_shift"]  # fmt: skip
 READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
            "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.beside",
