@@ -272,8 +272,8 @@ def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
     from mpi4py import MPI
 
     common = [f"solver.scheme={scheme}", f"solver.precision={precision}", "grid.n=20", "drive.preload=1 mN"]
-    # Of half a punch, of a quarter of one, and of a whole one.
-    tests = ([], ["output.energy=false"], ["punch.pattern=flat"], ["rheology.model=elastic"])
+    # Of half a punch, with a coarser grid and without, of a quarter of one, and of a whole one.
+    tests = (["solver.coarse_grid=always"], ["output.energy=false"], ["punch.pattern=flat"], ["rheology.model=elastic"])
     if scheme == "gfmd":
         tests = (["solver.max_steps=3"],)
     if scheme == "quasistatic":

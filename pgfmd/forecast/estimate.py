@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pgfmd import coarsening
 from pgfmd.parts import (
     inertia_of_scene, quasistatic_compliance, relaxation_of, series_of, topography_of, transform_side,
 )  # fmt: skip
@@ -28,6 +29,10 @@ SINGLE_PAIR = 0.63
 """Time of a transform pair in single precision, relative to one in double: 0.54 to 0.75 for n = 192 to 2048."""
 OUTSIDE = 2.0 / 3.0
 """Time outside the transforms, relative to that of pairs in double precision, which are about 60 % of a run."""
+EACH, EACH_ON_TWO_GRIDS = 7.5, 4.0
+"""Transform pairs a step of a viscoelastic run, without and with a coarser grid (coarsening.py)."""
+CELLS = 1.0 / 3.0
+"""Time that a coarser grid takes for each pair on all points, relative to one in double precision."""
 SMOOTH = 0.1
 """E(0)/E of a quasi-static run up to which the surface does not jump from one row of grid points to the next."""
 
@@ -104,6 +109,8 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     else:
         elements = series_of(scene.rheology).elements
         counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, rough)
+        # With a coarser grid, another work vector of Newton's; that grid itself is 64 times smaller.
+        counts = counts[0], counts[1] + (rough if coarsening.expected(scene).factor else 0.0)
     # With patches, the traction before each step: jumps are placed by it.
     counts = counts[0], counts[1] + scene.output.patches
     most = largest_share(points, ranks)
@@ -222,11 +229,12 @@ def effort_of(scene) -> Effort:
     if adhesion.law == "repulsive":
         steps = 30.0 * math.sqrt(refinement)
         return Effort(steps, steps * 24.0 * (scene.grid.n / 128) ** 0.6, pair_seconds(scene), pair_cost(scene))
+    coarse = coarsening.expected(scene).factor
     steps = pairs = 0.0
     for length, speed in ((way, drive.speed), (back, drive.retract_speed)):
         if creep.elements:
             longest = float(creep.retardation_times.max())
-            rate, each = min(max(20.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0), 7.5
+            rate, each = min(max(20.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0), EACH_ON_TWO_GRIDS if coarse else EACH
         elif quasistatic:
             smooth = quasistatic_compliance(scene) <= SMOOTH
             rate, each = 110.0 * refinement, 12.0 if smooth else 30.0 * (scene.grid.n / 128) ** 0.4
@@ -236,7 +244,7 @@ def effort_of(scene) -> Effort:
         here = rate * length / adhesion.range * refinement
         steps += here
         pairs += here * each * refinement**-0.4
-    return Effort(steps, pairs, pair_seconds(scene), pair_cost(scene))
+    return Effort(steps, pairs, pair_seconds(scene), pair_cost(scene) + (CELLS if coarse else 0.0))
 
 
 def _gfmd_effort(scene) -> Effort:

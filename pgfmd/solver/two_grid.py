@@ -15,6 +15,7 @@ direction is made conjugate to the last one by its curvature (flexible conjugate
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,8 @@ MOST = 30
 ROUGH_SHARE = 0.25
 """Share of the largest residual within cells, times the compliance of waves two cells long, that they may still move the
 surface by. The waves within a cell are shorter, and signs differ."""
+BALANCE_SHARE = 0.2
+"""The same of the force out of balance."""
 COARSE_SHARE = 0.3
 """Tolerance of the problem on the cells, relative to that of the correction."""
 
@@ -136,6 +139,9 @@ class TwoGrid(ConjugateGradients):
         self._cg = ConjugateGradients(coarse.points, coarse.operator, law, False)
         self._shortest = coarse.shortest
         self._means = np.zeros(self._cells.shape)
+        # A load of one everywhere, and what it does to the surface.
+        self._even = np.ones_like(self.d)
+        self._sunk = operator(self._even, points.zeros(operator.dtype))
 
     @property
     def coarse_pairs(self) -> int:
@@ -191,15 +197,32 @@ class TwoGrid(ConjugateGradients):
         cells.means(self.r, means)
         rough = cells.roughness(self.r, self.curvature, means, self._rows) / self.law.range
         rough *= ROUGH_SHARE * compliance * self._shortest
-        balanced = abs(imbalance) <= 0.5 * unbalanced
-        if balanced and rough < small:
+        if rough < small:
             # Mostly one transform tells.
             cg.r[:] = cells.at_points(means)
             cg.operator(cg.r, cg.z, compliance)
             kernels.largest_in_rows(cg.z, cg.curvature, cg.points.offset, cg._rows)
-            if rough + float(cg._rows[0].max()) / self.law.range < small:
+            left = rough + float(cg._rows[0].max()) / self.law.range
+            if left < small and self._balance(compliance, small - left, 0.5 * unbalanced, imbalance):
                 return True
-        return self._solve_coarse(*limits) + rough < small and balanced
+        left = self._solve_coarse(*limits) + rough
+        return left < small and self._balance(compliance, small - left, 0.5 * unbalanced, imbalance)
+
+    def _balance(self, compliance: float, most: float, unbalanced: float, imbalance: float) -> bool:
+        """Whether the force is balanced, or can be by an even load that moves the surface by less than `most` ranges; then
+        it is. Collective."""
+        if abs(imbalance) <= unbalanced:
+            return True
+        points, rows = self.points, self._rows
+        kernels.dot(self.curvature, self._sunk, points.offset, rows)
+        kernels.largest_in_rows(self._sunk, self.curvature, points.offset, rows[1:])
+        numbers = points.all_rows(rows[:2])
+        held = points.total + compliance * float(points.summed(numbers[:1])[0])
+        load = imbalance / held if held > 0.0 else math.inf
+        if not abs(load) * compliance * float(numbers[1].max()) < most * self.law.range:
+            return False
+        kernels.move(self.s, self.t, self._sunk, self._even, load * compliance, load)
+        return True
 
     def _solve_coarse(self, compliance: float, tolerance: float, unbalanced: float, trust: float) -> float:
         """Solves the problem on the cells, for the means of r; the largest |s_c| in ranges."""
@@ -207,4 +230,4 @@ class TwoGrid(ConjugateGradients):
         cg.r[:] = self._cells.at_points(self._means)
         total = float(cg.r.sum(dtype=np.float64)) * cg.points.images
         # A force out of balance is a sum over points: over cells it is m^2 times smaller.
-        return cg.correct(compliance, COARSE_SHARE * tolerance, unbalanced / self._cells.m**2, trust, total)[1]
+        return cg.correct(compliance, COARSE_SHARE * tolerance, BALANCE_SHARE * unbalanced / self._cells.m**2, trust, total)[1]

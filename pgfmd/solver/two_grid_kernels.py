@@ -2,8 +2,9 @@
 
 Points are point vectors (grid.py). `begin`: the first local row, in points from the upper edge of the coarse block; `first`
 (rows,): the column of each row's first point, in points from its left edge. Numbers of cells are (coarse rows, coarse
-columns). Sums within a row of points run in an order that depends on the row alone; those of several rows are added in
-their order, so that they have the same bits for any number of ranks.
+columns). Sums within a row of points run in an order that depends on the row alone, in loops that write nothing: what is
+compiled may take another order where it finds two vectors side by side in memory. Sums of several rows are added in the
+order of these. So they have the same bits for any number of ranks.
 """
 
 from __future__ import annotations
@@ -65,13 +66,14 @@ def turn_residual(r, k, offset, first, begin, m, s, line, d, sums):
             end = min(start + m - inside, stop)
             middle = line[column + 1]
             down, up = (middle - line[column]) / m, (line[column + 2] - middle) / m
-            total = 0.0
-            for i in range(start, end):
-                x = i - start + inside + 0.5 - 0.5 * m
-                value = -k[i] * (middle + x * (up if x > 0.0 else down))
-                d[i] = r[i] + value
-                total += value
+            total, shift = 0.0, inside + 0.5 - 0.5 * m - start
+            for i in range(np.uint64(start), np.uint64(end)):
+                x = np.float64(np.int64(i)) + shift
+                total -= k[i] * (middle + x * (up if x > 0.0 else down))
             sums[column, row] = total
+            for i in range(np.uint64(start), np.uint64(end)):
+                x = np.float64(np.int64(i)) + shift
+                d[i] = r[i] - k[i] * (middle + x * (up if x > 0.0 else down))
             start, inside, column = end, 0, column + 1
 
 
@@ -135,10 +137,10 @@ def begin_and_advance(alpha, p, y, k, s, t, r, offset, rows):
             move, load = alpha * p[i], alpha * y[i]
             s[i] = move
             t[i] = load
-            rest = r[i] - (load + k[i] * move)
-            r[i] = rest
-            imbalance += rest
+            r[i] -= load + k[i] * move
             size = max(size, abs(move) if k[i] != 0.0 else 0.0)
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            imbalance += r[i]
         rows[0, row] = imbalance
         rows[1, row] = size
 
@@ -155,9 +157,9 @@ def turn_and_advance(z, d, beta, alpha, k, p, y, s, t, r, offset, rows):
             y[i] = b
             s[i] += alpha * a
             t[i] += alpha * b
-            rest = r[i] - alpha * (b + k[i] * a)
-            r[i] = rest
-            imbalance += rest
+            r[i] -= alpha * (b + k[i] * a)
             size = max(size, abs(s[i]) if k[i] != 0.0 else 0.0)
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            imbalance += r[i]
         rows[0, row] = imbalance
         rows[1, row] = size
