@@ -25,6 +25,8 @@ LONGEST_FOLLOWED, ROOM = 0.25, 0.25
 """Jumps that hardly count, their uncertainty being below this part of what is allowed, are followed in longer and
 longer steps: up to this part of the range of adhesion."""
 CUT = 0.25
+NEAR = 0.9
+"""A tension of more than this share of the largest one so far may be about to become the largest."""
 LONGEST_PULLING = 0.125
 """Longest step in which the punch pulls, in ranges of adhesion: there the force turns round within about one of
 them, and the largest tension is that at the end of a step."""
@@ -53,8 +55,9 @@ class LoadSteps:
         unit = self._unit(state, phase)
         finest = FINEST * self.tolerance * unit
         shortest = FOLLOWED * self.tolerance * unit
-        # Under tension the next jump may be the pull-off, whose force is wanted.
-        followed = shortest if state.force < 0.0 else min(max(state.followed, shortest), LONGEST_FOLLOWED * unit)
+        # The next jump may be the pull-off, whose force is wanted.
+        pulls = self._pulls(state, phase, state.force)
+        followed = shortest if pulls else min(max(state.followed, shortest), LONGEST_FOLLOWED * unit)
         end = phase.duration - state.elapsed
         wanted = state.step or self.tolerance * unit
         longest = math.inf
@@ -66,7 +69,8 @@ class LoadSteps:
             follow = step <= followed * (1.0 + 1e-9)
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=follow)
             state.counters.take(trial)
-            shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest)
+            passed = pulls and trial.is_jump and not follow and state.force < trial.force
+            shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest, passed)
             if shorter is not None:
                 if step <= finest and not trial.converged:
                     break
@@ -88,6 +92,8 @@ class LoadSteps:
             if met:
                 self.scheme.require_preload(state, trial, self.slack)
             self.scheme.accept(state, trial)
+            # A longer step than may be followed would meet the next instability, and be given up.
+            followed = shortest if self._pulls(state, phase, state.force) else followed
             state.step = self._next(trial, wanted if why else step, followed)
             return trial, "preload" if met else why
         raise RunError(
@@ -96,6 +102,12 @@ class LoadSteps:
             f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. "
             f"{self.scheme.advice(state, trial)}"
         )
+
+    @staticmethod
+    def _pulls(state: State, phase: Phase, force: float) -> bool:
+        """Whether this is a tension that may be about to become the largest of the approach, or of the retraction."""
+        largest = state.snap_in_force if phase.name == "approach" else state.pull_off_force
+        return force < min(NEAR * largest, 0.0)
 
     def _unit(self, state: State, phase: Phase) -> float:
         """Time [s] in which the punch moves by one range of adhesion, about."""
@@ -106,10 +118,11 @@ class LoadSteps:
         return share * self.reach / phase.fastest
 
     def _shorter(
-        self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float
+        self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float, passed: bool
     ) -> float | None:
-        """The step to try instead; None where the trial can be taken."""
-        if not trial.converged:
+        """The step to try instead; None where the trial can be taken. passed: whether it went over a jump that may be
+        the pull-off."""
+        if not trial.converged or passed:
             return max(CUT * step, min(followed, 0.99 * step)) if not follow else CUT * step
         if trial.is_jump:
             well_known = trial.uncertainty <= self._allowed(trial, released)
