@@ -34,6 +34,8 @@ from .spring_work import SpringWork
 
 SHARPNESS = 0.25
 """Share of the tolerance to which equilibria are solved: a step's only error is its solve's."""
+PATIENCE = 2
+"""Of CG (newton.py): for a relaxed surface it is slow, and one small move may be followed by larger ones."""
 MOST_SLIDES, QUIET_SLIDES = 20, 3
 """Saddles on the way down from one instability at which a step is given up; and, of those in a row that are no higher
 than the noise of a solve, at which the equilibrium is taken for a minimum."""
@@ -73,7 +75,10 @@ class Quasistatic(PathFollowing):
         super().__init__(solver, tolerance, (1.0,), far_weights, near_gap)
         self.compliance, self.machine_compliance, self.contact_stiffness = compliance, spring, contact_stiffness
         self.spring = SpringWork(spring, dead_load, solver.law.reach)
-        self.descent = Descent(solver)
+        solver.cg.patience = PATIENCE
+        # A soft spring is softer than all modes of the surface by decades. The first moves of a descent would be for it
+        # alone, and so small that they passed for the last ones.
+        self._go_down = solver.solve if spring else Descent(solver).solve
         # Without attraction the potential is convex: there is one equilibrium, and nothing to search.
         self.soft_mode = SoftMode(solver, compliance) if solver.law.attractive else None
         self._none = np.zeros(self.points.size, solver.dtype)
@@ -192,10 +197,10 @@ class Quasistatic(PathFollowing):
     def _solve(
         self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool, largest: float = 0.0
     ) -> Outcome:
-        outcome = self.descent.solve(
+        outcome = self._go_down(
             position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest
         )
-        if outcome.left_over:
+        if outcome.left_over and not self.machine_compliance:
             # Rounding has stopped it short of balance. Newton's corrections, each of many moves, are rounded only once.
             more = self.solver.solve(position, self._none, self.compliance, u, w, tolerance, jump, largest_force=largest)
             outcome = outcome.followed_by(more)

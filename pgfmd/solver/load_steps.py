@@ -25,8 +25,6 @@ LONGEST_FOLLOWED, ROOM = 0.25, 0.25
 """Jumps that hardly count, their uncertainty being below this part of what is allowed, are followed in longer and
 longer steps: up to this part of the range of adhesion."""
 CUT = 0.25
-NEAR = 0.9
-"""A tension of more than this share of the largest one so far may be about to become the largest."""
 LONGEST_PULLING = 0.125
 """Longest step in which the punch pulls, in ranges of adhesion: there the force turns round within about one of
 them, and the largest tension is that at the end of a step."""
@@ -55,9 +53,8 @@ class LoadSteps:
         unit = self._unit(state, phase)
         finest = FINEST * self.tolerance * unit
         shortest = FOLLOWED * self.tolerance * unit
-        # The next jump may be the pull-off, whose force is wanted.
-        pulls = self._pulls(state, phase, state.force)
-        followed = shortest if pulls else min(max(state.followed, shortest), LONGEST_FOLLOWED * unit)
+        # Under tension the next jump may be the pull-off, whose force is wanted.
+        followed = shortest if state.force < 0.0 else min(max(state.followed, shortest), LONGEST_FOLLOWED * unit)
         end = phase.duration - state.elapsed
         wanted = state.step or self.tolerance * unit
         longest = math.inf
@@ -69,7 +66,7 @@ class LoadSteps:
             follow = step <= followed * (1.0 + 1e-9)
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=follow)
             state.counters.take(trial)
-            passed = pulls and trial.is_jump and not follow and state.force < trial.force
+            passed = trial.is_jump and not follow and state.force < min(trial.force, 0.0)
             shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest, passed)
             if shorter is not None:
                 if step <= finest and not trial.converged:
@@ -93,7 +90,7 @@ class LoadSteps:
                 self.scheme.require_preload(state, trial, self.slack)
             self.scheme.accept(state, trial)
             # A longer step than may be followed would meet the next instability, and be given up.
-            followed = shortest if self._pulls(state, phase, state.force) else followed
+            followed = shortest if state.force < 0.0 else followed
             state.step = self._next(trial, wanted if why else step, followed)
             return trial, "preload" if met else why
         raise RunError(
@@ -102,12 +99,6 @@ class LoadSteps:
             f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. "
             f"{self.scheme.advice(state, trial)}"
         )
-
-    @staticmethod
-    def _pulls(state: State, phase: Phase, force: float) -> bool:
-        """Whether this is a tension that may be about to become the largest of the approach, or of the retraction."""
-        largest = state.snap_in_force if phase.name == "approach" else state.pull_off_force
-        return force < min(NEAR * largest, 0.0)
 
     def _unit(self, state: State, phase: Phase) -> float:
         """Time [s] in which the punch moves by one range of adhesion, about."""
