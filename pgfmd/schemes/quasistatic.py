@@ -22,7 +22,7 @@ from pgfmd.physics.drive import Phase
 from pgfmd.solver import kernels
 from pgfmd.solver.descent import Descent
 from pgfmd.solver.drift import Drift
-from pgfmd.solver.machine import SprungConvolution, total
+from pgfmd.solver.machine import total
 from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.soft_mode import SoftMode
 from pgfmd.solver.state import State
@@ -296,8 +296,3 @@ class Quasistatic(PathFollowing):
         if self.machine_compliance:
             noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.range
         return noise
-
-
-def sprung(convolve, spring: float, compliance: float):
-    """The convolution with the machine's spring in it; as it is where the machine is rigid."""
-    return SprungConvolution(convolve, spring, compliance) if spring else convolve
