@@ -129,8 +129,9 @@ def _inertialess(scene, comm, mirror: str):
 def _quasistatic(scene, comm, mirror: str):
     """Scheme and controller of infinitely slow loading."""
     # Nothing of it is of use to other schemes.
-    from .schemes.quasistatic import Quasistatic, sprung
+    from .schemes.quasistatic import Quasistatic
     from .solver.load_steps import LoadSteps
+    from .solver.machine import sprung
 
     compliance, spring = parts.quasistatic_compliance(scene), parts.machine_compliance(scene)
     solver = _solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, compliance))

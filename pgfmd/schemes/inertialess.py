@@ -82,11 +82,16 @@ class Inertialess(PathFollowing):
         Nothing to do, and nothing done, for a punch out of reach. RunError if there is no balance.
         """
         solver = self.solver
-        history = self._history[0]
+        history, solve = self._history[0], solver.solve
         history[:] = 0.0
+        if not self.creep.elements and state.position < self.law.reach:
+            # From a relaxed surface at rest the way is long, and most of Newton's corrections on it would be cut.
+            from pgfmd.solver.descent import Descent
+
+            solve = Descent(solver).solve
         for jump in (False, True):
             # Where the punch starts in contact, the way from the surface at rest may be long.
-            outcome = solver.solve(
+            outcome = solve(
                 state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance, jump,
                 largest_force=solver.force_scale,
             )  # fmt: skip

@@ -20,8 +20,9 @@ import numpy as np
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.solver import kernels
+from pgfmd.solver.descent import Descent
 from pgfmd.solver.drift import Drift
-from pgfmd.solver.machine import SprungConvolution, total
+from pgfmd.solver.machine import total
 from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.soft_mode import SoftMode
 from pgfmd.solver.state import State
@@ -41,6 +42,10 @@ than the noise of a solve, at which the equilibrium is taken for a minimum."""
 BENT, STRAIGHT = 1.0, 1e-2
 """Error of the trapezoid that is reckoned with: this multiple of what the polynomial makes of it, and at least this
 share of half of the changes of force and place."""
+LEAST_SIGN, FAST = 1e-2, 4.0
+"""A step that met no instability may have passed over a jump only where its error is at least this share of the
+tolerance: the surface is then elsewhere than where it was heading for. Where that is not known, only where the surface
+moved so many times as far as the punch."""
 LEAST_TENSION = 1e-2
 """Where the punch pulls, changes of its force are measured by the largest tension so far, at least this share of the
 preload: a pull-off force may be far below that."""
@@ -71,6 +76,9 @@ class Quasistatic(PathFollowing):
         self.compliance, self.machine_compliance, self.contact_stiffness = compliance, spring, contact_stiffness
         self.spring = SpringWork(spring, dead_load, solver.law.reach)
         solver.cg.patience = PATIENCE
+        # A soft spring is softer than all modes of the surface by decades. The first moves of a descent would be for it
+        # alone, and so small that they passed for the last ones.
+        self._go_down = solver.solve if spring else Descent(solver).solve
         # Without attraction the potential is convex: there is one equilibrium, and nothing to search.
         self.soft_mode = SoftMode(solver, compliance) if solver.law.attractive else None
         self._none = np.zeros(self.points.size, solver.dtype)
@@ -148,9 +156,15 @@ class Quasistatic(PathFollowing):
         bend = max(BENT * bend, STRAIGHT * trial.uncertainty)
         noise = self._noise(state, trial, tolerance)
         # A step that met nothing may have passed over a jump as well: a path of equilibria loses no energy.
-        told = left or trial.error > self.tolerance or bool(state.past_steps)
+        told = left or trial.error > self.tolerance or self._shows_jump(state, trial)
         trial.is_jump = bool(self.soft_mode) and told and min(smooth, plain) - gained > bend + noise
         return trial
+
+    def _shows_jump(self, state: State, trial: Trial) -> bool:
+        """Whether a step that met no instability may have passed over a jump all the same."""
+        if state.past_steps:
+            return trial.error > LEAST_SIGN * self.tolerance
+        return trial.change.surface * self.law.range > FAST * abs(trial.position - state.position)
 
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
@@ -183,9 +197,13 @@ class Quasistatic(PathFollowing):
     def _solve(
         self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool, largest: float = 0.0
     ) -> Outcome:
-        outcome = self.solver.solve(
+        outcome = self._go_down(
             position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest
         )
+        if outcome.left_over and not self.machine_compliance:
+            # Rounding has stopped it short of balance. Newton's corrections, each of many moves, are rounded only once.
+            more = self.solver.solve(position, self._none, self.compliance, u, w, tolerance, jump, largest_force=largest)
+            outcome = outcome.followed_by(more)
         self._after_solve(position, outcome)
         return outcome
 
@@ -208,9 +226,10 @@ class Quasistatic(PathFollowing):
         wanted. Returns the last outcome, and whether an instability was met."""
         u, w = surface
         noise, quiet = self._noise(state, trial, tolerance), 0
+        before = None if u is state.displacement else (state.position, state.displacement)
         for slide in range(MOST_SLIDES):
             seed = MOST_SLIDES * (state.counters.steps + 1) + slide
-            curvature = self.soft_mode.search(state.soft_mode, state.soft_load, seed)
+            curvature = self.soft_mode.search(state.soft_mode, state.soft_load, seed, before)
             trial.cg_iterations += curvature.iterations
             if curvature.lowest >= 0.0:
                 return outcome, left
@@ -277,8 +296,3 @@ class Quasistatic(PathFollowing):
         if self.machine_compliance:
             noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.range
         return noise
-
-
-def sprung(convolve, spring: float, compliance: float):
-    """The convolution with the machine's spring in it; as it is where the machine is rigid."""
-    return SprungConvolution(convolve, spring, compliance) if spring else convolve

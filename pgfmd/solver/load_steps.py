@@ -66,7 +66,8 @@ class LoadSteps:
             follow = step <= followed * (1.0 + 1e-9)
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=follow)
             state.counters.take(trial)
-            shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest)
+            passed = trial.is_jump and not follow and state.force < min(trial.force, 0.0)
+            shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest, passed)
             if shorter is not None:
                 if step <= finest and not trial.converged:
                     break
@@ -88,6 +89,8 @@ class LoadSteps:
             if met:
                 self.scheme.require_preload(state, trial, self.slack)
             self.scheme.accept(state, trial)
+            # A longer step than may be followed would meet the next instability, and be given up.
+            followed = shortest if state.force < 0.0 else followed
             state.step = self._next(trial, wanted if why else step, followed)
             return trial, "preload" if met else why
         raise RunError(
@@ -106,10 +109,11 @@ class LoadSteps:
         return share * self.reach / phase.fastest
 
     def _shorter(
-        self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float
+        self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float, passed: bool
     ) -> float | None:
-        """The step to try instead; None where the trial can be taken."""
-        if not trial.converged:
+        """The step to try instead; None where the trial can be taken. passed: whether it went over a jump that may be
+        the pull-off."""
+        if not trial.converged or passed:
             return max(CUT * step, min(followed, 0.99 * step)) if not follow else CUT * step
         if trial.is_jump:
             well_known = trial.uncertainty <= self._allowed(trial, released)

@@ -53,3 +53,8 @@ def total(points, values: np.ndarray, rows: np.ndarray) -> float:
     Collective."""
     stability_kernels.sum_in_rows(values, points.offset, rows)
     return float(points.total_of(rows[:1])[0])
+
+
+def sprung(convolve, spring: float, compliance: float):
+    """The convolution with the machine's spring in it; as it is where the machine is rigid."""
+    return SprungConvolution(convolve, spring, compliance) if spring else convolve

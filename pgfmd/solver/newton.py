@@ -14,7 +14,7 @@ must go down.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,6 +50,18 @@ class Outcome:
     moved: float = 0.0
     left_over: float = 0.0
     renewed: bool = False
+
+    def followed_by(self, later: Outcome) -> Outcome:
+        """Of two solves, the second of which went on where this one ended."""
+        return replace(
+            later,
+            newton_iterations=self.newton_iterations + later.newton_iterations,
+            cg_iterations=self.cg_iterations + later.cg_iterations,
+            potential_drop=self.potential_drop + later.potential_drop,
+            met_negative_curvature=self.met_negative_curvature or later.met_negative_curvature,
+            moved=self.moved + later.moved,
+            renewed=self.renewed or later.renewed,
+        )
 
 
 class NewtonSolver:

@@ -5,8 +5,11 @@ quotient mu = x K x / (x A^-1 x) is above -1. It is followed by the locally opti
 (SIAM J. Sci. Comput. 23, 517): the best of span{x, A g, p} with the gradient g and the last direction p. As in
 newton.py the dual A^-1 v is carried along with each v, and each iteration applies A once.
 
-A mode that a symmetric scene forbids has no part in any residual, and Newton's method never meets it. So a little
-noise, the same on any number of ranks, is added to the first gradient of each search.
+The softest mode is followed from step to step, and needs few iterations. Another one may be the softest all of a
+sudden, as the curvature of the law is not continuous where points come within its range. It
+is one of these points, so the first direction of each search is the response to loads on points that have softened
+since the last step. A mode that a symmetric scene forbids has no part in any residual, and Newton's method never meets
+it: to these loads, or where there are none to the first gradient, noise is added, the same on any number of ranks.
 """
 
 from __future__ import annotations
@@ -22,8 +25,8 @@ from . import stability_kernels as kernels_of_modes
 
 NOISE = 1.0
 """Part of the noise in the first gradient of a search, relative to the mode (in the norm of A^-1)."""
-SOFT = 0.2
-"""Below this curvature a search goes on to its largest number of iterations: there may be modes yet softer close by."""
+STEADY = 0.5
+"""A search goes on while an iteration has lowered the curvature by more than this share of what is left of it."""
 INDEPENDENT = {"float64": 1e-10, "float32": 1e-5}
 """A direction whose part independent of the others is smaller than this is left out, by the precision of the mode: of
 smaller ones rounding makes modes that are none."""
@@ -46,9 +49,8 @@ class SoftMode:
     compliance: J, dimensionless.
     """
 
-    least_iterations, most_iterations, first_iterations = 6, 12, 30
-    """Least and largest number of iterations of a search, and of the first one, which knows no mode. (With 4, a mode
-    that had become the softest was missed in one step of a hundred.)"""
+    least_iterations, most_iterations, first_iterations = 3, 12, 30
+    """Least and largest number of iterations of a search, and of one that knows no mode."""
 
     def __init__(self, solver, compliance: float):
         self.solver, self.points, self.compliance = solver, solver.points, compliance
@@ -61,20 +63,21 @@ class SoftMode:
         self._own_response = self.points.maximum_of(float(moved.max(initial=0.0)))
         self._independent = INDEPENDENT[solver.rough.dtype.name]
 
-    def search(self, mode: np.ndarray, dual: np.ndarray, seed: int) -> Curvature:
+    def search(self, mode: np.ndarray, dual: np.ndarray, seed: int, before: tuple | None = None) -> Curvature:
         """Moves mode [m] and its dual [Pa] (size,) to the softest mode at the present surface. Collective.
 
-        A mode of zeros, as at first, starts from noise. Where no point interacts the curvature is 1, and the mode
+        before: position [m] and surface [m] (size,) of the last equilibrium; None: out of reach. A mode of zeros starts
+        from noise. Where no point attracts more the nearer it is, the curvature is 1 or above for certain, and the mode
         stays. Of work vectors it leaves nothing as it was but the solver's traction and curvature.
         """
         solver, points = self.solver, self.points
         k, z, g, p, dp = solver.curvature, solver.cg.z, solver.cg.r, solver.cg.p, solver.cg.y
+        if points.maximum_of(float(-k.min(initial=0.0))) == 0.0:
+            # x K x is nowhere negative.
+            return Curvature(1.0, 0.0, 0)
         p[:], dp[:] = 0.0, 0.0
         kernels_of_modes.noise(points.first_point, seed, k, g)
-        strength = self._norm(g, g)
-        if strength == 0.0:
-            return Curvature(1.0, 0.0, 0)
-        amount = NOISE / math.sqrt(strength * self._own_response)
+        noise = NOISE / math.sqrt(self._norm(g, g) * self._own_response)
         count, most = 0, self.most_iterations
         if not self._norm(mode, dual) > 0.0:
             solver.rough(g, z, self.compliance)
@@ -85,23 +88,38 @@ class SoftMode:
         dual /= size
         kernels.dot(k * mode, mode, points.offset, self._rows)
         mu, error = self._total(1)[0], math.inf
+        known = count == 0 and self._softened(seed, before)
         while count < most:
             solver.cg.poll()
-            kernels_of_modes.pull_of(k, mode, dual, mu, amount, g)
+            if not known:
+                if noise:
+                    kernels_of_modes.noise(points.first_point, seed, k, g)
+                kernels_of_modes.pull_of(k, mode, dual, mu, noise, g)
+            noise = 0.0
             solver.rough(g, z, self.compliance)
             count += 1
             # One rank decides: libraries on other processors may round in other ways.
             best = self.points.comm.bcast(self._best(k, mode, dual, z, g, p, dp))
-            if best is None:
+            if best is None and not known:
                 break
-            mu, weights, error = best
-            kernels_of_modes.recombine(*weights, mode, z, p)
-            kernels_of_modes.recombine(*weights, dual, g, dp)
-            amount = 0.0
+            if best is not None:
+                last, (mu, weights, error) = mu, best
+                kernels_of_modes.recombine(*weights, mode, z, p)
+                kernels_of_modes.recombine(*weights, dual, g, dp)
+            known = False
             g[:] = 0.0
-            if mu < -1.0 or (count >= self.least_iterations and mu - error > SOFT - 1.0):
+            if mu < -1.0 or (count >= self.least_iterations and mu < 0.0 and last - mu <= STEADY * (1.0 + mu)):
                 break
         return Curvature(1.0 + mu, error, count)
+
+    def _softened(self, seed: int, before: tuple | None) -> bool:
+        """Whether points have softened since `before`; their loads are then in the residual's vector. Collective."""
+        solver, g = self.solver, self.solver.cg.r
+        position, u = before if before else (math.inf, self.solver.cg.z)
+        kernels_of_modes.softened(
+            self.points.first_point, seed, solver.height, position, u, solver.law_numbers, solver.curvature, g
+        )
+        return self._norm(g, g) > 0.0
 
     def _total(self, kinds: int) -> np.ndarray:
         return self.points.total_of(self._rows[:kinds])

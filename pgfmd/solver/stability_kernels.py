@@ -3,9 +3,11 @@ partial sum a row."""
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 from .compiled import compiled
+from .kernels import _sine_of
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
@@ -21,22 +23,36 @@ def sum_in_rows(values, offset, rows):
         rows[0, row] = total
 
 
+@numba.njit(inline="always")
+def _hashed(point, seed):
+    """A number between -1 and 1: a hash (SplitMix64) of the seed and of the point's index in the whole, so that it does
+    not depend on how the points are shared out."""
+    x = np.uint64(point) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(seed) * np.uint64(0xD1B54A32D192ED03)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    x ^= x >> np.uint64(31)
+    return np.float64(np.int64(x >> np.uint64(12))) * 2.0**-51 - 1.0
+
+
 @_compile
 def noise(first_point, seed, k, out):
-    """out = numbers between -1 and 1 at points that interact (K != 0), else 0.
-
-    A hash (SplitMix64) of the seed and of the point's index in the whole, so that they do not depend on how the points
-    are shared out. first_point: index of the first local point.
-    """
+    """out = numbers between -1 and 1 at points that interact (K != 0), else 0. first_point: index of the first local
+    point."""
     for i in range(out.size):
-        if k[i] == 0.0:
-            out[i] = 0.0
-            continue
-        x = np.uint64(first_point + i) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(seed) * np.uint64(0xD1B54A32D192ED03)
-        x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        x ^= x >> np.uint64(31)
-        out[i] = np.float64(np.int64(x >> np.uint64(12))) * 2.0**-51 - 1.0
+        out[i] = 0.0 if k[i] == 0.0 else _hashed(first_point + i, seed)
+
+
+@_compile
+def softened(first_point, seed, height, position, u, law, k, out):
+    """out = by how much the interface has softened at each point since the surface was u and the punch at `position`,
+    max(K(d + z - u) - k, 0), more or less by up to a half. law: as in kernels.evaluate."""
+    stiffness, reach, attractive = law
+    limit = reach if attractive > 0.0 else 0.0
+    for i in range(out.size):
+        gap = position + height[i] - u[i]
+        y = min(max(gap / reach, 0.0), 1.0) - 0.5
+        before = -stiffness * (y * _sine_of(y * y)) if gap < limit else 0.0
+        out[i] = max(before - k[i], 0.0) * (1.0 + 0.5 * _hashed(first_point + i, seed))
 
 
 @_compile_sums

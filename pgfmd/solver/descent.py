@@ -1,0 +1,235 @@
+"""Downhill to a minimum of the incremental potential Phi (newton.py), by nonlinear conjugate gradients.
+
+Each iteration takes the gradient r, preconditioned, z = A r, and goes to the lowest place in the span of z and of the
+last move p: Newton's method in two unknowns. As every vector has its dual with it, A^-1 of it, that takes no
+transform; the one of z is the iteration's only pair. Close to a minimum these are the conjugate gradients of
+conjugate_gradients.py. Far from one, no correction is solved for that is then cut, and the curvature is always that of
+the surface as it is. As nothing but residuals comes in, the descent keeps every symmetry of its start, as Newton's
+method does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import descent_kernels as kernels
+from .newton import NewtonSolver, Outcome
+from .stagnation import MOST_IDLE, Progress
+
+FAITHFUL = 0.25
+"""Newton's method in two unknowns goes on where Phi fell by another amount than expected: relative to that, by more
+than this."""
+MOST_TURNS = 5
+"""Its most iterations."""
+FLAT = 1e-3
+"""Curvatures nearer to zero than this are taken for this; how far to go is then up to the region of trust."""
+INDEPENDENT = {"float64": 1e-8, "float32": 1e-4}
+"""The last move is left out where its part at right angles to z is smaller than this, squared and relative, by the
+precision of directions: what is made of nearly equal ones is larger by as much, and so is its rounding."""
+
+Pair = tuple[float, float]
+Three = tuple[float, float, float]
+
+
+@dataclass
+class _Place:
+    """What a probe gives: sums of f and r [Pa] and of Gamma, and by how much the rest of Phi has risen on the way there
+    [Pa m]; slopes of Phi, downhill, and curvatures K (zz, zp, pp) along z and p; the largest move [ranges of adhesion]."""
+
+    pull: float
+    imbalance: float
+    adhesive: float
+    rise: float
+    slope: Pair
+    bend: Three
+    size: float
+
+    @property
+    def potential(self) -> float:
+        """Phi, but for what u and w store at the start of the way."""
+        return self.adhesive + self.rise
+
+
+class Descent:
+    """Moves surfaces downhill, on the work vectors of a NewtonSolver, whose `traction` and `curvature` are those of the
+    solution afterwards. Keeps nothing from one solve to the next."""
+
+    largest_count, largest_jump_count = 600, 100_000
+    """Iterations at which a solve gives up. In a jump a crack may run through the whole punch, a cell or so at a time."""
+    patience = 2
+    """So many moves in a row have to be below the tolerance: a small one may be followed by larger ones."""
+
+    def __init__(self, solver: NewtonSolver):
+        self.solver, self.points, self.law = solver, solver.points, solver.law
+        self._independent = INDEPENDENT[solver.rough.dtype.name]
+        self._rows = np.zeros((10, solver.points.rows))
+
+    def solve(
+        self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False,
+        timid: bool = False, largest_force: float = 0.0,
+    ) -> Outcome:  # fmt: skip
+        """As NewtonSolver.solve."""
+        solver, cg = self.solver, self.solver.cg
+        self._at = position, u, w, history, compliance
+        unbalanced = solver.force_share * tolerance * solver.force_scale / self.points.grid.cell_area
+        progress, noise, left_over, count = Progress(tolerance, unbalanced), 0.0, 0.0, 0
+        trust, way, drop, quiet, turns = 1.0, 0.0, 0.0, 0, 0
+        here, negative, renewed, converged = self._begin(), False, False, False
+        for count in range(1, 1 + (self.largest_jump_count if jump else self.largest_count)):
+            if not math.isfinite(here.adhesive):
+                break
+            norm, start = self._steepest(here)
+            if norm[0] <= 0.0:
+                # Nothing is out of balance.
+                converged = True
+                break
+            slack = solver._slack_of(here.adhesive)
+            there, step, bent, used = self._lower(norm, start, trust, slack, 1e-3 * tolerance)
+            turns, negative = turns + used, negative or bent
+            if timid and (bent or way + there.size > solver.timid_way):
+                here = self._probe((0.0, 0.0))
+                break
+            if used == 0:
+                # Nowhere lower: u has drifted off G0 w, or rounding is reached.
+                if renewed:
+                    break
+                solver.convolve(w, u)
+                here, renewed = self._begin(), True
+                continue
+            kernels.move_on(step[0], cg.z, cg.t, step[1], cg.p, cg.y, compliance, u, w)
+            self._level(there)
+            gained = here.adhesive - there.potential
+            drop, way, size = drop + gained, way + there.size, there.size
+            unsettled = abs(there.pull - here.pull) if solver.floating else abs(there.imbalance)
+            here, trust = there, 2.0 * trust if size >= 0.99 * trust else trust
+            quiet = quiet + 1 if size < tolerance and unsettled <= unbalanced and not bent else 0
+            if quiet >= self.patience:
+                converged = True
+                break
+            noise = solver._noise(compliance, u, w) if count == MOST_IDLE else noise
+            if progress.stalls(drop, slack + noise, size, unsettled):
+                converged, left_over = solver._settle_for(progress, bent, size, unsettled, here.pull, largest_force)
+                break
+        area = self.points.grid.cell_area
+        return Outcome(
+            converged, turns, count, -here.pull * area, drop * area, here.adhesive * area, negative, way, left_over, renewed
+        )  # fmt: skip
+
+    def _begin(self) -> _Place:
+        """The place where the surface is, without a last move."""
+        cg = self.solver.cg
+        cg.p[:], cg.y[:], cg.z[:], cg.t[:] = 0.0, 0.0, 0.0, 0.0
+        here = self._probe((0.0, 0.0))
+        self._level(here)
+        return here
+
+    def _steepest(self, here: _Place) -> tuple[Three, _Place]:
+        """z = A r, with one pair of transforms; products v A^-1 v' (zz, zp, pp) of z and p, and the place where the
+        surface is, seen along these. Collective."""
+        cg = self.solver.cg
+        cg.poll()
+        self.solver.rough(cg.r, cg.z, self._at[4])
+        # z's dual is the residual; the next one goes elsewhere.
+        cg.r, cg.t = cg.t, cg.r
+        kernels.products(cg.curvature, cg.z, cg.t, cg.p, cg.y, self.points.offset, self._rows)
+        sums = self.points.total_of(self._rows[:6]).tolist()
+        place = _Place(here.pull, here.imbalance, here.adhesive, 0.0, tuple(sums[3:5]), tuple(sums[:3]), 0.0)
+        return tuple(sums[3:]), place
+
+    def _probe(self, way: Pair) -> _Place:
+        """The place at u + way (z, p); sets traction, curvature and residual. Collective."""
+        cg, (position, u, w, history, compliance) = self.solver.cg, self._at
+        kernels.probe(
+            self.solver.height, position, u, w, way[0], cg.z, cg.t, way[1], cg.p, cg.y, history, compliance,
+            self.solver.law_numbers, self.points.offset, self.solver.traction, cg.curvature, cg.r, self._rows,
+        )  # fmt: skip
+        rows = self.points.all_rows(self._rows)
+        sums = self.points.summed(rows[:9]).tolist()
+        return _Place(*sums[:4], tuple(sums[4:6]), tuple(sums[6:]), float(rows[9].max()) / self.law.range)
+
+    def _lower(
+        self, norm: Three, start: _Place, trust: float, slack: float, least: float
+    ) -> tuple[_Place, Pair, bool, int]:
+        """A lower place in the span: (it, the way (z, p) there, whether Phi bends down in the span, iterations of
+        Newton's method, none where there is no lower place). trust, least: largest and smallest move [ranges]."""
+        here, way, bent, used = start, (0.0, 0.0), False, 0
+        for turn in range(MOST_TURNS):
+            more, expected, lowest = newton_step(norm, here.bend, here.slope, self._independent)
+            bent = lowest <= 0.0 if turn == 0 else bent
+            there, scale = self._step_down(here, way, more, trust, slack, least)
+            if scale == 0.0:
+                here = self._probe(way)
+                break
+            used += 1
+            gain = here.potential - there.potential
+            here, way = there, _further(way, scale, more)
+            if scale < 1.0 or abs(gain - expected) <= FAITHFUL * expected + slack:
+                break
+        return here, way, bent, used
+
+    def _step_down(
+        self, here: _Place, way: Pair, more: Pair, trust: float, slack: float, least: float
+    ) -> tuple[_Place, float]:
+        """The place at `way` and a part of `more`, halved until Phi does not rise: (it, the part), 0 where it always
+        does, or where the whole is too long and `way` not nothing."""
+        scale = 1.0
+        while True:
+            there = self._probe(_further(way, scale, more))
+            if there.size > trust * (1.0 + 1e-9):
+                if way != (0.0, 0.0):
+                    return there, 0.0
+                scale *= trust / there.size
+            elif there.potential <= here.potential + slack:
+                return there, scale
+            elif there.size < least:
+                return there, 0.0
+            else:
+                scale *= 0.5
+
+    def _level(self, there: _Place) -> None:
+        """Lets the mean load take up the mean residual where it moves nothing, A being singular there."""
+        if self.solver.floating:
+            mean = there.imbalance / self.points.total
+            self.solver.cg.r -= mean
+            w, compliance = self._at[2], self._at[4]
+            w += compliance * mean
+
+
+def _further(way: Pair, scale: float, more: Pair) -> Pair:
+    return way[0] + scale * more[0], way[1] + scale * more[1]
+
+
+def newton_step(norm: Three, bend: Three, slope: Pair, least: float) -> tuple[Pair, float, float]:
+    """Newton's step in the span of two directions z and p: (its parts (z, p), by how much Phi is expected to fall, the
+    lowest curvature in the span).
+
+    norm, bend: products (zz, zp, pp) by A^-1, of which zz > 0, and by K; slope: of Phi along z and p, downhill. p is left
+    out where its part at right angles to z, squared and relative, is not above `least`. Along a direction of negative
+    curvature the step is as long as if it were positive. Its arithmetic is the same on any processor.
+    """
+    size, along = math.sqrt(norm[0]), norm[1] / norm[0]
+    a, first = 1.0 + bend[0] / norm[0], slope[0] / size
+    across = norm[2] - along * norm[1]
+    if not across > least * norm[2]:
+        length = first / max(abs(a), FLAT)
+        return (length / size, 0.0), 0.5 * first * length, a
+    # In the orthonormal directions z / size and (p - along z) / width, eigenvalues of the matrix ((a, b), (b, c)).
+    width = math.sqrt(across)
+    b = (bend[1] - along * bend[0]) / (size * width)
+    c = 1.0 + (bend[2] - 2.0 * along * bend[1] + along * along * bend[0]) / across
+    second = (slope[1] - along * slope[0]) / width
+    half = 0.5 * (a - c)
+    lowest, apart = 0.5 * (a + c), math.sqrt(half * half + b * b)
+    # The direction of the lowest, (cosine, sine), free of cancellation.
+    x, y = (-b, half + apart) if half >= 0.0 else (apart - half, -b)
+    length = math.sqrt(x * x + y * y)
+    cosine, sine = (x / length, y / length) if length > 0.0 else (1.0, 0.0)
+    low, high = cosine * first + sine * second, cosine * second - sine * first
+    down = low / max(abs(lowest - apart), FLAT)
+    other = high / max(abs(lowest + apart), FLAT)
+    one, two = cosine * down - sine * other, sine * down + cosine * other
+    step = one / size - two * along / width, two / width
+    return step, 0.5 * (low * down + high * other), lowest - apart
