@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pgfmd.forecast.advice import automatic_range, remarks, warnings
-from pgfmd.forecast.estimate import PROGRAM_BYTES, effort_of, memory_of, punch_points
+from pgfmd.forecast.advice import remarks, warnings
+from pgfmd.forecast.effort import effort_of
+from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of, punch_points
 from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
-from pgfmd.parts import compliance_of, inertia_of_scene, law_of, series_of, topography_of
+from pgfmd.parts import automatic_range, compliance_of, inertia_of_scene, law_of, series_of, topography_of
 from pgfmd.physics.inertia import contact_stiffness
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene.model import SECTIONS, unused_keys

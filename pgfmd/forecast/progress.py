@@ -20,7 +20,8 @@ from dataclasses import dataclass
 
 from pgfmd.parts import deepest_indentation, inertia_of_scene
 
-from .estimate import depth_of, effort_of, modulus_of
+from .effort import effort_of
+from .estimate import depth_of, modulus_of
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from pgfmd.host.processes import cores
 from pgfmd.parts import transform_side
 from pgfmd.symmetry import expected, points_of
 
-from .estimate import Effort, effort_of
+from .effort import Effort, effort_of
 from .machine_profile import NoProfile, Profile, read
 from .scaling import Problem
 

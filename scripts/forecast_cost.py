@@ -1,0 +1,96 @@
+"""Runs the shipped scenes and their common variations, and compares steps and pairs of transforms with the forecast.
+
+    python scripts/forecast_cost.py run            the reduced set, as a row each in docs/figures/forecast.csv
+    python scripts/forecast_cost.py run --full     the large grids and long paths too
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, fields
+from multiprocessing import get_context
+from pathlib import Path
+
+from forecast_scenes import CASES, FULL, REDUCED, Case
+
+TABLE = Path(__file__).parents[1] / "docs" / "figures" / "forecast.csv"
+LONGEST = 600.0
+"""Processor time [s] after which a run is given up; it has no row."""
+
+
+class Preload:
+    """An observer that notes what it took to come to the preload."""
+
+    def __init__(self):
+        self.steps = self.pairs = 0
+        self.depth = 0.0
+
+    def next_time(self, simulation) -> float:
+        """No step has to end at a wanted time."""
+        return float("inf")
+
+    def observe(self, simulation, event) -> None:
+        """Notes the counters at the preload."""
+        if event.kind == "preload":
+            state = simulation.state
+            self.steps, self.pairs, self.depth = state.counters.steps, simulation.scheme.pairs, -state.place
+
+
+def measured(case: Case) -> Row | None:
+    """The row of a case; None where it takes too long, or fails."""
+    from mpi4py import MPI
+
+    from pgfmd.assemble import assemble
+    from pgfmd.errors import RunError
+    from pgfmd.scene import load_scene
+
+    scene = load_scene(case.scene, list(case.changes))
+    simulation, preload = assemble(scene, MPI.COMM_SELF), Preload()
+    simulation.observers.append(preload)
+    began = time.process_time()
+    try:
+        state = simulation.run(attend=lambda _: time.process_time() - began > LONGEST)
+    except RunError as error:
+        print(f"failed: {case.label}: {error}", flush=True)
+        return None
+    counters, seconds = state.counters, time.process_time() - began
+    return Row(
+        case.part, case.size, case.scene, "; ".join(case.changes), state.finished, counters.steps, preload.steps,
+        simulation.scheme.pairs, preload.pairs, counters.rejected_steps, counters.newton_iterations, counters.jumps,
+        preload.depth, state.place, round(seconds, 3), round(simulation.scheme.transform_seconds, 3),
+    )  # fmt: skip
+
+
+def run(sizes: tuple[str, ...], workers: int, again: bool) -> None:
+    """Runs the cases of these sizes that have no row yet, or all of them; a row is kept as soon as its run is done."""
+    cases = [case for case in CASES if case.size in sizes]
+    names = {(case.scene, "; ".join(case.changes)) for case in cases}
+    rows = [row for row in rows_of(TABLE) if not (again and (row.scene, row.changes) in names)]
+    have = {(row.scene, row.changes) for row in rows}
+    todo = [case for case in cases if (case.scene, "; ".join(case.changes)) not in have]
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        jobs = {pool.submit(measured, case): case for case in todo}
+        for count, job in enumerate(as_completed(jobs), 1):
+            row = job.result()
+            print(f"{count}/{len(todo)} {jobs[job].label}: {f'{row.pairs} pairs, {row.seconds} s' if row else 'no row'}", flush=True)
+            if row and row.finished:
+                rows.append(row)
+                write(TABLE, rows)
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("what", choices=["run"])
+    options.add_argument("--full", action="store_true")
+    options.add_argument("--again", action="store_true")
+    options.add_argument("--workers", type=int, default=os.cpu_count())
+    chosen = options.parse_args()
+    run((REDUCED, FULL) if chosen.full else (REDUCED,), chosen.workers, chosen.again)
+
+
+if __name__ == "__main__":
+    main()
