@@ -1,23 +1,27 @@
-"""Runs the shipped scenes and their common variations, and compares steps and pairs of transforms with the forecast.
+"""Runs the shipped scenes and their common variations, compares steps and pairs of transforms with the forecast, and fits its numbers.
 
-    python scripts/forecast_cost.py run            the reduced set, as a row each in docs/figures/forecast.csv
-    python scripts/forecast_cost.py run --full     the large grids and long paths too
+    python scripts/forecast_cost.py all            runs, fit and page of the reduced set: two minutes on two idle cores
+    python scripts/forecast_cost.py all --again    the same, after the solvers have changed: rows that are there are run anew
+    python scripts/forecast_cost.py run --full     the large grids and long paths too: an hour
+    python scripts/forecast_cost.py fit            the numbers of pgfmd/forecast/fitted.py from the table
+    python scripts/forecast_cost.py page           docs/forecast.md from the table and the numbers
+
+The table is docs/figures/forecast.csv, a row as soon as its run is done; a script that is stopped goes on from there.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import os
+import subprocess
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, fields
 from multiprocessing import get_context
-from pathlib import Path
 
 from forecast_scenes import CASES, FULL, REDUCED, Case
+from forecast_table import TABLE, Row, rows_of, write
 
-TABLE = Path(__file__).parents[1] / "docs" / "figures" / "forecast.csv"
 LONGEST = 600.0
 """Processor time [s] after which a run is given up; it has no row."""
 
@@ -83,13 +87,20 @@ def run(sizes: tuple[str, ...], workers: int, again: bool) -> None:
 
 
 def main() -> None:
+    """Does what is asked for, in this order."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("what", choices=["run"])
-    options.add_argument("--full", action="store_true")
-    options.add_argument("--again", action="store_true")
-    options.add_argument("--workers", type=int, default=os.cpu_count())
+    options.add_argument("what", choices=["all", "run", "fit", "page"])
+    options.add_argument("--full", action="store_true", help="the large grids and long paths too")
+    options.add_argument("--again", action="store_true", help="what has a row already as well")
+    options.add_argument("--workers", type=int, default=os.cpu_count(), help="runs side by side (default %(default)s)")
     chosen = options.parse_args()
-    run((REDUCED, FULL) if chosen.full else (REDUCED,), chosen.workers, chosen.again)
+    if chosen.what in ("all", "run"):
+        run((REDUCED, FULL) if chosen.full else (REDUCED,), chosen.workers, chosen.again)
+    if chosen.what in ("all", "fit"):
+        subprocess.run([sys.executable, __file__.replace("forecast_cost", "forecast_fit")], check=True)
+    if chosen.what in ("all", "page"):
+        # A process of its own: it has to read the numbers that have just been written.
+        subprocess.run([sys.executable, __file__.replace("forecast_cost", "forecast_page")], check=True)
 
 
 if __name__ == "__main__":

@@ -1,20 +1,20 @@
-"""Fits the numbers of pgfmd/forecast/fitted.py to the rows of forecast_cost.py, and judges them."""
+"""Fits the numbers of pgfmd/forecast/fitted.py to the rows of forecast_cost.py, and writes them there."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from forecast_scenes import FIT
-from forecast_table import Row
+from forecast_table import TABLE, Row, rows_of
 
-from pgfmd.forecast.effort import Effort, counts_of, effort_of, kind_of, ways_of
+from pgfmd.forecast.effort import counts_of, kind_of, ways_of
 from pgfmd.forecast.fitted import FITTED, Numbers
 from pgfmd.scene import load_scene
 
@@ -36,6 +36,8 @@ GUESSES = {
     "repulsive": replace(ANY, rate=(28.0, 20.0), slow=1.0, travel=0.0, refinement=0.33),
     "elastic": replace(ANY, rate=(60.0, 30.0), slow=0.0, refinement=1.0, pairs_rate=(5.0, 5.0)),
     "flat, elastic": replace(ANY, least=(8.0, 10.0), rate=(1.0, 1.0), slow=0.0, refinement=0.1, pairs_rate=(0.5, 1.0)),
+    "round, elastic": replace(ANY, rate=(60.0, 40.0), slow=0.0, refinement=0.8, pairs_rate=(5.0, 5.0)),
+    "round, quasi-static": replace(ANY, rate=(40.0, 40.0), slow=0.0, refinement=0.5, pairs_rate=(5.0, 5.0)),
     "quasi-static": replace(ANY, rate=(60.0, 40.0), slow=0.0, refinement=0.8, pairs_rate=(5.0, 5.0)),
     "flat, quasi-static": replace(ANY, least=(14.0, 8.0), rate=(1.0, 8.0), slow=0.0, refinement=0.1, pairs_rate=(1.0, 1.0), stiff=0.5),
     "smooth": replace(ANY, least=(20.0, 16.0), rate=(1.0, 1.0), slow=0.0, travel=0.0, refinement=0.5, pairs_rate=(3.0, 3.0)),
@@ -43,33 +45,9 @@ GUESSES = {
 """First guesses; what is zero stays so."""
 
 
-@dataclass(frozen=True)
-class Judged:
-    """A row, and what was foretold of it."""
-
-    row: Row
-    kind: str
-    told: Effort
-
-    @property
-    def ratio(self) -> float:
-        """Pairs foretold over pairs counted."""
-        return self.told.pairs / self.row.pairs
-
-
 def scene_of(row: Row):
     """The scene of a row."""
     return load_scene(row.scene, row.changes.split("; "))
-
-
-def judged(rows: list[Row]) -> list[Judged]:
-    """All rows beside what is foretold."""
-    found = []
-    for row in rows:
-        scene = scene_of(row)
-        kind = "explicit" if scene.solver.scheme == "gfmd" else kind_of(scene)
-        found.append(Judged(row, kind, effort_of(scene)))
-    return found
 
 
 def fitted(rows: list[Row]) -> dict[str, Numbers]:
@@ -78,7 +56,7 @@ def fitted(rows: list[Row]) -> dict[str, Numbers]:
     for row in rows:
         scene = scene_of(row)
         if scene.solver.scheme != "gfmd":
-            kinds[kind_of(scene)].append((row, scene, ways_of(scene)))
+            kinds[kind_of(scene)].append((row, ways_of(scene)))
     return {kind: _fit(found, GUESSES[kind]) for kind, found in kinds.items() if found}
 
 
@@ -97,14 +75,16 @@ def _fit(found: list, guess: Numbers) -> Numbers:
         return np.concatenate([away, *(np.array(list(_errors(*one, numbers(logarithms)))) / NOISE for one in fit)])
 
     best = numbers(least_squares(residuals, np.log(flat[free]), loss="soft_l1").x)
-    ratios = [abs(math.log(sum(pairs for _, pairs in counts_of(scene, ways, best)) / row.pairs)) for row, scene, ways in found]
-    return replace(best, spread=max(LEAST_SPREAD, math.exp(float(np.quantile(ratios, SHARE)))))
+    ratios = [abs(math.log(sum(counts_of(way, best)[1] for way in ways) / row.pairs)) for row, ways in found]
+    # Few scenes tell little of others.
+    spread = max(LEAST_SPREAD, math.exp(float(np.quantile(ratios, SHARE)))) * (1.0 + 1.0 / len(ratios))
+    return replace(best, spread=spread)
 
 
-def _errors(row: Row, scene, ways, numbers: Numbers) -> Iterator[float]:
+def _errors(row: Row, ways, numbers: Numbers) -> Iterator[float]:
     """Logarithms of foretold over counted: steps and pairs of both ways, and all pairs, which are what is asked for."""
     counted = (row.steps_in, row.pairs_in), (row.steps - row.steps_in, row.pairs - row.pairs_in)
-    told = counts_of(scene, ways, numbers)
+    told = [counts_of(way, numbers) for way in ways]
     for (steps, pairs), (steps_counted, pairs_counted) in zip(told, counted, strict=True):
         yield 0.5 * math.log(steps / max(1, steps_counted))
         yield 0.5 * math.log(pairs / max(1, pairs_counted))
@@ -148,3 +128,7 @@ def _written(value: float | tuple[float, ...]) -> str:
     if isinstance(value, tuple):
         return f"({', '.join(map(_written, value))})"
     return repr(float(f"{value:.3g}"))
+
+
+if __name__ == "__main__":
+    write(fitted(rows_of(TABLE)))

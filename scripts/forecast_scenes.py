@@ -77,10 +77,9 @@ def _corrugated(scene: str, low: float, high: float) -> Iterator[Case]:
         (256, elements(20)), (256, speed(5), elements(5)), (128, speed(25), elements(20)),
         (256, speed(25), "substrate.boundary=free"), (128, speed(1e4)), (192, speed(100)),
     ])  # fmt: skip
-    yield from _of(scene, FIT, FULL, [(1024, speed(1)), (2048, speed(25))])
-    yield from _of(scene, JUDGE, FULL, [
-        (1024, speed(5)), (1024, speed(25), elements(5)), (2048, speed(10)), (512, accuracy(0.001)), (2048, speed(1)),
-    ])  # fmt: skip
+    yield from _of(scene, FIT, REDUCED, [(1024, speed(1)), (2048, speed(25))])
+    yield from _of(scene, JUDGE, REDUCED, [(1024, speed(5)), (1024, speed(25), elements(5)), (512, accuracy(0.001))])
+    yield from _of(scene, JUDGE, FULL, [(2048, speed(10)), (2048, speed(1)), (2048, speed(5), elements(20))])
 
 
 def _flat() -> Iterator[Case]:
@@ -93,7 +92,7 @@ def _flat() -> Iterator[Case]:
         (256, speed(2)), (512, speed(25)), (1024, speed(10)), (256, speed(5), accuracy(0.003)), (256, preload(2)),
         (256, elements(20)), (128, speed(1e4)), (192, speed(1), "substrate.boundary=periodic"),
     ])  # fmt: skip
-    yield from _of("flat-punch", JUDGE, FULL, [(1024, speed(1)), (2048, speed(25))])
+    yield from _of("flat-punch", JUDGE, REDUCED, [(1024, speed(1)), (2048, speed(25))])
 
 
 def _sphere() -> Iterator[Case]:
@@ -125,7 +124,7 @@ def _without_time() -> Iterator[Case]:
             (64, INSTANTANEOUS, accuracy(0.03)), (96, preload(2 * low), ELASTIC, accuracy(0.03)),
             (96, preload(low), QUASISTATIC, accuracy(0.05), "substrate.boundary=free"),
         ])  # fmt: skip
-        yield from _of(scene, FIT, FULL, [(256, preload(low), QUASISTATIC, accuracy(0.03))])
+        yield from _of(scene, FIT, REDUCED, [(256, preload(low), QUASISTATIC, accuracy(0.03))])
         yield from _of(scene, JUDGE, FULL, [
             (128, QUASISTATIC, accuracy(0.03)), (128, preload(low), QUASISTATIC), (256, preload(low), QUASISTATIC, accuracy(0.1)),
             (256, INSTANTANEOUS, accuracy(0.03)), (128, preload(low), ELASTIC, accuracy(0.03)),
@@ -137,8 +136,17 @@ def _without_time() -> Iterator[Case]:
     yield from _of("flat-punch", JUDGE, REDUCED, [
         (96, QUASISTATIC, accuracy(0.03)), (96, ELASTIC, accuracy(0.03)), (64, QUASISTATIC),
     ])  # fmt: skip
-    yield from _of("hertz", FIT, REDUCED, [(256, QUASISTATIC), (128, STICKY, QUASISTATIC, accuracy(0.03)), (64, STICKY, ELASTIC)])
-    yield from _of("hertz", JUDGE, REDUCED, [(128, QUASISTATIC, accuracy(0.001)), (96, STICKY, QUASISTATIC), (96, STICKY, ELASTIC)])
+    yield from _of("hertz", FIT, REDUCED, [
+        (256, QUASISTATIC), *((n, STICKY, QUASISTATIC, accuracy(a)) for n, a in ((64, 0.01), (128, 0.03), (64, 0.1), (128, 0.1))),
+        (64, STICKY, ELASTIC), (128, STICKY, ELASTIC, accuracy(0.1)), (64, STICKY, ELASTIC, accuracy(0.03)),
+    ])  # fmt: skip
+    yield from _of("hertz", JUDGE, REDUCED, [
+        (128, QUASISTATIC, accuracy(0.001)), (96, STICKY, QUASISTATIC), (96, STICKY, QUASISTATIC, accuracy(0.05), preload(1)),
+        (96, STICKY, ELASTIC), (96, STICKY, ELASTIC, accuracy(0.05)),
+    ])  # fmt: skip
+    for scene in ("tri-tack", "hex-tack", "flat-punch"):
+        yield from _of(scene, FIT, REDUCED, [(96, INSTANTANEOUS), (256, INSTANTANEOUS, accuracy(0.1))])
+        yield from _of(scene, JUDGE, REDUCED, [(192, INSTANTANEOUS, accuracy(0.03)), (128, preload(10), INSTANTANEOUS)])
 
 
 def _explicit() -> Iterator[Case]:

@@ -17,16 +17,18 @@ Steps and pairs of flat punches hardly depend on how deep these are, but on how 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.parts import automatic_range, inertia_of_scene, law_of, quasistatic_compliance, relaxation_of, series_of
+from pgfmd.parts import automatic_range, inertia_of_scene, law_of, quasistatic_compliance, relaxation_of
+from pgfmd.run_ahead import coarse_scenes
+from pgfmd.symmetry import expected
 
 from .estimate import depth_of, modulus_of, pair_cost, pair_seconds
 from .fitted import FITTED, Numbers
-from .indentation import depth_at_preload, pull_off_height, stretch
+from .indentation import depth_at_preload, pull_off_height
 
 OUTSIDE = 2.0 / 3.0
 """Time outside the transforms, relative to that of pairs in double precision, which are about 60 % of a run."""
@@ -45,7 +47,7 @@ class Effort:
     """Expected steps and transform pairs of a run, right within a factor of `spread`, in 19 of 20 scenes.
 
     pair_seconds: of a pair in double precision. cost: of the run's pairs, relative to that. approach: how many of the steps
-    and of the pairs are made before the preload. unlike: why the spread is larger than that of the fit; empty if it is not.
+    and of the pairs are made before the preload. unlike: what makes the spread larger than that of the fit, empty for nothing. kind: of the scene.
     """
 
     steps: float
@@ -55,6 +57,7 @@ class Effort:
     spread: float = 3.0
     approach: tuple[float, float] = (0.0, 0.0)
     unlike: str = ""
+    kind: str = "explicit"
 
     @property
     def seconds(self) -> float:
@@ -64,11 +67,21 @@ class Effort:
 
 @dataclass(frozen=True)
 class Way:
-    """A way of the punch. length: in ranges of adhesion; time [s] that it takes; inward: whether it is the approach."""
+    """A way of the punch, in or out, with what its steps and pairs follow from.
+
+    length: in ranges of adhesion; time [s] that it takes; inward: whether it is the approach. slow: how slow the punch is
+    beside a surface that snaps, or beside one that creeps where nothing attracts; 1 without viscosity. creep: compliance J
+    within a time [s], relative to the static one. stiffness: K_0 l/E*, of the law beside the relaxed elastomer, over the size
+    l of a patch of contact.
+    """
 
     length: float
     time: float
     inward: bool
+    accuracy: float
+    slow: float
+    creep: Callable[[float], float]
+    stiffness: float
 
 
 def jump_threshold(scene) -> float:
@@ -80,14 +93,16 @@ def kind_of(scene) -> str:
     """The kind of a scene, of which FITTED has numbers."""
     if scene.adhesion.law == "repulsive":
         return "repulsive"
-    flat = "flat, " if scene.punch.pattern == "flat" else ""
+    shape = "flat, " if scene.punch.pattern == "flat" else ""
     if relaxation_of(scene).elements:
-        return f"{flat}viscoelastic"
+        return f"{shape}viscoelastic"
+    # Its contact line is all that jumps.
+    shape = "round, " if scene.punch.pattern in ("sphere", "power") else shape
     if scene.solver.scheme == "quasistatic":
         # The threshold is of kappa_inf: how much stiffer the body is than the relaxed one.
         stiff = 1.0 / quasistatic_compliance(scene) > jump_threshold(scene)
-        return "smooth" if stiff else f"{flat}quasi-static"
-    return f"{flat}elastic"
+        return "smooth" if stiff else f"{shape}quasi-static"
+    return f"{shape}elastic"
 
 
 def ways_of(scene) -> tuple[Way, Way]:
@@ -96,10 +111,33 @@ def ways_of(scene) -> tuple[Way, Way]:
     depth, beyond = depth_at_preload(scene), pull_off_height(scene)
     start = max(drive.clearance, 0.0) if law_of(scene.adhesion).attractive else 0.0
     into, out = depth + start, depth + beyond
-    counted_in, counted_out = (into, out) if scene.punch.pattern != "flat" else (start + reach, stretch(scene) + reach)
+    lengths = (into, out) if scene.punch.pattern != "flat" else (start + reach, beyond)
+    creep, stiffness, accuracy = relaxation_of(scene).to_creep(), stiffness_of_law(scene), scene.solver.accuracy
+
+    def softness(time: float) -> float:
+        if not creep.elements:
+            return quasistatic_compliance(scene) if scene.solver.scheme == "quasistatic" else 1.0
+        return float(creep.J_inf + (creep.J * -np.expm1(-time / creep.retardation_times)).sum())
+
+    def way(length: float, time: float, speed: float, inward: bool) -> Way:
+        slow = slowness(scene, creep, time, speed)
+        return Way(length / reach, time, inward, accuracy, slow, softness, stiffness)
+
     return (
-        Way(counted_in / reach, into / drive.speed, True), Way(counted_out / reach, out / drive.retract_speed, False),
+        way(lengths[0], into / drive.speed, drive.speed, True),
+        way(lengths[1], out / drive.retract_speed, drive.retract_speed, False),
     )  # fmt: skip
+
+
+def slowness(scene, creep, time: float, speed: float) -> float:
+    """How slow the punch is on a way that takes this time [s], see Way. creep: the CreepSeries of the scene."""
+    if not creep.elements:
+        return 1.0
+    # The middle of a broad spectrum, by logarithms: short and long times count by what they give way.
+    middle = math.exp(float((creep.J * np.log(creep.retardation_times)).sum() / creep.J.sum()))
+    if scene.adhesion.law == "repulsive":
+        return time / middle / (1.0 + time / middle)
+    return scene.adhesion.work_of_adhesion / (scene.substrate.contact_modulus * speed * middle)
 
 
 def effort_of(scene, numbers: Numbers | None = None) -> Effort:
@@ -107,54 +145,47 @@ def effort_of(scene, numbers: Numbers | None = None) -> Effort:
     if scene.solver.scheme == "gfmd":
         return _explicit_effort(scene)
     found = numbers or FITTED[kind_of(scene)]
-    (steps_in, pairs_in), (steps_out, pairs_out) = (_of_way(scene, way, found) for way in ways_of(scene))
+    (steps_in, pairs_in), (steps_out, pairs_out) = (counts_of(way, found) for way in ways_of(scene))
     unlike = ", ".join(_unlike(scene))
     return Effort(
         steps_in + steps_out, pairs_in + pairs_out, pair_seconds(scene), pair_cost(scene),
-        found.spread * (UNLIKE if unlike else 1.0), (steps_in, pairs_in), unlike,
+        found.spread * (UNLIKE if unlike else 1.0), (steps_in, pairs_in), unlike, kind_of(scene),
     )  # fmt: skip
 
 
-def counts_of(scene, ways: tuple[Way, Way], numbers: Numbers) -> list[tuple[float, float]]:
-    """(steps, pairs) of each way: for fits, which know the ways."""
-    return [_of_way(scene, way, numbers) for way in ways]
+def ahead_of(scene) -> list[tuple[object, float]]:
+    """The coarse approaches that are run ahead of a run (run_ahead.py), each with its expected transform pairs."""
+    return [(coarse, effort_of(coarse).approach[1]) for coarse in coarse_scenes(scene)]
 
 
-def _of_way(scene, way: Way, numbers: Numbers) -> tuple[float, float]:
+def told_of_ahead(scene) -> tuple[str, str]:
+    """What is run ahead, and its expected work beside that of the run; both empty where nothing is."""
+    ahead = ahead_of(scene)
+    if not ahead:
+        return "", ""
+    own, work = effort_of(scene), _work_of_pair(scene)
+    pairs, share = sum(pairs for _, pairs in ahead), sum(pairs * _work_of_pair(coarse) for coarse, pairs in ahead)
+    count = "a coarse approach" if len(ahead) == 1 else f"{len(ahead)} coarse approaches"
+    what = f"{count}, n = {ahead[0][0].grid.n}, {float(f'{pairs:.2g}'):g} pairs"
+    return what, f"{100.0 * share / (own.pairs * work):.1g} % of the work of the run"
+
+
+def _work_of_pair(scene) -> float:
+    """The arithmetic of a pair, in units of its own: n^2 log n, less where mirror images are left out."""
+    n = scene.grid.n
+    return n**2 * math.log(n) / 2 ** len(expected(scene).mirror) * pair_cost(scene)
+
+
+def counts_of(way: Way, numbers: Numbers) -> tuple[float, float]:
     """Steps and pairs of a way."""
     least, rate, pairs_rate = (pair[0 if way.inward else 1] for pair in (numbers.least, numbers.rate, numbers.pairs_rate))
-    steps = least + rate * way.length**numbers.travel * slowness(scene, way) ** numbers.slow
-    steps *= (1e-2 / scene.solver.accuracy) ** numbers.refinement
-    softness = _creep(scene, way.time / steps)
-    each = numbers.pairs_least + pairs_rate * math.sqrt(1.0 + softness * stiffness_of_law(scene) ** numbers.stiff)
-    return steps, steps * each
-
-
-def slowness(scene, way: Way) -> float:
-    """How slow the punch is beside a surface that snaps, or beside one that creeps where nothing attracts; 1 without
-    viscosity."""
-    creep = relaxation_of(scene).to_creep()
-    if not creep.elements:
-        return 1.0
-    # In the middle of a broad spectrum, by logarithms: short and long times count by what they give way.
-    time = math.exp(float((creep.J * np.log(creep.retardation_times)).sum() / creep.J.sum()))
-    if scene.adhesion.law == "repulsive":
-        return way.time / time / (1.0 + way.time / time)
-    speed = scene.drive.speed if way.inward else scene.drive.retract_speed
-    return scene.adhesion.work_of_adhesion / (scene.substrate.contact_modulus * speed * time)
-
-
-def _creep(scene, time: float) -> float:
-    """Compliance J within a time [s], relative to the static one."""
-    creep = relaxation_of(scene).to_creep()
-    if not creep.elements:
-        return quasistatic_compliance(scene) if scene.solver.scheme == "quasistatic" else 1.0
-    return float(creep.J_inf + (creep.J * -np.expm1(-time / creep.retardation_times)).sum())
+    steps = (1e-2 / way.accuracy) ** numbers.refinement * (least + rate * way.length**numbers.travel * way.slow**numbers.slow)
+    root = math.sqrt(1.0 + way.creep(way.time / steps) * way.stiffness**numbers.stiff)
+    return steps, steps * (numbers.pairs_least + pairs_rate * root)
 
 
 def stiffness_of_law(scene) -> float:
-    """K_0 l/E*: the law's stiffness beside that of the relaxed elastomer, over the size l of a patch of contact: half a
-    wavelength, the radius of a sphere's contact or that of the punch."""
+    """K_0 l/E*, see Way. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
     punch = scene.punch
     if punch.pattern in ("sphere", "power"):
         size = min(punch.radius, math.sqrt(punch.curvature_radius * depth_of(scene)))

@@ -98,11 +98,11 @@ def pull_off_height(scene) -> float:
 
 
 def stretch(scene) -> float:
-    """How far [m] a flat punch stretches the elastomer before it comes off; 0 for others."""
+    """How far [m] a flat punch stretches the elastomer before it comes off, as that is in this time; 0 for others."""
     if scene.punch.pattern != "flat":
         return 0.0
-    energy = scene.adhesion.work_of_adhesion
-    return math.sqrt(2.0 * math.pi * energy * scene.punch.radius / modulus_of(scene))
+    relaxed = math.sqrt(2.0 * math.pi * scene.adhesion.work_of_adhesion * scene.punch.radius / modulus_of(scene))
+    return relaxed / math.sqrt(mean_kappa(scene, relaxed / scene.drive.retract_speed))
 
 
 def neck(scene) -> float:

@@ -11,7 +11,7 @@ from pgfmd.files import storage
 from pgfmd.files.curve_file import CurveFile, EnergyFile, EventFile, PatchFile, SiteFile
 from pgfmd.host import launch
 from pgfmd.parts import topography_of
-from pgfmd.forecast.run_ahead_cost import told_of
+from pgfmd.forecast.effort import told_of_ahead
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.solver.interruption import Interrupted
@@ -105,7 +105,7 @@ def _run_ahead(scene, comm, say, keeper) -> list[tuple[float, str]]:
     if not coarse:
         return []
     tell = say if comm.rank == 0 else (lambda line: None)
-    tell(f"run ahead to place the snapshots before the preload: {told_of(scene)}")
+    tell(f"run ahead to place the snapshots before the preload: about {', '.join(told_of_ahead(scene))}")
     heed = {"attend": lambda _: keeper.has_to_stop(), "interrupt": keeper.interrupts} if keeper else {}
     found, pairs, began = [], 0, time.perf_counter()
     for one in coarse:
