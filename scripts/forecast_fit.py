@@ -41,6 +41,8 @@ GUESSES = {
     "quasi-static": replace(ANY, rate=(60.0, 40.0), slow=0.0, refinement=0.8, pairs_rate=(5.0, 5.0)),
     "flat, quasi-static": replace(ANY, least=(14.0, 8.0), rate=(1.0, 8.0), slow=0.0, refinement=0.1, pairs_rate=(1.0, 1.0), stiff=0.5),
     "smooth": replace(ANY, least=(20.0, 16.0), rate=(1.0, 1.0), slow=0.0, travel=0.0, refinement=0.5, pairs_rate=(3.0, 3.0)),
+    "flat, smooth": replace(ANY, least=(12.0, 12.0), rate=(1.0, 1.0), slow=0.0, travel=0.0, refinement=0.5, pairs_rate=(2.0, 2.0), stiff=0.5),
+    "round, smooth": replace(ANY, least=(20.0, 16.0), rate=(1.0, 1.0), slow=0.0, travel=0.0, refinement=0.5, pairs_rate=(3.0, 3.0)),
 }  # fmt: skip
 """First guesses; what is zero stays so."""
 

@@ -144,6 +144,10 @@ def _without_time() -> Iterator[Case]:
         (128, QUASISTATIC, accuracy(0.001)), (96, STICKY, QUASISTATIC), (96, STICKY, QUASISTATIC, accuracy(0.05), preload(1)),
         (96, STICKY, ELASTIC), (96, STICKY, ELASTIC, accuracy(0.05)),
     ])  # fmt: skip
+    # As stiff at once as the other scenes are.
+    at_once = ("rheology.model=single", "rheology.modulus_ratio=250", "rheology.relaxation_time=1 ms")
+    yield from _of("hertz", FIT, REDUCED, [(n, STICKY, at_once, INSTANTANEOUS, accuracy(a)) for n, a in ((64, 0.01), (128, 0.03), (256, 0.1))])
+    yield from _of("hertz", JUDGE, REDUCED, [(96, STICKY, at_once, INSTANTANEOUS, accuracy(0.02)), (192, STICKY, at_once, INSTANTANEOUS)])
     for scene in ("tri-tack", "hex-tack", "flat-punch"):
         yield from _of(scene, FIT, REDUCED, [(96, INSTANTANEOUS), (256, INSTANTANEOUS, accuracy(0.1))])
         yield from _of(scene, JUDGE, REDUCED, [(192, INSTANTANEOUS, accuracy(0.03)), (128, preload(10), INSTANTANEOUS)])

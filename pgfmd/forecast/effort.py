@@ -34,8 +34,9 @@ OUTSIDE = 2.0 / 3.0
 """Time outside the transforms, relative to that of pairs in double precision, which are about 60 % of a run."""
 JUMP_FACTOR = 0.38
 """A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
-EXPLICIT_SPREAD = 1.5
-"""Of the steps of the scheme gfmd, whose length is known: those of the time that the programme takes."""
+EXPLICIT_SPREAD, FLAT_SPREAD = 1.5, 2.0
+"""Of the steps of the scheme gfmd, whose length is known: that of the time which the programme takes, and that of flat punches,
+which stretch the elastomer by a way that depends on their speed."""
 UNLIKE = 2.0
 """By this factor more a scene may be off that is unlike those that the numbers were fitted to."""
 STIFFEST = 8.0
@@ -101,7 +102,7 @@ def kind_of(scene) -> str:
     if scene.solver.scheme == "quasistatic":
         # The threshold is of kappa_inf: how much stiffer the body is than the relaxed one.
         stiff = 1.0 / quasistatic_compliance(scene) > jump_threshold(scene)
-        return "smooth" if stiff else f"{shape}quasi-static"
+        return f"{shape}{'smooth' if stiff else 'quasi-static'}"
     return f"{shape}elastic"
 
 
@@ -221,5 +222,6 @@ def _explicit_effort(scene) -> Effort:
     out = (depth + pull_off_height(scene)) / drive.retract_speed + drive.turn_time + drive.dwell
     step = inertia_of_scene(scene).step
     steps = (into + out) / step
+    spread = FLAT_SPREAD if scene.punch.pattern == "flat" else EXPLICIT_SPREAD
     # All rows, where the fused transform has those under the punch.
-    return Effort(steps, steps, 2.0 * pair_seconds(scene), 1.0, EXPLICIT_SPREAD, (into / step, into / step))
+    return Effort(steps, steps, 2.0 * pair_seconds(scene), 1.0, spread, (into / step, into / step))
