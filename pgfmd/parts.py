@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from .errors import Problem, SceneError
-from .physics.cohesion import LAWS, CohesiveLaw
+from .physics.cohesion import LAWS, CohesiveLaw, range_of_adhesion
 from .physics.drive import Drive
 from .physics.film import Film
 from .physics.free_kernel import FreeFilm, FreeHalfSpace
@@ -21,6 +21,8 @@ from .physics.rheology import PronySeries
 from .physics.topography import Topography
 from .solver.grid import Grid
 
+PAPER_FACTOR = 0.156
+"""Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means."""
 LEAST_COMPLIANCE = 1e-60
 """Compliance [m/Pa] that is not too small to be computed with; its inverse is not too large."""
 SOFT_MACHINE = 1e-4
@@ -88,6 +90,12 @@ def drive_of(scene) -> Drive:
 def law_of(adhesion) -> CohesiveLaw:
     """The cohesive law of a scene's [adhesion]."""
     return CohesiveLaw(adhesion.work_of_adhesion, adhesion.range, LAWS[adhesion.law])
+
+
+def automatic_range(scene) -> float:
+    """The range of adhesion [m] that the paper's rule gives for the scene's grid."""
+    q_ref = 2.0 * math.pi * scene.grid.n / scene.grid.length
+    return range_of_adhesion(scene.adhesion.work_of_adhesion, scene.substrate.contact_modulus, PAPER_FACTOR, q_ref)
 
 
 def inertia_of_scene(scene) -> Inertia:

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pgfmd import coarsening
-from pgfmd.forecast.advice import automatic_range, remarks, warnings
-from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, effort_of, memory_of, punch_points
+from pgfmd.forecast.advice import remarks, warnings
+from pgfmd.forecast.effort import Effort, effort_of, told_of_ahead
+from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_points
 from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
-from pgfmd.parts import compliance_of, inertia_of_scene, law_of, series_of, topography_of
+from pgfmd.parts import automatic_range, compliance_of, inertia_of_scene, law_of, series_of, topography_of
 from pgfmd.physics.inertia import contact_stiffness
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene.model import SECTIONS, unused_keys
@@ -20,6 +21,8 @@ from pgfmd.scene.precision import best_precision
 from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity
 
+TELLING_SPREAD = 1.5
+"""Factor up to which an estimate is told as a number; where it may be further off, a range is told."""
 CORRUGATIONS = {"triangular": "tri", "hexagonal": "hex"}
 
 
@@ -60,7 +63,7 @@ def report(scene, ranks: int = 1) -> Report:
         "Cost": list(_cost(scene, ranks)),
     }
     times, advice = run_times(scene, ranks)
-    sections["Cost"] += [Line(f"expected time on {_ranks(count)}", seconds, "s", note) for count, seconds, note in times]
+    sections["Cost"] += [_time(count, seconds, note, effort_of(scene).spread) for count, seconds, note in times]
     return Report(scene.title, sections, list(warnings(scene, ranks)), [*remarks(scene), *advice])
 
 
@@ -175,9 +178,28 @@ def _cost(scene, ranks: int) -> Iterator[Line]:
     yield Line("fields per rank", memory.peak, "B", f"on {_ranks(ranks)}")
     program = f"{OWN_BYTES / 1e6:.0f} MB for the program on each rank and {FILE_BYTES / 1e6:.0f} MB for its files"
     yield Line("memory in all", memory.in_all(ranks), "B", f"with {program}")
-    note = "an estimate, within a factor of 3"
-    yield Line("expected steps", _rounded(effort.steps), "", note)
-    yield Line("expected transform pairs", _rounded(effort.pairs), "", note)
+    yield _expected("expected steps", effort.steps, effort)
+    yield _expected("expected transform pairs", effort.pairs, effort)
+    ahead, share = told_of_ahead(scene)
+    if ahead:
+        yield Line("run ahead", ahead, "", f"places the snapshots before the preload; {share}")
+
+
+def _time(ranks: int, seconds: float, note: str, spread: float) -> Line:
+    """The expected time on some ranks; a range where the number of pairs is one."""
+    name = f"expected time on {_ranks(ranks)}"
+    if spread <= TELLING_SPREAD:
+        return Line(name, seconds, "s", note)
+    shortest, longest = (handy_quantity(seconds * factor, "time", 2) for factor in (1.0 / spread, spread))
+    return Line(name, f"{shortest} to {longest}", "", note)
+
+
+def _expected(name: str, value: float, effort: Effort) -> Line:
+    """An estimate; where it may be far off, the range that it is in."""
+    if effort.spread <= TELLING_SPREAD:
+        return Line(name, _rounded(value), "", f"an estimate, within a factor of {effort.spread:.2g}")
+    why = f"no better is known of scenes with {effort.unlike}" if effort.unlike else f"no better is known of {effort.kind} scenes"
+    return Line(name, f"{_rounded(value / effort.spread)} to {_rounded(value * effort.spread)}", "", why)
 
 
 def _symmetry(scene) -> Line:

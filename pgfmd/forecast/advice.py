@@ -7,24 +7,20 @@ import os
 from collections.abc import Iterator
 from dataclasses import replace
 
-from pgfmd.parts import deepest_indentation, drive_of, inertia_of_scene, relaxation_of, series_of
-from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.parts import automatic_range, deepest_indentation, drive_of, inertia_of_scene, relaxation_of, series_of
 from pgfmd.physics.drive import OVERSHOOT
 from pgfmd.reference import jkr
 from pgfmd.units import handy_quantity as shown
 
 from . import plausibility
 from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
-from .estimate import depth_of, effort_of, memory_of, modulus_of
+from .effort import effort_of, jump_threshold
+from .estimate import depth_of, memory_of, modulus_of
 
-PAPER_FACTOR = 0.156
-"""Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means here."""
 PINNING_SHARE = 0.5
 """Share of the automatic range below which lattice pinning spoils the result."""
 FEWEST_POINTS = 8
 """Grid points that a wavelength should have."""
-JUMP_FACTOR = 0.38
-"""A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
 LONGEST_TURN = 5.0 * OVERSHOOT
 """Way of a turn, in ranges of adhesion, from which on it matters for what follows."""
 PRESSED_IN = 2.0
@@ -33,17 +29,6 @@ MANY_ROWS = 1e5
 """Rows of curve.csv, a hundred bytes each, that are more than anyone plots."""
 GLASSY, QUASI_STATIC = 1e-2, 1e3
 """rho/v below this share of the shortest relaxation time; above this multiple of the longest retardation time."""
-
-
-def automatic_range(scene) -> float:
-    """The range of adhesion [m] that the paper's rule gives for the scene's grid."""
-    q_ref = 2.0 * math.pi * scene.grid.n / scene.grid.length
-    return range_of_adhesion(scene.adhesion.work_of_adhesion, scene.substrate.contact_modulus, PAPER_FACTOR, q_ref)
-
-
-def jump_threshold(scene) -> float:
-    """kappa_inf below which a flat punch jumps in zero time: 0.38 n at the automatic range, more at a shorter one."""
-    return JUMP_FACTOR * scene.grid.n * (automatic_range(scene) / scene.adhesion.range) ** 2
 
 
 def warnings(scene, ranks: int = 1) -> Iterator[str]:

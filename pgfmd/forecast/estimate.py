@@ -1,7 +1,5 @@
-"""What a scene will cost: memory from the arrays that a run allocates, steps and transforms from an empirical rule.
-
-No MPI; nothing large is allocated.
-"""
+"""What a scene will cost: memory from the arrays that a run allocates, and the time of a pair of transforms; how many it
+will take is in effort.py. No MPI; nothing large is allocated."""
 
 from __future__ import annotations
 
@@ -12,9 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pgfmd import coarsening
-from pgfmd.parts import (
-    inertia_of_scene, quasistatic_compliance, relaxation_of, series_of, topography_of, transform_side,
-)  # fmt: skip
+from pgfmd.parts import quasistatic_compliance, series_of, topography_of, transform_side
 from pgfmd.physics.heightfile import map_bytes
 from pgfmd.reference import flat_punch, hertz
 from pgfmd.solver.grid import PunchPoints
@@ -27,14 +23,8 @@ PROGRAM_BYTES = OWN_BYTES + FILE_BYTES
 """What a single rank needs beside its fields."""
 SINGLE_PAIR = 0.63
 """Time of a transform pair in single precision, relative to one in double: 0.54 to 0.75 for n = 192 to 2048."""
-OUTSIDE = 2.0 / 3.0
-"""Time outside the transforms, relative to that of pairs in double precision, which are about 60 % of a run."""
-EACH, EACH_ON_TWO_GRIDS = 7.5, 4.0
-"""Transform pairs a step of a viscoelastic run, without and with a coarser grid (coarsening.py)."""
 CELLS = 1.0 / 3.0
 """Time that a coarser grid takes for each pair on all points, relative to one in double precision."""
-SMOOTH = 0.1
-"""E(0)/E of a quasi-static run up to which the surface does not jump from one row of grid points to the next."""
 
 
 @dataclass(frozen=True)
@@ -172,24 +162,6 @@ def _gfmd_memory(scene, ranks: int) -> Memory:
     return Memory(3.0 * mine + modes, transform, state, transform + _map_bytes(scene.punch), output)
 
 
-@dataclass(frozen=True)
-class Effort:
-    """Expected steps and transform pairs of a run, right within a factor of 3 where the material is viscoelastic.
-
-    pair_seconds: of a pair in double precision. cost: of the run's pairs, relative to that.
-    """
-
-    steps: float
-    pairs: float
-    pair_seconds: float
-    cost: float = 1.0
-
-    @property
-    def seconds(self) -> float:
-        """Wall time on one rank of this machine."""
-        return self.pairs * self.pair_seconds * (self.cost + OUTSIDE)
-
-
 def modulus_of(scene) -> float:
     """E* [Pa] of a slow contact: static, but for a quasi-static run with the instantaneous modulus."""
     return scene.substrate.contact_modulus / quasistatic_compliance(scene)
@@ -206,61 +178,11 @@ def depth_of(scene, stiffening: float = 1.0) -> float:
     return image * preload / float(flat_punch.force(1.0, punch.radius, modulus))
 
 
-def effort_of(scene) -> Effort:
-    """Steps and transform pairs from a rule fitted to runs of the shipped scenes, n = 64 to 512.
-
-    With adhesion, steps go like the travel in ranges, times sqrt(gamma/(E* v lambda)), lambda the longest
-    retardation time, times accuracy^(-0.4); pairs a step hardly depend on the grid; elastic scenes jump at every
-    instability and cost far more. Quasi-static runs: n = 64 to 256, accuracy 0.01 to 0.05; n = 32 and 48 with the
-    instantaneous modulus. Without adhesion a few dozen steps are enough; fitted to elastic scenes, it is five times too
-    much for a fast viscoelastic one.
-    """
-    if scene.solver.scheme == "gfmd":
-        return _gfmd_effort(scene)
-    adhesion, drive, modulus = scene.adhesion, scene.drive, modulus_of(scene)
-    creep, quasistatic = relaxation_of(scene).to_creep(), scene.solver.scheme == "quasistatic"
-    way = depth_of(scene)
-    back = way
-    if scene.punch.pattern == "flat":
-        back += math.sqrt(2.0 * math.pi * adhesion.work_of_adhesion * scene.punch.radius / modulus)
-    way += max(drive.clearance, 0.0)
-    tightness = adhesion.work_of_adhesion / modulus
-    refinement = (1e-2 / scene.solver.accuracy) ** 0.4
-    if adhesion.law == "repulsive":
-        steps = 30.0 * math.sqrt(refinement)
-        return Effort(steps, steps * 24.0 * (scene.grid.n / 128) ** 0.6, pair_seconds(scene), pair_cost(scene))
-    coarse = coarsening.expected(scene).factor
-    steps = pairs = 0.0
-    for length, speed in ((way, drive.speed), (back, drive.retract_speed)):
-        if creep.elements:
-            longest = float(creep.retardation_times.max())
-            rate, each = min(max(20.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0), EACH_ON_TWO_GRIDS if coarse else EACH
-        elif quasistatic:
-            smooth = quasistatic_compliance(scene) <= SMOOTH
-            rate, each = 110.0 * refinement, 12.0 if smooth else 30.0 * (scene.grid.n / 128) ** 0.4
-            each *= refinement**0.4
-        else:
-            rate, each = 70.0, 25.0
-        here = rate * length / adhesion.range * refinement
-        steps += here
-        pairs += here * each * refinement**-0.4
-    return Effort(steps, pairs, pair_seconds(scene), pair_cost(scene) + (CELLS if coarse else 0.0))
-
-
-def _gfmd_effort(scene) -> Effort:
-    """One pair a step of known length; the time of the programme is that of the static depth, with what adhesion
-    adds to the way back."""
-    drive, depth = scene.drive, depth_of(scene)
-    duration = (depth + max(drive.clearance, 0.0)) / drive.speed + drive.turn_time + drive.dwell
-    duration += (depth + 2.0 * scene.adhesion.range) / drive.retract_speed
-    steps = duration / inertia_of_scene(scene).step
-    # All rows, where the fused transform has those under the punch.
-    return Effort(steps, steps, 2.0 * pair_seconds(scene))
-
-
 def pair_cost(scene) -> float:
-    """Time of a run's transform pairs relative to pairs in double precision; in mixed precision nearly all are single."""
-    return 1.0 if scene.solver.precision == "double" else SINGLE_PAIR
+    """Time of a run's transform pairs relative to pairs in double precision; in mixed precision nearly all are single. With
+    what a coarser grid takes for each."""
+    cells = CELLS if coarsening.expected(scene).factor else 0.0
+    return cells + (1.0 if scene.solver.precision == "double" else SINGLE_PAIR)
 
 
 def pair_seconds(scene) -> float:

@@ -6,11 +6,10 @@ What is left is counted in steps, of which a punch needs about as many for each 
 
 p: share of the way, in and out, that is done; s: steps so far; E: steps of the whole run as estimated beforehand
 (estimate.effort_of). So the estimate counts at the start, and later what the way behind has taken. Where the punch is
-slower a metre takes more steps, as in the estimate. The depth at the preload is that of a static contact until the
-force has risen; then its slope tells. Explicit steps have one length: there the time counts.
+slower a metre takes more steps, as in the estimate. The depth at the preload is the estimated one until the force has
+risen; then its slope tells. Explicit steps have one length: there the time counts.
 
-Nine times out of ten this is right within a factor of two (tests/unit/test_status.py); less so where the approach is so
-fast that the preload is met at half the static depth.
+Nine times out of ten this is right within a factor of two (tests/unit/test_status.py).
 """
 
 from __future__ import annotations
@@ -20,7 +19,8 @@ from dataclasses import dataclass
 
 from pgfmd.parts import deepest_indentation, inertia_of_scene
 
-from .estimate import depth_of, effort_of, modulus_of
+from .effort import effort_of
+from .indentation import depth_at_preload, pull_off_height
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def outlook(scene, moment: Moment) -> Outlook:
 
 def _way(scene, moment: Moment) -> _Way:
     clearance, position = scene.drive.clearance, moment.displacement
-    beyond = _pull_off_height(scene)
+    beyond = pull_off_height(scene)
     if moment.phase == "approach":
         depth = max(_depth_ahead(scene, moment), -position)
         return _Way(clearance - position, depth + position, 0.0, depth + beyond)
@@ -98,25 +98,13 @@ def _way(scene, moment: Moment) -> _Way:
 
 def _depth_ahead(scene, moment: Moment) -> float:
     """Indentation [m] at which the preload is going to be met."""
-    static, preload = depth_of(scene), scene.drive.preload
+    told, preload = depth_at_preload(scene), scene.drive.preload
     if moment.stiffness is None or moment.stiffness <= 0.0:
-        return static
+        return told
     # Force and slope tell nothing at first touch, and everything at the end: fast punches meet a stiffer elastomer.
     share = math.sqrt(min(max(moment.force / preload, 0.0), 1.0))
     ahead = -moment.displacement + max(preload - moment.force, 0.0) / moment.stiffness
-    return min((1.0 - share) * static + share * ahead, deepest_indentation(scene))
-
-
-def _pull_off_height(scene) -> float:
-    """Displacement [m] at which the punch comes off: little above zero, but for a flat punch, which has to stretch the
-    elastomer as far as Kendall's force does. Maugis, Contact, Adhesion and Rupture of Elastic Solids, 2000."""
-    adhesion, punch = scene.adhesion, scene.punch
-    if adhesion.law == "repulsive":
-        return 0.0
-    if punch.pattern != "flat":
-        return adhesion.range
-    stretch = math.sqrt(2.0 * math.pi * adhesion.work_of_adhesion * punch.radius / modulus_of(scene))
-    return adhesion.range + stretch
+    return min((1.0 - share) * told + share * ahead, deepest_indentation(scene))
 
 
 def _implicit_steps(scene, moment: Moment, way: _Way) -> tuple[float, str]:

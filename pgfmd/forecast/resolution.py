@@ -149,8 +149,8 @@ def overlap_share(scene) -> float:
         size = min(limit, math.sqrt(radius * depth))
         overlap = load / (math.pi * size**2) / law.stiffness
         # The punch moves by both while the load is made.
-        modulus = modulus_of(scene) * _mean_kappa(scene, (depth + overlap) / scene.drive.speed)
-    return overlap / (depth * _softness_of_film(scene, size))
+        modulus = modulus_of(scene) * mean_kappa(scene, (depth + overlap) / scene.drive.speed)
+    return overlap / (depth * softness_of_film(scene, size))
 
 
 def range_follows_the_grid(scene) -> bool:
@@ -161,7 +161,7 @@ def range_follows_the_grid(scene) -> bool:
     return math.isclose(own, adhesion.range, rel_tol=1e-9)
 
 
-def _softness_of_film(scene, size: float) -> float:
+def softness_of_film(scene, size: float) -> float:
     """G0 of the scene's film relative to that of a half-space, for a contact of this radius [m]: q = 1/a."""
     substrate = scene.substrate
     if math.isinf(substrate.thickness):
@@ -170,7 +170,7 @@ def _softness_of_film(scene, size: float) -> float:
     return float(film(1.0 / size, 0.0)) * substrate.contact_modulus / (2.0 * size)
 
 
-def _mean_kappa(scene, time: float) -> float:
+def mean_kappa(scene, time: float) -> float:
     """E/E(0) of an indentation that takes so long [s]: the relaxation function, averaged over it."""
     series = relaxation_of(scene)
     if not series.elements:

@@ -6,7 +6,8 @@ from pgfmd.host.processes import cores
 from pgfmd.parts import transform_side
 from pgfmd.symmetry import expected, points_of
 
-from .estimate import Effort, effort_of
+from .effort import OUTSIDE, Effort, ahead_of, effort_of
+from .estimate import pair_cost, pair_seconds
 from .machine_profile import NoProfile, Profile, read
 from .scaling import Problem
 
@@ -25,8 +26,9 @@ def run_times(scene, ranks: int) -> tuple[list[tuple[int, float, str]], list[str
 
     From the profile of this machine; where it has none, or not for such a scene, a guess for one rank alone.
     """
-    effort = effort_of(scene)
-    rough = [(1, effort.seconds, ROUGH)]
+    effort, ahead = effort_of(scene), ahead_of(scene)
+    guess = effort.seconds + sum(pairs * pair_seconds(coarse) * (pair_cost(coarse) + OUTSIDE) for coarse, pairs in ahead)
+    rough = [(1, guess, ROUGH)]
     try:
         profile = read()
     except NoProfile as problem:
@@ -34,9 +36,9 @@ def run_times(scene, ranks: int) -> tuple[list[tuple[int, float, str]], list[str
         return rough, [unknown] if ranks > 1 else []
     other = _not_measured(scene, profile)
     if other:
-        rough = [(1, effort.seconds, f"a rough guess, {other}")]
+        rough = [(1, guess, f"a rough guess, {other}")]
         return rough, [f"what {ranks_of(ranks)} would take is not known: {other}"] if ranks > 1 else []
-    return _by_profile(scene, profile, effort, ranks)
+    return _by_profile(scene, profile, effort, ahead, ranks)
 
 
 def problem_of(scene, mirror: str | None = None) -> Problem:
@@ -54,10 +56,19 @@ def _not_measured(scene, profile: Profile) -> str:
     return ""
 
 
-def _by_profile(scene, profile: Profile, effort: Effort, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
+def _by_profile(scene, profile: Profile, effort: Effort, ahead: list, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
     problem, pairs, usable = problem_of(scene), effort.pairs, min(cores(), profile.most_ranks)
     best = profile.best_ranks(problem, pairs, usable)
-    fastest = profile.run_seconds(problem, pairs, best)
+
+    def seconds(count: int) -> float:
+        """Of the run and of what is run ahead of it."""
+        others = [(problem_of(coarse), wanted) for coarse, wanted in ahead]
+        return profile.run_seconds(problem, pairs, count) + sum(
+            profile.run_seconds(other, wanted, min(count, other.most_ranks)) - profile.start_seconds(count)
+            for other, wanted in others if other.kind in profile.costs
+        )  # fmt: skip
+
+    fastest = seconds(best)
     note = f"as measured here on {profile.measured}; as good as the number of pairs"
     most = f"the best number of ranks for it on this machine, out of 1 to {usable}"
     if ranks > usable:
@@ -68,7 +79,7 @@ def _by_profile(scene, profile: Profile, effort: Effort, ranks: int) -> tuple[li
         return [(best, fastest, f"{most}; {note}")], [f"{own}; {ranks_of(best)} would do best here"]
     if ranks == best:
         return [(best, fastest, f"{most}; {note}")], []
-    taken = profile.run_seconds(problem, pairs, ranks)
+    taken = seconds(ranks)
     times = [(ranks, taken, note), (best, fastest, most)]
     if taken > WORTH_TELLING * fastest:
         return times, [f"{ranks_of(best)} would take about {fastest / taken:.2g} times as long as {ranks_of(ranks)} here"]

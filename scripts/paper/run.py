@@ -32,7 +32,7 @@ from paper.registry import FIGURES, STUDIES  # noqa: E402
 from pgfmd.commands.study import say  # noqa: E402
 from pgfmd.errors import PgfmdError, SceneError  # noqa: E402
 from pgfmd.files.storage import RUN_FILE, SCENE_FILE  # noqa: E402
-from pgfmd.forecast.estimate import effort_of  # noqa: E402
+from pgfmd.forecast.effort import effort_of  # noqa: E402
 from pgfmd.plots.drawing import STYLE  # noqa: E402
 from pgfmd.scene import load_scene  # noqa: E402
 from pgfmd.study.campaign import Campaign, Unfinished, Wishes  # noqa: E402

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from pgfmd.results import load
+from pgfmd.results.uncertainty import share_of
+from pgfmd.solver.simulation import STOPPED_STEPS
 
 from .declarations import EXPONENTS
 from .faults import Fault
@@ -134,3 +136,40 @@ def close(one: Path, other: Path, names: dict[str, float]) -> list[Fault]:
         if (value is None) != (found is None) or (value is not None and not math.isclose(value, found, rel_tol=error)):
             faults.append(Fault(f"record differs: {name}", f"{value!r}, {found!r}"))
     return faults
+
+
+UNCERTAIN = ("pull_off_force_N", "snap_in_force_N", "work_of_separation_J", "work_J")
+"""Entries of the record that come with an uncertainty."""
+
+
+def within_uncertainty(one: Path, other: Path) -> list[Fault]:
+    """Numbers of two runs that are further apart than both may be off, where rounding has led to other steps.
+
+    Forces and works have their uncertainties with them. How the run ends, and the preload at which it turns round, are
+    the same for both.
+    """
+    first, second = (json.loads((path / "run.json").read_text(encoding="utf-8")) for path in (one, other))
+    if STOPPED_STEPS in (first["finished"], second["finished"]):
+        # The same number of steps, of other lengths, ends elsewhere.
+        return []
+    faults = []
+    for name in ("finished", "scheme", "n", "range_m"):
+        if first[name] != second[name]:
+            faults.append(Fault(f"record differs: {name}", f"{first[name]!r}, {second[name]!r}"))
+    for name in UNCERTAIN:
+        value, found = first[name], second[name]
+        if (value is None) != (found is None):
+            faults.append(Fault(f"record differs: {name}", f"{value!r}, {found!r}"))
+        elif value is not None:
+            allowed = _uncertainty(name, first) + _uncertainty(name, second)
+            if not abs(value - found) <= allowed:
+                faults.append(Fault(f"further apart than both may be off: {name}", f"{value!r}, {found!r}, {allowed:.3g}"))
+    return faults
+
+
+def _uncertainty(name: str, record: dict) -> float:
+    """How far off an entry of a record may be; without an audit, which knows more, what its steps leave of works."""
+    quantity, _, unit = name.rpartition("_")
+    told = record[f"{quantity}_uncertainty_{unit}"]
+    works = max(abs(record[name]), abs(record["work_of_separation_J"] or 0.0))
+    return share_of(record) * works if told is None else told

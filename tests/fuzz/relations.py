@@ -16,10 +16,12 @@ import numpy as np
 from pgfmd.parts import series_of
 from pgfmd.physics.heightfile import read_heights
 from pgfmd.scene.output_section import NEAR_GAP
+from pgfmd.scene.precision import best_precision
 from pgfmd.scene.reading import scene_from_mapping
+from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, UnitError, parse_quantity
 
-from .comparing import UNITS, close, compared
+from .comparing import UNITS, close, compared, within_uncertainty
 from .declarations import KEYS, exponents
 from .draw import Draw, Mapping, as_toml, written
 from .faults import Fault
@@ -253,6 +255,33 @@ def _other_ranks(pair: Pair) -> list[Fault]:
     return [Fault(f"{one.label} on {ranks} ranks", one.text) for one in compared(base, pair.folder / "other")]
 
 
+def _unfolded(pair: Pair) -> list[Fault]:
+    """On all points of a punch that is its own mirror image, instead of a part of them."""
+    part, whole = pair.base("solver.symmetry=auto"), pair.other(pair.scene, "solver.symmetry=none")
+    resolved = scene_from_mapping(pair.scene, ["solver.symmetry=auto"], folder=pair.folder)
+    # Where nothing is left out, nothing may differ.
+    return within_uncertainty(part, whole) if expected(resolved).mirror else compared(part, whole)
+
+
+def _in_double(pair: Pair) -> list[Fault]:
+    """In the precision that is chosen, and in mixed precision where a larger grid would get that, against double."""
+    base = pair.base("solver.precision=double")
+    chosen = scene_from_mapping(pair.scene, ["solver.precision=auto"], folder=pair.folder)
+    other = pair.other(pair.scene, "solver.precision=auto", name="auto")
+    if chosen.solver.precision == "mixed":
+        return within_uncertainty(base, other)
+    faults = compared(base, other)
+    if _mixed_on_a_larger_grid(chosen):
+        faults += within_uncertainty(base, pair.other(pair.scene, "solver.precision=mixed", name="mixed"))
+    return faults
+
+
+def _mixed_on_a_larger_grid(scene: Any) -> bool:
+    """Whether nothing but its small grid keeps a scene from mixed precision."""
+    grid = scene.grid.model_copy(update={"n": 4096})
+    return best_precision(scene.model_copy(update={"grid": grid})).precision == "mixed"
+
+
 def _has_a_map(made: Made) -> bool:
     return made.scene["punch"]["pattern"] == "file"
 
@@ -266,5 +295,7 @@ RELATIONS: dict[str, Relation] = {
     "resolved": Relation(_resolved),
     "outputs": Relation(_other_outputs),
     "ranks": Relation(_other_ranks),
+    "symmetry": Relation(_unfolded, lambda made: made.scene["solver"]["scheme"] == "inertialess"),
+    "precision": Relation(_in_double),
 }
 """By their names on the command line."""

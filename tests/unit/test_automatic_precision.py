@@ -9,7 +9,8 @@ from small_runs import SCENE, run
 from pgfmd.commands.check import report
 from pgfmd.errors import SceneError
 from pgfmd.files.storage import RUN_FILE, SCENE_FILE
-from pgfmd.forecast.estimate import SINGLE_PAIR, effort_of, memory_of
+from pgfmd.forecast.effort import effort_of
+from pgfmd.forecast.estimate import SINGLE_PAIR, memory_of
 from pgfmd.restart.resume import plan
 from pgfmd.restart.sameness import differences
 from pgfmd.restart.scene_changes import differing, review

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pgfmd.commands.check import report
-from pgfmd.forecast.estimate import effort_of, memory_of
+from pgfmd.forecast.effort import effort_of
+from pgfmd.forecast.estimate import memory_of
 from pgfmd.scene import load_scene
 from pgfmd.symmetry import expected
 

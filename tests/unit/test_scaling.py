@@ -11,7 +11,7 @@ import pytest
 from pgfmd.benchmark.ranks import MIRRORS, TINY, WITNESSES, counts_to_measure, fitted, forced, usual
 from pgfmd.commands.check import report
 from pgfmd.forecast import machine_profile
-from pgfmd.forecast.estimate import effort_of
+from pgfmd.forecast.effort import effort_of
 from pgfmd.forecast.machine_profile import NoProfile, Profile, identity
 from pgfmd.forecast.run_times import problem_of
 from pgfmd.forecast.scaling import PARTS, Costs, Network, Problem, pair_seconds, total_seconds, traffic_of_pair, traffic_of_sum

@@ -1,0 +1,229 @@
+"""How many steps and transform pairs a scene will take: a model of few numbers, fitted to runs. No MPI.
+
+The punch goes in by a way W, and out by another, both counted in ranges of adhesion rho. On either way, of speed v,
+
+    steps = (0.01/accuracy)^q (least + rate W^w slow)
+    pairs = steps (pairs_least + pairs_rate sqrt(1 + J C^m)),     C = K_0 l/E*
+
+Steps: a surface that snaps moves by about gamma/E* in its retardation time lambda, and is followed at that speed, beside which
+the punch is slow: slow = (gamma/(E* v lambda))^p; where it jumps in zero time, or has none, slow = 1. Without attraction nothing
+snaps, and slow = x/(1 + x) of the retardation times x that the way takes. Pairs: conjugate gradients take the more iterations
+the softer the elastomer is within the time of a step, J = J(dt), beside the law's stiffness K_0 over the size l of a patch of
+contact.
+
+Steps and pairs of flat punches hardly depend on how deep these are, but on how far they stretch the elastomer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgfmd import coarsening
+from pgfmd.parts import automatic_range, inertia_of_scene, law_of, quasistatic_compliance, relaxation_of
+from pgfmd.run_ahead import coarse_scenes
+from pgfmd.symmetry import expected
+
+from .estimate import depth_of, modulus_of, pair_cost, pair_seconds
+from .fitted import FITTED, Numbers
+from .indentation import depth_at_preload, pull_off_height
+
+OUTSIDE = 2.0 / 3.0
+"""Time outside the transforms, relative to that of pairs in double precision, which are about 60 % of a run."""
+JUMP_FACTOR = 0.38
+"""A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
+EXPLICIT_SPREAD, FLAT_SPREAD = 1.5, 2.0
+"""Of the steps of the scheme gfmd, whose length is known: that of the time which the programme takes, and that of flat punches,
+which stretch the elastomer by a way that depends on their speed."""
+UNLIKE = 2.0
+"""By this factor more a scene may be off that is unlike those that the numbers were fitted to."""
+STIFFEST = 8.0
+"""Factor by which the accuracy, or the slowness, of a scene may be beyond those of the fit."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Expected steps and transform pairs of a run, right within a factor of `spread`, in 19 of 20 scenes.
+
+    pair_seconds: of a pair in double precision. cost: of the run's pairs, relative to that. approach: how many of the steps
+    and of the pairs are made before the preload. unlike: what makes the spread larger than that of the fit, empty for nothing. kind: of the scene.
+    """
+
+    steps: float
+    pairs: float
+    pair_seconds: float
+    cost: float = 1.0
+    spread: float = 3.0
+    approach: tuple[float, float] = (0.0, 0.0)
+    unlike: str = ""
+    kind: str = "explicit"
+
+    @property
+    def seconds(self) -> float:
+        """Wall time on one rank of this machine."""
+        return self.pairs * self.pair_seconds * (self.cost + OUTSIDE)
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way of the punch, in or out, with what its steps and pairs follow from.
+
+    length: in ranges of adhesion; time [s] that it takes; inward: whether it is the approach. slow: how slow the punch is
+    beside a surface that snaps, or beside one that creeps where nothing attracts; 1 without viscosity. creep: compliance J
+    within a time [s], relative to the static one. stiffness: K_0 l/E*, of the law beside the relaxed elastomer, over the size
+    l of a patch of contact.
+    """
+
+    length: float
+    time: float
+    inward: bool
+    accuracy: float
+    slow: float
+    creep: Callable[[float], float]
+    stiffness: float
+
+
+def jump_threshold(scene) -> float:
+    """kappa_inf below which a flat punch jumps in zero time: 0.38 n at the automatic range, more at a shorter one."""
+    return JUMP_FACTOR * scene.grid.n * (automatic_range(scene) / scene.adhesion.range) ** 2
+
+
+def kind_of(scene) -> str:
+    """The kind of a scene, of which FITTED has numbers."""
+    if scene.adhesion.law == "repulsive":
+        return "repulsive"
+    shape = "flat, " if scene.punch.pattern == "flat" else ""
+    if relaxation_of(scene).elements:
+        # Long waves then cost no pairs.
+        return f"{shape}viscoelastic{', two grids' if coarsening.expected(scene).factor else ''}"
+    # Its contact line is all that jumps.
+    shape = "round, " if scene.punch.pattern in ("sphere", "power") else shape
+    if scene.solver.scheme == "quasistatic":
+        # The threshold is of kappa_inf: how much stiffer the body is than the relaxed one.
+        stiff = 1.0 / quasistatic_compliance(scene) > jump_threshold(scene)
+        return f"{shape}{'smooth' if stiff else 'quasi-static'}"
+    return f"{shape}elastic"
+
+
+def ways_of(scene) -> tuple[Way, Way]:
+    """The ways in and out."""
+    drive, reach = scene.drive, scene.adhesion.range
+    depth, beyond = depth_at_preload(scene), pull_off_height(scene)
+    start = max(drive.clearance, 0.0) if law_of(scene.adhesion).attractive else 0.0
+    into, out = depth + start, depth + beyond
+    lengths = (into, out) if scene.punch.pattern != "flat" else (start + reach, beyond)
+    creep, stiffness, accuracy = relaxation_of(scene).to_creep(), stiffness_of_law(scene), scene.solver.accuracy
+
+    def softness(time: float) -> float:
+        if not creep.elements:
+            return quasistatic_compliance(scene) if scene.solver.scheme == "quasistatic" else 1.0
+        return float(creep.J_inf + (creep.J * -np.expm1(-time / creep.retardation_times)).sum())
+
+    def way(length: float, time: float, speed: float, inward: bool) -> Way:
+        slow = slowness(scene, creep, time, speed)
+        return Way(length / reach, time, inward, accuracy, slow, softness, stiffness)
+
+    return (
+        way(lengths[0], into / drive.speed, drive.speed, True),
+        way(lengths[1], out / drive.retract_speed, drive.retract_speed, False),
+    )  # fmt: skip
+
+
+def slowness(scene, creep, time: float, speed: float) -> float:
+    """How slow the punch is on a way that takes this time [s], see Way. creep: the CreepSeries of the scene."""
+    if not creep.elements:
+        return 1.0
+    # The middle of a broad spectrum, by logarithms: short and long times count by what they give way.
+    middle = math.exp(float((creep.J * np.log(creep.retardation_times)).sum() / creep.J.sum()))
+    if scene.adhesion.law == "repulsive":
+        return time / middle / (1.0 + time / middle)
+    return scene.adhesion.work_of_adhesion / (scene.substrate.contact_modulus * speed * middle)
+
+
+def effort_of(scene, numbers: Numbers | None = None) -> Effort:
+    """Steps and transform pairs of a run. numbers: instead of those of FITTED."""
+    if scene.solver.scheme == "gfmd":
+        return _explicit_effort(scene)
+    found = numbers or FITTED[kind_of(scene)]
+    (steps_in, pairs_in), (steps_out, pairs_out) = (counts_of(way, found) for way in ways_of(scene))
+    unlike = ", ".join(_unlike(scene))
+    return Effort(
+        steps_in + steps_out, pairs_in + pairs_out, pair_seconds(scene), pair_cost(scene),
+        found.spread * (UNLIKE if unlike else 1.0), (steps_in, pairs_in), unlike, kind_of(scene),
+    )  # fmt: skip
+
+
+def ahead_of(scene) -> list[tuple[object, float]]:
+    """The coarse approaches that are run ahead of a run (run_ahead.py), each with its expected transform pairs."""
+    return [(coarse, effort_of(coarse).approach[1]) for coarse in coarse_scenes(scene)]
+
+
+def told_of_ahead(scene) -> tuple[str, str]:
+    """What is run ahead, and its expected work beside that of the run; both empty where nothing is."""
+    ahead = ahead_of(scene)
+    if not ahead:
+        return "", ""
+    own, work = effort_of(scene), _work_of_pair(scene)
+    pairs, share = sum(pairs for _, pairs in ahead), sum(pairs * _work_of_pair(coarse) for coarse, pairs in ahead)
+    count = "a coarse approach" if len(ahead) == 1 else f"{len(ahead)} coarse approaches"
+    what = f"{count}, n = {ahead[0][0].grid.n}, {float(f'{pairs:.2g}'):g} pairs"
+    return what, f"{100.0 * share / (own.pairs * work):.1g} % of the work of the run"
+
+
+def _work_of_pair(scene) -> float:
+    """The arithmetic of a pair, in units of its own: n^2 log n, less where mirror images are left out."""
+    n = scene.grid.n
+    return n**2 * math.log(n) / 2 ** len(expected(scene).mirror) * pair_cost(scene)
+
+
+def counts_of(way: Way, numbers: Numbers) -> tuple[float, float]:
+    """Steps and pairs of a way."""
+    least, rate, pairs_rate = (pair[0 if way.inward else 1] for pair in (numbers.least, numbers.rate, numbers.pairs_rate))
+    steps = (1e-2 / way.accuracy) ** numbers.refinement * (least + rate * way.length**numbers.travel * way.slow**numbers.slow)
+    root = math.sqrt(1.0 + way.creep(way.time / steps) * way.stiffness**numbers.stiff)
+    return steps, steps * (numbers.pairs_least + pairs_rate * root)
+
+
+def stiffness_of_law(scene) -> float:
+    """K_0 l/E*, see Way. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
+    punch = scene.punch
+    if punch.pattern in ("sphere", "power"):
+        size = min(punch.radius, math.sqrt(punch.curvature_radius * depth_of(scene)))
+    elif punch.wavelength:
+        size = 0.5 * punch.wavelength
+    else:
+        size = punch.radius or 0.5 * scene.grid.length
+    return law_of(scene.adhesion).stiffness * size / scene.substrate.contact_modulus
+
+
+def _unlike(scene) -> Iterator[str]:
+    """What a scene has that none has by which the numbers were fitted."""
+    series = relaxation_of(scene)
+    if scene.punch.pattern == "file":
+        yield "a measured face"
+    if not 1e-3 / STIFFEST <= scene.solver.accuracy <= 0.1:
+        yield "its accuracy"
+    if math.isfinite(scene.substrate.thickness):
+        yield "a film"
+    if scene.drive.control == "load" or scene.drive.machine_stiffness != math.inf:
+        yield "a spring or a dead load"
+    if series.elements and series.to_creep().J_inf > 0.1:
+        yield "an elastomer that is nearly elastic"
+    if scene.drive.dwell > 0.0 and series.elements:
+        yield "a dwell"
+
+
+def _explicit_effort(scene) -> Effort:
+    """One pair a step of known length; the time of the programme is that of the depth, with what adhesion adds to the way
+    back."""
+    drive, depth = scene.drive, depth_at_preload(scene)
+    into = (depth + max(drive.clearance, 0.0)) / drive.speed
+    out = (depth + pull_off_height(scene)) / drive.retract_speed + drive.turn_time + drive.dwell
+    step = inertia_of_scene(scene).step
+    steps = (into + out) / step
+    spread = FLAT_SPREAD if scene.punch.pattern == "flat" else EXPLICIT_SPREAD
+    # All rows, where the fused transform has those under the punch.
+    return Effort(steps, steps, 2.0 * pair_seconds(scene), 1.0, spread, (into / step, into / step))
