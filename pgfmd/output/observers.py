@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pgfmd.files.curve_file import CurveFile, CurveRow, EnergyFile, EnergyRow, EventFile, EventRow
 from pgfmd.files.packing import unpack
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import CurveRow, EnergyRow, EventRow
 from pgfmd.solver.state import State
 
 from .fields_file import FieldsFile
@@ -37,7 +38,7 @@ class Curve(Observer):
     whatever rows `every` leaves out.
     """
 
-    def __init__(self, curve: CurveFile, energy: EnergyFile | None):
+    def __init__(self, curve: TableFile, energy: TableFile | None):
         self.files = [(curve, curve_row)] + ([(energy, energy_row)] if energy else [])
         self.before: list = [None] * len(self.files)
 
@@ -105,7 +106,7 @@ class Events(Observer):
     watch: who knows which contact a jump has changed (patch_observer.ContactWatch), and hears of it before; or None.
     """
 
-    def __init__(self, file: EventFile, watch=None):
+    def __init__(self, file: TableFile, watch=None):
         self.file, self.watch = file, watch
 
     def observe(self, simulation, event) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from pgfmd.assemble import assemble, convolution_of
 from pgfmd.files import storage
-from pgfmd.files.curve_file import CurveFile, EnergyFile, EventFile, PatchFile, SiteFile
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES, Table
 from pgfmd.host import launch
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
@@ -30,40 +31,44 @@ class Outputs:
     def __init__(self, simulation, scene, comm, folder: Path, say, guard: Callable[[], None] = lambda: None):
         """guard: see FieldsFile."""
         output, points = scene.output, simulation.points.whole
-        self.scene, self.comm, self.say = scene, comm, say
-        self.tables = {"curve": CurveFile(folder / storage.CURVE_FILE, comm, output.every)}
-        if output.energy:
-            self.tables["energy"] = EnergyFile(folder / storage.ENERGY_FILE, comm, output.every)
-        self.tables["events"] = EventFile(folder / storage.EVENTS_FILE, comm)
+        self.scene, self.comm, self.folder, self.say = scene, comm, folder, say
+        self.tables: dict[str, TableFile] = {}
+        curve = self._open(CURVE, output.every)
+        energy = self._open(ENERGY, output.every) if output.energy else None
+        events = self._open(EVENTS)
         self.fields = FieldsFile(
             folder / storage.FIELDS_FILE, comm, points.grid.n, points.grid.length, points.block_start, points.nb,
             points.row_start, points.rows, points.inside(), surface=output.surface, guard=guard,
             told=observers.gaps_of(simulation, scene),
         )  # fmt: skip
         surface = _surface(simulation, scene) if output.surface else None
-        watch, table = self._contact_observers(simulation, folder) if output.patches else (None, None)
+        watch, table = self._contact_observers(simulation) if output.patches else (None, None)
         self.snapshots = observers.Snapshots(self.fields, [], [], surface, table)
         simulation.observers += [
-            observers.Curve(self.tables["curve"], self.tables.get("energy")),
+            observers.Curve(curve, energy),
             *([watch] if watch else []),
-            observers.Events(self.tables["events"], watch),
+            observers.Events(events, watch),
             self.snapshots,
             observers.Progress(comm, say),
         ]
 
-    def _contact_observers(self, simulation, folder: Path) -> tuple[ContactWatch, PatchTable]:
+    def _open(self, table: Table, every: int = 1) -> TableFile:
+        """A table of the folder, known by its name to checkpoints."""
+        self.tables[table.name] = TableFile(table, self.folder / table.file, self.comm, every)
+        return self.tables[table.name]
+
+    def _contact_observers(self, simulation) -> tuple[ContactWatch, PatchTable]:
         """Who watches the sites and the patches, with their tables."""
         scene, comm, points = self.scene, self.comm, simulation.points
-        self.tables["patches"] = PatchFile(folder / storage.PATCHES_FILE, comm)
-        self.tables["sites"] = SiteFile(folder / storage.SITES_FILE, comm)
+        patches, contacts = self._open(PATCHES), self._open(SITES)
         periodic = scene.punch.radius is None
         sites = launch.on_first(comm, lambda: _sites_of(scene))
         # Explicit steps follow every motion of the surface: they know no jumps.
         jumps = scene.solver.scheme != "gfmd"
-        watch = ContactWatch(self.tables["sites"], points, SitePoints(points, sites), jumps)
+        watch = ContactWatch(contacts, points, SitePoints(points, sites), jumps)
         places = watch.places if points.whole is points else SitePoints(points.whole, sites)
         level = simulation.scheme.law.contact_gap
-        return watch, PatchTable(self.tables["patches"], points.whole, places, level, periodic)
+        return watch, PatchTable(patches, points.whole, places, level, periodic)
 
     def plan_snapshots(self, state, keeper=None) -> None:
         """Has the snapshots taken that the scene asks for, as far as they are still to come.

@@ -7,14 +7,14 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from pgfmd.files.curve_file import PatchFile, PatchRow, SiteFile, SiteRow
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import JOINS, LEAVES, PatchRow, SiteRow
 from pgfmd.physics.contact_sites import KINDS
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.solver.patches import SitePoints, patches_of
 
 from .observers import Frame, Observer
 
-JOINS, LEAVES = "joins", "leaves"
 SAME = 1e-6
 """Relative difference below which the tractions of two points have changed as much."""
 
@@ -22,7 +22,7 @@ SAME = 1e-6
 class PatchTable:
     """Writes the rows of `patches.csv` for a snapshot. Collective."""
 
-    def __init__(self, file: PatchFile, points: PunchPoints, places: SitePoints, contact_gap: float, periodic: bool):
+    def __init__(self, file: TableFile, points: PunchPoints, places: SitePoints, contact_gap: float, periodic: bool):
         self.file, self.points, self.places = file, points, places
         self.contact_gap, self.periodic = contact_gap, periodic
 
@@ -57,7 +57,7 @@ class ContactWatch(Observer):
     What there was before a step is found from the state, so a checkpoint has to hold nothing of it.
     """
 
-    def __init__(self, file: SiteFile, points: PunchPoints, places: SitePoints, jumps: bool):
+    def __init__(self, file: TableFile, points: PunchPoints, places: SitePoints, jumps: bool):
         self.file, self.points, self.places, self.jumps = file, points, places, jumps
         self.change = Change()
         self._held: np.ndarray | None = None

@@ -14,8 +14,8 @@ from typing import Any
 
 from pgfmd.errors import SceneError
 from pgfmd.files import storage
-from pgfmd.files.curve_file import CurveRow
-from pgfmd.files.curve_tail import CurveTail, count_ends
+from pgfmd.files.table_reading import CurveTail, count_ends
+from pgfmd.files.tables import CurveRow
 from pgfmd.forecast.progress import Moment, outlook
 from pgfmd.parts import drive_of
 from pgfmd.restart.resume import OF_EARLIER

@@ -13,7 +13,7 @@ import pytest
 from launching import ENVIRONMENT
 
 from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
-from pgfmd.files.curve_file import CURVE_COLUMNS
+from pgfmd.files.tables import CURVE
 from pgfmd.host import launch
 from pgfmd.results import load
 from pgfmd.scene import load_scene, shipped_text
@@ -237,4 +237,4 @@ def test_an_interrupted_run_leaves_whole_rows(tmp_path):
         process.kill()
     assert process.returncode == 75 and complaints.count("pgfmd:") == 1 and "Traceback" not in complaints
     lines = curve.read_text().splitlines(keepends=True)
-    assert lines[-1].endswith("\n") and {line.count(",") + 1 for line in lines} == {len(CURVE_COLUMNS)}
+    assert lines[-1].endswith("\n") and {line.count(",") + 1 for line in lines} == {len(CURVE.titles)}

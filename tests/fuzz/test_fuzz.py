@@ -187,8 +187,10 @@ def opened(folder):
 
 DAMAGE = {
     "verify: curve.csv": table("curve.csv", lambda lines: cell(lines, 5, 2, "1.0")),
-    "curve: not finite": table("curve.csv", lambda lines: cell(lines, 5, 3, "nan")),
-    "curve: time goes back": table("curve.csv", lambda lines: lines[:5] + [lines[6], lines[5]] + lines[7:]),
+    "curve: force [N] not finite": table("curve.csv", lambda lines: cell(lines, 5, 3, "nan")),
+    "curve: near_area [m^2] below 0": table("curve.csv", lambda lines: cell(lines, 5, 6, "-5.625e-9")),
+    "curve: phase none of": table("curve.csv", lambda lines: cell(lines, 5, -1, "pause")),
+    "curve: time [s] falls": table("curve.csv", lambda lines: lines[:5] + [lines[6], lines[5]] + lines[7:]),
     "curve: equal rows": table("curve.csv", lambda lines: lines[:5] + lines[4:]),
     "curve: indentation is not -displacement": table("curve.csv", lambda lines: cell(lines, 5, 2, "1e-9")),
     "curve: phases out of order": table("curve.csv", lambda lines: cell(lines, 5, -1, "retract")),
@@ -209,6 +211,10 @@ DAMAGE = {
     "left over in the folder": lambda folder: (folder / "curve.csv.tmp").touch(),
     "events: preload or end are not those of the record": table("events.csv", lambda lines: lines[:-1]),
     "events: not as many jumps as the record has": entry("jumps", 1000),
+    "events: time [s] falls": table("events.csv", lambda lines: [lines[0], *lines[:0:-1]]),
+    "energy: viscous [J] not finite": table("energy.csv", lambda lines: cell(lines, 5, 4, "inf")),
+    "patches: kind none of": table("patches.csv", lambda lines: cell(lines, 1, -2, "ridge")),
+    "sites: event none of": table("sites.csv", lambda lines: cell(lines, 1, 8, "stays")),
     "events: one that has no row in the curve": table("events.csv", lambda lines: cell(lines, 1, 0, "0.12345")),
     "energy: columns do not add up": table("energy.csv", lambda lines: cell(lines, 9, 1, "1e-8")),
     "energy: released falls": table("energy.csv", lambda lines: cell(lines, -1, 5, "0.0")),

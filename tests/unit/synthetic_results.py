@@ -9,20 +9,10 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pgfmd.files.curve_file import (
-    CurveFile,
-    CurveRow,
-    EnergyFile,
-    EnergyRow,
-    EventFile,
-    EventRow,
-    PatchFile,
-    PatchRow,
-    SiteFile,
-    SiteRow,
-)
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.files.storage import write_run_json
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES, CurveRow, EnergyRow, EventRow, PatchRow, SiteRow
 from pgfmd.output.fields_file import FieldsFile
 
 RADIUS, MODULUS, PUNCH = 5e-3, 2.67e6, 375e-6
@@ -72,7 +62,7 @@ def write_results(
     """Fill `directory` with the writers that a run uses."""
     comm = MPI.COMM_SELF
     directory.mkdir(parents=True, exist_ok=True)
-    curve, found = CurveFile(directory / "curve.csv", comm), history(rows)
+    curve, found = TableFile(CURVE, directory / "curve.csv", comm), history(rows)
     for row in found:
         curve.append(row)
     curve.close()
@@ -85,7 +75,7 @@ def write_results(
             label = {"approach": "approach", "dwell": "end of dwell", "retract": "retraction"}.get(row.phase, "turn")
             file.append(label, row.time, row.displacement, row.force, gap, traction, displacement)
     if energy:
-        write_energy(EnergyFile(directory / "energy.csv", comm), found)
+        write_energy(TableFile(ENERGY, directory / "energy.csv", comm), found)
     if contact:
         write_contact(directory, comm, found)
     gaps = {"contact_gap_m": CONTACT_GAP, "near_gap_m": NEAR_GAP}
@@ -119,7 +109,7 @@ def as_version_0_1(folder: Path) -> Path:
     return folder
 
 
-def write_energy(file: EnergyFile, found: list[CurveRow]) -> None:
+def write_energy(file: TableFile, found: list[CurveRow]) -> None:
     """Work of the punch by the trapezoidal rule; the other terms of about the size and course of a real audit."""
     work = viscous = released = 0.0
     for before, row in zip(found, found[1:]):
@@ -134,8 +124,8 @@ def write_energy(file: EnergyFile, found: list[CurveRow]) -> None:
 
 def write_contact(directory: Path, comm, found: list[CurveRow]) -> None:
     """One patch and one summit, in contact while there is an area; the loss of it is a jump."""
-    sites, patches = SiteFile(directory / "sites.csv", comm), PatchFile(directory / "patches.csv", comm)
-    events = EventFile(directory / "events.csv", comm)
+    sites, patches = TableFile(SITES, directory / "sites.csv", comm), TableFile(PATCHES, directory / "patches.csv", comm)
+    events = TableFile(EVENTS, directory / "events.csv", comm)
     for before, row in zip(found, found[1:]):
         joins, leaves = row.contact_area > 0 == before.contact_area, before.contact_area > 0 == row.contact_area
         if joins or leaves:

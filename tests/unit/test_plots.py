@@ -10,7 +10,7 @@ from matplotlib.image import imread
 from synthetic_results import CONTACT_GAP, NEAR_GAP, PUNCH, history, sphere, write_results
 
 from pgfmd.errors import ResultError
-from pgfmd.files.curve_file import CURVE_COLUMNS
+from pgfmd.files.tables import CURVE
 from pgfmd.plots import folder as plots
 from pgfmd.plots import maps as map_plots
 from pgfmd.plots import patches as patch_plots
@@ -64,7 +64,7 @@ def test_settings_of_the_caller_are_left_alone(tmp_path):
 def test_empty_curve_and_foreign_folder(tmp_path):
     with pytest.raises(ResultError, match="not a results folder"):
         plots.plot_results(tmp_path)
-    (tmp_path / "curve.csv").write_text(",".join(CURVE_COLUMNS) + "\n")
+    (tmp_path / "curve.csv").write_text(",".join(CURVE.titles) + "\n")
     with pytest.raises(ResultError, match="has no rows"):
         plots.plot_results(tmp_path)
 
