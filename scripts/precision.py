@@ -34,7 +34,7 @@ from pgfmd.assemble import assemble
 from pgfmd.benchmark.curve_errors import Curve, errors, rms_difference
 from pgfmd.benchmark.work_precision import Recorder
 from pgfmd.errors import PgfmdError
-from pgfmd.results.audit import LEAST_LOOP
+from pgfmd.results.uncertainty import LEAST_LOOP
 from pgfmd.scene import load_scene, scene_from_mapping
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"

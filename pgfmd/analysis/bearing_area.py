@@ -24,7 +24,7 @@ import numpy as np
 from pgfmd.errors import ResultError
 from pgfmd.parts import law_of, series_of
 from pgfmd.results import Results
-from pgfmd.results.loop import Array, Loop
+from pgfmd.results.curve import Array, Loop
 from pgfmd.units import parse_quantity
 
 from .asperity_laws import JkrAsperity, MeasuredAsperity, ViscoelasticAsperity

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pgfmd.errors import ResultError
 from pgfmd.files.storage import SCENE_FILE
 from pgfmd.results import Results
-from pgfmd.results.measures import Measures, measure
+from pgfmd.results.curve import Measures, measure
 from pgfmd.scene import load_scene
 
 from .bearing_area import Prediction, asperity_remarks, laws_of, predict

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from pgfmd.errors import ResultError
 from pgfmd.results import load
-from pgfmd.results.loop import Loop
-from pgfmd.results.measures import Measures
+from pgfmd.results.curve import Loop, Measures
 
 from .comparison import Overlay, renamed
 from .experiment import read_experiment

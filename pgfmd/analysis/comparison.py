@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.results.loop import Loop
-from pgfmd.results.measures import Measures, measure
+from pgfmd.results.curve import Loop, Measures, measure
 
 from .compliance import (
     CellCompliance,

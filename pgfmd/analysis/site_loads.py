@@ -8,7 +8,7 @@ import numpy as np
 
 from pgfmd.physics.contact_sites import KINDS
 from pgfmd.results import Results
-from pgfmd.results.loop import Loop, column
+from pgfmd.results.curve import Loop, column
 
 
 @dataclass(frozen=True)

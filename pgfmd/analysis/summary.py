@@ -13,9 +13,8 @@ from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_atomically
 from pgfmd.plots.drawing import elsewhere, target_folder
 from pgfmd.results import Results, load
-from pgfmd.results.audit import UNBALANCED, at_stake, largest_residual
-from pgfmd.results.loop import WHOLE, Loop
-from pgfmd.results.measures import Measures, measure
+from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
+from pgfmd.results.curve import WHOLE, Loop, Measures, measure
 
 from . import pictures
 from .bulges import Bulge, bulges

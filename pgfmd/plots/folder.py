@@ -11,8 +11,7 @@ import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.results import Results, load
-from pgfmd.results.loop import Loop, branches, column
-from pgfmd.results.measures import Measures, measure
+from pgfmd.results.curve import Loop, Measures, branches, column, measure
 
 from .drawing import drawing, elsewhere, target_folder, write_picture
 from .maps import contact_figure, new_figure, signed, stress_figure

@@ -8,7 +8,7 @@ import numpy as np
 
 from pgfmd.physics.contact_sites import KINDS
 from pgfmd.results import Results
-from pgfmd.results.loop import turning_row
+from pgfmd.results.curve import turning_row
 
 from .maps import new_figure
 from .thinning import seen

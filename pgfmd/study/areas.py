@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from pgfmd.errors import ResultError
 from pgfmd.results import load
-from pgfmd.results.loop import KINDS_OF_AREA, Loop
-from pgfmd.results.measures import measure
+from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 
 if TYPE_CHECKING:
     from .table import Row

@@ -18,7 +18,7 @@ from pgfmd.plots.drawing import drawing, literal, write_picture
 from pgfmd.plots.maps import new_figure
 from pgfmd.plots.thinning import seen
 from pgfmd.results import load
-from pgfmd.results.loop import branches, column
+from pgfmd.results.curve import branches, column
 
 from .areas import AT_PRELOAD, counted_overlap
 from .cases import short_names

@@ -12,7 +12,7 @@ from typing import Any
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.regular_files import write_atomically
-from pgfmd.results.loop import WHOLE
+from pgfmd.results.curve import WHOLE
 
 from . import areas
 from .cases import Case

@@ -17,7 +17,7 @@ from pgfmd.plots.folder import GREY, RED, TURQUOISE
 from pgfmd.plots.gap_classes import NEAR_LEVEL, class_numbers, gap_classes
 from pgfmd.plots.maps import MOST_PIXELS, new_figure
 from pgfmd.results import Results
-from pgfmd.results.loop import areas_of
+from pgfmd.results.curve import areas_of
 
 OCHRE, VIOLET, GREEN = "#d18f00", "#6a4c93", "#4c9f38"
 COLOURS = (TURQUOISE, RED, OCHRE, VIOLET, GREEN, "#303030")

@@ -16,7 +16,7 @@ from pgfmd.errors import PgfmdError, RunError, SceneError
 from pgfmd.files.table_reading import faults_of
 from pgfmd.files.tables import CURVE, TABLES
 from pgfmd.results import load
-from pgfmd.results.audit import LEAST_LOOP, UNBALANCED, at_stake
+from pgfmd.results.uncertainty import LEAST_LOOP, UNBALANCED, at_stake
 from pgfmd.results.verify import verify
 from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.simulation import FINISHED, STOPPED_PRELOAD, STOPPED_STEPS

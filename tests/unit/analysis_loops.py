@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from pgfmd.files.tables import CURVE, ENERGY, EVENTS
-from pgfmd.results.loop import Loop
+from pgfmd.results.curve import Loop
 
 MODULUS, WORK, PUNCH = 2.649e6, 0.05, 375e-6
 
@@ -52,7 +52,8 @@ def write_folder(folder: Path, loop: Loop, scene: str, released: float = 0.0, vi
     events = [",".join(EVENTS.titles)]
     values = {"event": "jump", "joined": "", "left": "", "at": ""}
     for k in np.flatnonzero(loop.jump):
-        values["time [s]"] = repr(float(loop.time[k]))
+        same = {"time [s]": loop.time, "displacement [m]": loop.displacement, "force [N]": loop.force}
+        values |= {title: repr(float(numbers[k])) for title, numbers in same.items()}
         events.append(",".join(values.get(name, "0.0") for name in EVENTS.titles))
     (folder / "events.csv").write_text("\n".join(events) + "\n")
     (folder / "scene.resolved.toml").write_text(scene)

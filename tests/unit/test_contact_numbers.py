@@ -16,8 +16,7 @@ from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.results import load
-from pgfmd.results.loop import KINDS_OF_AREA, Loop
-from pgfmd.results.measures import measure
+from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 from pgfmd.results.verify import verify
 from pgfmd.study.areas import AREAS, GAPS, remarks
 from pgfmd.study.cases import cases_of

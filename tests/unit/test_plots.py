@@ -16,8 +16,7 @@ from pgfmd.plots import maps as map_plots
 from pgfmd.plots import patches as patch_plots
 from pgfmd.plots.drawing import drawing
 from pgfmd.results import load
-from pgfmd.results.loop import Loop
-from pgfmd.results.measures import measure
+from pgfmd.results.curve import Loop, measure
 
 ALL = ["force-displacement.png", "contact-maps.png", "stress-maps.png", "energy.png", "sites.png"]
 

@@ -11,8 +11,7 @@ from pgfmd.commands.run import _missed_preload, _summary
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE
 from pgfmd.results import load
-from pgfmd.results.loop import Loop
-from pgfmd.results.measures import measure
+from pgfmd.results.curve import Loop, measure
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene

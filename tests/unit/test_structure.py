@@ -21,7 +21,7 @@ def dotted(file):
 
 NAMES = {file: dotted(file) for file in FILES}
 
-LONGEST_FILE, LONGEST_FUNCTION = 300, 60
+LONGEST_FILE, LONGEST_FUNCTION = 500, 60
 
 PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (PACKAGE / "physics").glob("[a-z]*.py")),
          "solver.retardation", "solver.drift", "characterisation.dma", "characterisation.prony_fit",
