@@ -131,7 +131,7 @@ def analyse(
         _add_tabor(table, results, found, other)
         predictions = []
         if bearing_area or single is not None:
-            from .beside import add_bearing_area
+            from .bearing_area import add_bearing_area
 
             predictions = add_bearing_area(table, results, found, single)
         twin_loop = Loop.of(other) if other else None

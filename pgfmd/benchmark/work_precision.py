@@ -11,13 +11,15 @@ import time
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pgfmd.errors import RunError, SceneError
+from pgfmd.results.curve import Loop
 from pgfmd.solver.simulation import FINISHED
 
-from .curve_errors import Curve, errors
+from .curve_errors import PULL_OFF, errors
 
 SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=32", "solver.accuracy=0.1")}
 """What makes a run short that only has to compile the kernels of a scheme."""
@@ -25,10 +27,11 @@ SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=3
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run: its curve, what it has cost, how it ended. seconds: of all cores; share: of the time outside
-    transforms."""
+    """A run: its curve, the preload [N] that it was asked for, what it has cost, how it ended. seconds: of all cores;
+    share: of the time outside transforms."""
 
-    curve: Curve
+    curve: Loop
+    preload: float
     pairs: int
     steps: int
     refused: int
@@ -39,22 +42,37 @@ class Outcome:
 
 
 class Recorder:
-    """Observer that keeps time, force and contact area of every step."""
+    """Observer that keeps what a loop consists of, at the start and after every step."""
 
     def __init__(self):
-        self.time, self.force, self.area = array("d"), array("d"), array("d")
+        names = ("time", "displacement", "force", "area", "u_inf")
+        self.numbers: dict[str, array[float]] = {name: array("d") for name in names}
+        self.phase, self.jump = array("b"), array("b")
 
-    def next_time(self, simulation) -> float:
+    def next_time(self, simulation: Any) -> float:
         """No step has to end at a wanted time."""
         return math.inf
 
-    def observe(self, simulation, event) -> None:
+    def observe(self, simulation: Any, event: Any) -> None:
         """Keeps a row at the start and after every step."""
         if event.kind in ("start", "step", "jump"):
             state = simulation.state
-            self.time.append(state.time)
-            self.force.append(state.force)
-            self.area.append(state.contact_points * simulation.points.grid.cell_area)
+            area = state.contact_points * simulation.points.grid.cell_area
+            row = state.time, simulation.punch_position, state.force, area, state.far_displacement
+            for column, value in zip(self.numbers.values(), row, strict=True):
+                column.append(value)
+            self.phase.append(state.phase)
+            self.jump.append(event.kind == "jump")
+
+    def loop(self, simulation: Any, name: str = "") -> Loop:
+        """The loop so far, with the works and the pull-off force that the run itself has found."""
+        state = simulation.state
+        numbers = {name: np.array(column) for name, column in self.numbers.items()}
+        phase = np.array([each.name for each in simulation.phases])[np.array(self.phase)]
+        return Loop(
+            name, **numbers, phase=phase, jump=np.array(self.jump, bool), work=state.energies.work,
+            separation=state.energies.work_of_separation, told={PULL_OFF: -state.pull_off_force},
+        )  # fmt: skip
 
 
 class Laboratory:
@@ -110,13 +128,9 @@ def run(scene, comm) -> Outcome:
     state = simulation.run()
     spent, wall = time.process_time() - start, time.perf_counter() - wall
     inside = simulation.scheme.transform_seconds
-    curve = Curve(
-        *(np.array(column) for column in (recorder.time, recorder.force, recorder.area)),
-        scene.drive.preload, -state.pull_off_force, state.energies.work_of_separation,
-    )  # fmt: skip
     counters = state.counters
     return Outcome(
-        curve, simulation.scheme.pairs, counters.steps, counters.rejected_steps, counters.newton_iterations,
+        recorder.loop(simulation), scene.drive.preload, simulation.scheme.pairs, counters.steps, counters.rejected_steps, counters.newton_iterations,
         sum(comm.allgather(spent)), 1.0 - max(comm.allgather(inside)) / max(comm.allgather(wall)),
         state.finished,
     )  # fmt: skip
@@ -170,9 +184,9 @@ class Row:
     share_outside_transforms: float
 
 
-def row_of(setting: Setting, outcome: Outcome, reference: Curve) -> Row:
+def row_of(setting: Setting, outcome: Outcome, reference: Loop) -> Row:
     """The measured point of a run."""
-    found = errors(outcome.curve, reference)
+    found = errors(outcome.curve, reference, outcome.preload)
     return Row(
         setting.line, setting.label, setting.x, found.force, found.pull_off, found.separation, found.area,
         outcome.pairs, outcome.steps, outcome.refused, outcome.iterations, outcome.seconds, outcome.share,
@@ -181,7 +195,7 @@ def row_of(setting: Setting, outcome: Outcome, reference: Curve) -> Row:
 
 def study(
     laboratory: Laboratory, scene: str, base: Sequence[str], settings: Iterable[Setting],
-    reference: Curve, say: Callable[[str], None],
+    reference: Loop, say: Callable[[str], None],
 ) -> Iterator[Row]:  # fmt: skip
     """Measures the settings one after another; one that the scene can't have is left out with a remark. Collective."""
     for setting in settings:

@@ -19,6 +19,8 @@ RADIUS, MODULUS, PUNCH = 5e-3, 2.67e6, 375e-6
 CONTACT_GAP, NEAR_GAP = 180e-9, 400e-9
 OVERLAP, NEAR = 0.7, 1.3
 """Areas of overlap and of what is near, as shares of the contact area."""
+OFFSET = 2e-6
+"""k [m] of indentation = -displacement - k."""
 GAPS = ("contact_gap_m", "near_gap_m")
 """What version 0.1 does not say of a run."""
 
@@ -36,7 +38,7 @@ def history(rows: int) -> list[CurveRow]:
         force = 4 / 3 * MODULUS * contact**3 / RADIUS - (pull if contact else 0.0) * (1 + contact / 2e-4)
         area = np.pi * contact**2
         areas = area, OVERLAP * area, NEAR * area
-        found.append(CurveRow(10 * s, -indentation - 2e-6, indentation, force, *areas, 0.0, 10 / rows, phase))
+        found.append(CurveRow(10 * s, -indentation - OFFSET, indentation, force, *areas, 0.0, 10 / rows, phase))
     return found
 
 
@@ -78,8 +80,8 @@ def write_results(
         write_energy(TableFile(ENERGY, directory / "energy.csv", comm), found)
     if contact:
         write_contact(directory, comm, found)
-    gaps = {"contact_gap_m": CONTACT_GAP, "near_gap_m": NEAR_GAP}
-    write_run_json(directory / "run.json", comm, {"finished": "detached", "steps": rows, **gaps})
+    told = {"contact_gap_m": CONTACT_GAP, "near_gap_m": NEAR_GAP, "indentation_offset_m": OFFSET}
+    write_run_json(directory / "run.json", comm, {"finished": "detached", "steps": rows, **told})
     scene = f'[cell]\nlength = "1.5 mm"\nn = 192\n[output]\nnear_gap = "{NEAR_GAP} m"\n'
     (directory / "scene.resolved.toml").write_text(scene)
     return directory

@@ -18,7 +18,7 @@ from pgfmd.files.hdf5 import open_serial
 from pgfmd.results import load
 from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 from pgfmd.results.verify import verify
-from pgfmd.study.areas import AREAS, GAPS, remarks
+from pgfmd.study.table import AREAS, GAPS, remarks
 from pgfmd.study.cases import cases_of
 from pgfmd.study.pictures import Plan, measures_figure
 from pgfmd.study.standing import standing_of

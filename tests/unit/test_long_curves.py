@@ -13,7 +13,7 @@ from pgfmd.files import table_reading
 from pgfmd.files.table_reading import read_columns
 from pgfmd.files.table_writing import TableFile
 from pgfmd.files.tables import CURVE, CurveRow
-from pgfmd.plots.thinning import seen, seen_rows
+from pgfmd.plots.drawing import seen, seen_rows
 from pgfmd.results import load
 
 PHASES = np.array(["approach", "dwell", "retract"])

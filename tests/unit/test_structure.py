@@ -27,7 +27,7 @@ PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (P
          "solver.retardation", "solver.drift", "characterisation.dma", "characterisation.prony_fit",
          "characterisation.temperature_shift"]  # fmt: skip
 READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
-           "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.beside",
+           "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.bearing_area",
            "study.campaign", "study.slurm_array", "study.pictures", "study.extrapolation", "study.refinement",
            "commands.study"]  # fmt: skip
 HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
