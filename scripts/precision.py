@@ -43,8 +43,8 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run: its curve, the force that errors are shares of [N], the net work of the punch and the largest on the way [J],
-    the largest residual of its audit [J], cost, and how it ended."""
+    """A run: its curve, the force that errors are shares of [N], the net work of the punch and the largest on the way
+    [J], the largest residual of its audit [J], cost, and how it ended."""
 
     curve: Loop
     preload: float

@@ -1,5 +1,5 @@
-"""Simulated and measured loops over each other: read, corrected, filtered, shifted to one zero, how far they differ, and
-the table of that."""
+"""Simulated and measured loops over each other: read, corrected, filtered, shifted to one zero, how far they differ,
+and the table of that."""
 
 from __future__ import annotations
 

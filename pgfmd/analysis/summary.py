@@ -13,8 +13,8 @@ from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_atomically
 from pgfmd.plots.drawing import elsewhere, target_folder
 from pgfmd.results import Results, load
-from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
 from pgfmd.results.curve import WHOLE, Loop, Measures, measure
+from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
 
 from . import pictures
 from .bulges import Bulge, bulges

@@ -15,7 +15,6 @@ from pgfmd.physics.topography import Topography
 from pgfmd.results.curve import Array
 from pgfmd.solver.grid import Grid
 
-
 FINE = 400
 """Parts of a wavelength over which curvatures are taken where the face is a formula."""
 FLATTEST = 1e-3

@@ -11,7 +11,7 @@ import time
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,11 @@ from pgfmd.results.curve import Loop
 from pgfmd.solver.simulation import FINISHED
 
 from .curve_errors import PULL_OFF, errors
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+    from pgfmd.scene import Scene
 
 SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=32", "solver.accuracy=0.1")}
 """What makes a run short that only has to compile the kernels of a scheme."""
@@ -44,9 +49,8 @@ class Outcome:
 class Recorder:
     """Observer that keeps what a loop consists of, at the start and after every step."""
 
-    def __init__(self):
-        names = ("time", "displacement", "force", "area", "u_inf")
-        self.numbers: dict[str, array[float]] = {name: array("d") for name in names}
+    def __init__(self) -> None:
+        self.time, self.displacement, self.force, self.area, self.u_inf = (array("d") for _ in range(5))
         self.phase, self.jump = array("b"), array("b")
 
     def next_time(self, simulation: Any) -> float:
@@ -57,20 +61,21 @@ class Recorder:
         """Keeps a row at the start and after every step."""
         if event.kind in ("start", "step", "jump"):
             state = simulation.state
-            area = state.contact_points * simulation.points.grid.cell_area
-            row = state.time, simulation.punch_position, state.force, area, state.far_displacement
-            for column, value in zip(self.numbers.values(), row, strict=True):
-                column.append(value)
+            self.time.append(state.time)
+            self.displacement.append(simulation.punch_position)
+            self.force.append(state.force)
+            self.area.append(state.contact_points * simulation.points.grid.cell_area)
+            self.u_inf.append(state.far_displacement)
             self.phase.append(state.phase)
             self.jump.append(event.kind == "jump")
 
     def loop(self, simulation: Any, name: str = "") -> Loop:
         """The loop so far, with the works and the pull-off force that the run itself has found."""
         state = simulation.state
-        numbers = {name: np.array(column) for name, column in self.numbers.items()}
         phase = np.array([each.name for each in simulation.phases])[np.array(self.phase)]
         return Loop(
-            name, **numbers, phase=phase, jump=np.array(self.jump, bool), work=state.energies.work,
+            name, np.array(self.time), np.array(self.displacement), np.array(self.force), np.array(self.area),
+            np.array(self.u_inf), phase, np.array(self.jump, bool), work=state.energies.work,
             separation=state.energies.work_of_separation, told={PULL_OFF: -state.pull_off_force},
         )  # fmt: skip
 
@@ -82,7 +87,7 @@ class Laboratory:
     its scene and overrides; `outcome` returns it from memory if it has been made already.
     """
 
-    def __init__(self, comm, base: Sequence[str] = ("output.energy=false", "solver.max_steps=1000000000")):
+    def __init__(self, comm: Comm, base: Sequence[str] = ("output.energy=false", "solver.max_steps=1000000000")):
         self.comm, self.base = comm, tuple(base)
         self._known: dict[tuple[str, ...], Outcome] = {}
         self._warm: set[tuple[str, str]] = set()
@@ -106,7 +111,7 @@ class Laboratory:
             self._known[name] = outcome
         return self._known[name]
 
-    def _warm_up(self, scene: str, overrides: Sequence[str], solver) -> None:
+    def _warm_up(self, scene: str, overrides: Sequence[str], solver: Any) -> None:
         """Compiles the kernels that a run needs, or reads them from their cache, before anything is timed."""
         from pgfmd.runner import compile_kernels
         from pgfmd.scene import load_scene
@@ -118,7 +123,7 @@ class Laboratory:
             self._warm.add(kind)
 
 
-def run(scene, comm) -> Outcome:
+def run(scene: Scene, comm: Comm) -> Outcome:
     """Runs a scene on a communicator. Collective; the same on every rank."""
     from pgfmd.assemble import assemble
 
@@ -130,7 +135,8 @@ def run(scene, comm) -> Outcome:
     inside = simulation.scheme.transform_seconds
     counters = state.counters
     return Outcome(
-        recorder.loop(simulation), scene.drive.preload, simulation.scheme.pairs, counters.steps, counters.rejected_steps, counters.newton_iterations,
+        recorder.loop(simulation), scene.drive.preload, simulation.scheme.pairs, counters.steps,
+        counters.rejected_steps, counters.newton_iterations,
         sum(comm.allgather(spent)), 1.0 - max(comm.allgather(inside)) / max(comm.allgather(wall)),
         state.finished,
     )  # fmt: skip

@@ -1,7 +1,6 @@
-"""Tables of a run read back: piece by piece, as a long run's has millions of rows, or the end of one that grows. No MPI.
-
-What is read is one of the layouts that the table's declaration knows (tables.py), and can be held against it
-(`faults_of`).
+"""Tables of a run read back: piece by piece, as a long run's has millions of rows, or the end of one that grows. What
+is read is one of the layouts that the table's declaration knows (tables.py), and can be held against it (`faults_of`).
+No MPI.
 """
 
 from __future__ import annotations
@@ -39,8 +38,8 @@ RISE = 0.75
 def read_columns(path: Path, table: Table) -> dict[str, np.ndarray]:
     """The columns of a table, (rows,) each, by their titles: of float64, int64, or objects that are texts.
 
-    A last line without its end, which a live run has just begun, is left out. Columns that this table does not have yet,
-    as one of an earlier version, are NaN.
+    A last line without its end, which a live run has just begun, is left out. Columns that a table of an earlier
+    version does not have are NaN.
 
     Raises:
         ResultError: if it can't be read, has other columns, or a line that is no row.
@@ -131,7 +130,8 @@ def faults_of(table: Table, pieces: Iterable[Mapping[str, Any]]) -> Iterator[Col
 
     pieces: of the table, one after the other, as `pieces_of` gives them; a whole table is one.
     """
-    rows, last = 0, {}
+    rows = 0
+    last: dict[str, Any] = {}
     for piece in pieces:
         for entry in table.columns:
             values = np.asarray(piece[entry.title])

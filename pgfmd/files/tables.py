@@ -1,8 +1,8 @@
 """The tables of a run, each declared once: its columns with name, unit and meaning, and what a number in them can be.
 
-Headers, the writer (table_writing.py), the reader and its checks (table_reading.py) and the tables of the page "Files of
-a run" (scripts/tables_page.py) are made from these declarations. A new column is a field of a row; one that tables of
-an earlier version do not have says so (`after`), and reads as NaN from those.
+Headers, the writer (table_writing.py), the reader and its checks (table_reading.py) and the tables of the page "Files
+of a run" (scripts/tables_page.py) are made from these declarations. A new column is a field of a row; one that tables
+of an earlier version do not have says so (`after`), and reads as NaN from those.
 
 All tables are in the order of time, and what they have in common (`time`, `displacement`, `force`) is written from the
 same numbers of the same step with all their digits (`written`): what is equal in two tables then is the same step.
@@ -44,8 +44,8 @@ def column(
     Args:
         unit: SI; empty for texts and counts. meaning: Markdown, for the reference page.
         after: the last version whose tables do not have the column, such as "0.1"; empty if it was always there.
-        at_least: the least value. never_falls: whether no row has less than the row before. may_lack: whether NaN is a value.
-        one_of: the texts that there are; empty for any.
+        at_least: the least value. never_falls: whether no row has less than the row before. may_lack: whether NaN is a
+        value. one_of: the texts that there are; empty for any.
         default: of a row that is made without it.
     """
     about = {"unit": unit, "meaning": meaning, "after": after, "at_least": at_least, "never_falls": never_falls,
@@ -199,8 +199,9 @@ class PatchRow:
     order."""
 
     snapshot: int = column(
-        "", "number of the snapshot in `fields.h5`, from 0; one without contact has no rows", at_least=0, never_falls=True
-    )
+        "", "number of the snapshot in `fields.h5`, from 0; one without contact has no rows", at_least=0,
+        never_falls=True,
+    )  # fmt: skip
     time: float = column("s", "of the snapshot", at_least=0.0)
     patch: int = column(
         "", "number of the patch in this snapshot, from 0, in the order of their first grid points, row by row from "

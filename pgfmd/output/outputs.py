@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from pgfmd.assemble import assemble, convolution_of
 from pgfmd.files import storage
@@ -19,6 +22,14 @@ from . import observers
 from .fields_file import FieldsFile
 from .patch_observer import ContactWatch, PatchTable
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+    from pgfmd.restart.keeper import Keeper
+    from pgfmd.scene import Scene
+    from pgfmd.solver.simulation import Simulation
+    from pgfmd.solver.state import State
+
 SCOUT_ACCURACY = 0.1
 
 
@@ -28,7 +39,10 @@ class Outputs:
     Files that are there already are continued: cut them back first to what a checkpoint knows, by `cut_back`.
     """
 
-    def __init__(self, simulation, scene, comm, folder: Path, say, guard: Callable[[], None] = lambda: None):
+    def __init__(
+        self, simulation: Simulation, scene: Scene, comm: Comm, folder: Path, say: Callable[[str], None],
+        guard: Callable[[], None] = lambda: None,
+    ):  # fmt: skip
         """guard: see FieldsFile."""
         output, points = scene.output, simulation.points.whole
         self.scene, self.comm, self.folder, self.say = scene, comm, folder, say
@@ -57,7 +71,7 @@ class Outputs:
         self.tables[table.name] = TableFile(table, self.folder / table.file, self.comm, every)
         return self.tables[table.name]
 
-    def _contact_observers(self, simulation) -> tuple[ContactWatch, PatchTable]:
+    def _contact_observers(self, simulation: Simulation) -> tuple[ContactWatch, PatchTable]:
         """Who watches the sites and the patches, with their tables."""
         scene, comm, points = self.scene, self.comm, simulation.points
         patches, contacts = self._open(PATCHES), self._open(SITES)
@@ -70,7 +84,7 @@ class Outputs:
         level = simulation.scheme.law.contact_gap
         return watch, PatchTable(patches, points.whole, places, level, periodic)
 
-    def plan_snapshots(self, state, keeper=None) -> None:
+    def plan_snapshots(self, state: State, keeper: Keeper | None = None) -> None:
         """Has the snapshots taken that the scene asks for, as far as they are still to come.
 
         That may take long. keeper: who knows whether the run has to stop meanwhile; Interrupted is raised then.
@@ -99,7 +113,9 @@ class Outputs:
             table.close()
 
 
-def _scouted(scene, comm, fractions: list[float], say, keeper) -> list[tuple[float, str]]:
+def _scouted(
+    scene: Scene, comm: Comm, fractions: list[float], say: Callable[[str], None], keeper: Keeper | None
+) -> list[tuple[float, str]]:
     """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
 
     How long the approach takes is known only at its end, so a coarse one is run ahead; its t_pl is good to a few tenths
@@ -124,11 +140,11 @@ def _scouted(scene, comm, fractions: list[float], say, keeper) -> list[tuple[flo
     return [(observers.time_of(state, value), f"{value:g} t_pl") for value in fractions]
 
 
-def _sites_of(scene) -> ContactSites:
+def _sites_of(scene: Scene) -> ContactSites:
     return contact_sites(topography_of(scene.punch), scene.grid.length)
 
 
-def _surface(simulation, scene) -> observers.Surface:
+def _surface(simulation: Simulation, scene: Scene) -> observers.Surface:
     """How this scene's whole surface is had."""
     scheme = simulation.scheme
     if scene.solver.scheme == "gfmd":
@@ -141,7 +157,7 @@ def _surface(simulation, scene) -> observers.Surface:
         whole_cell = scheme.solver.convolve.whole_cell
     else:
         # A free surface needs a larger transform of its own, and mirror images one that knows of none.
-        def whole_cell(load):
+        def whole_cell(load: np.ndarray) -> tuple[np.ndarray, int]:
             return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(load))
 
     return observers.Surface(lambda state: state.load.copy(), whole_cell)

@@ -108,8 +108,8 @@ def energy_unit(size: float) -> tuple[float, str]:
 def seen_rows(*curves: np.ndarray) -> np.ndarray:
     """Numbers of the rows with which a line looks as with all of them, in their order.
 
-    Of each of `CURVE_PARTS` equal parts the first row, and where each of the curves, (rows,), is lowest and highest. All
-    rows where they are not many.
+    Of each of `CURVE_PARTS` equal parts the first row, and where each of the curves, (rows,), is lowest and highest.
+    All rows where they are not many.
     """
     count = len(curves[0])
     size = -(-count // CURVE_PARTS)

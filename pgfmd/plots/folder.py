@@ -77,7 +77,9 @@ def force_figure(results: Results) -> Any:
     kind, area = next(iter(loop.areas.items()))
     figure = new_figure(5.2, 5.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
-    styles = {"approach": {"color": GREY, "linestyle": (0, (4, 2))}, "retraction": {"color": TURQUOISE}}
+    styles: dict[str, dict[str, Any]] = {
+        "approach": {"color": GREY, "linestyle": (0, (4, 2))}, "retraction": {"color": TURQUOISE},
+    }  # fmt: skip
     for name, rows in loop.branches.items():
         if rows.stop - rows.start > 1:
             upper.plot(*seen(indentation[rows], force[rows]), label=name, **styles[name])
@@ -110,7 +112,7 @@ def energy_figure(results: Results) -> Any:
     """The audit's terms against time, and what is left unexplained below."""
     energy = results.energy
     time = column(energy, "time [s]")
-    styles = {
+    styles: dict[str, dict[str, Any]] = {
         "work": {"color": "black", "linewidth": 1.8},
         "elastic": {"color": TURQUOISE},
         "adhesive": {"color": "#d18f00"},

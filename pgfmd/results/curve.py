@@ -1,8 +1,8 @@
 """The curve of a tack test, simulated or measured, and what it measures: the loop, its branches, works and landmarks.
 
-All commands and pictures take their numbers from here (docs: reference, "Numbers"). A run that has ended says its forces
-and works itself, in `run.json`: it knows what happened within its steps. What has to be read off rows (of a run that goes
-on, a measured or a filtered curve) is found here by the same definitions.
+All commands and pictures take their numbers from here (docs: reference, "Numbers"). A run that has ended says its
+forces and works itself, in `run.json`: it knows what happened within its steps. What has to be read off rows (of a run
+that goes on, a measured or a filtered curve) is found here by the same definitions.
 
 Works from rows take forces between two rows to be linear in the displacement; a row at which the surface jumped is met
 with the force of the row before where the punch goes up to a jump against that.
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgfmd.errors import ResultError
-from pgfmd.files.tables import EVENTS
+from pgfmd.files.tables import CURVE, EVENTS
 
 from . import uncertainty
 from .reading import Results
@@ -102,9 +102,26 @@ class Loop:
         slow = scene.get("solver", {}).get("scheme") == "quasistatic"
         held = not slow or scene.get("drive", {}).get("control") == "load"
         name = name or results.directory.name
-        loop = cls(name, time, displacement, force, area, u_inf, phase, jump, offset, held)
-        others = {"overlap": areas.get("overlap"), "near": areas.get("near")}
-        return dataclasses.replace(loop, **others, **_known_to_the_run(results, loop))
+        loop = cls(
+            name, time, displacement, force, area, u_inf, phase, jump, offset, held, overlap=areas.get("overlap"),
+            near=areas.get("near"), share=uncertainty.share_of(scene.get("solver", {})),
+        )  # fmt: skip
+        return loop._told_by(results)
+
+    def _told_by(self, results: Results) -> Self:
+        """The same loop with what the run knows: from `run.json`, the work else from `energy.csv`, works else from
+        rows."""
+        record, energy = results.run, results.energy
+        told = {key: record[key] for key in TOLD if record.get(key) is not None}
+        work, separation = record.get("work_J"), record.get("work_of_separation_J")
+        if work is None and energy is not None and len(energy):
+            work = float(column(energy, "work [J]")[-1])
+        loop = dataclasses.replace(self, told=told)
+        if work is None:
+            work = net_work_of_rows(loop)
+        if separation is None and loop.retracted:
+            separation = separation_of_rows(loop)
+        return dataclasses.replace(loop, work=work, separation=separation)
 
     @property
     def indentation(self) -> Array:
@@ -174,7 +191,7 @@ def areas_of(results: Results) -> dict[str, Array]:
     return {kind: column(results.curve, f"{kind}_area [m^2]") for kind in KINDS_OF_AREA}
 
 
-def column(table: Any, name: str) -> Array:
+def column(table: Any, name: str) -> NDArray[Any]:
     """A column of a table as a plain array, whether or not pandas made it."""
     return np.asarray(table[name])
 
@@ -201,28 +218,13 @@ def branches(displacement: Array, phase: NDArray[np.str_]) -> dict[str, slice]:
     return {"approach": slice(0, turn + 1), "retraction": slice(turn, len(phase))}
 
 
-def _known_to_the_run(results: Results, loop: Loop) -> dict[str, Any]:
-    """Work, separation, told and share of a Loop: from `run.json`, the work else from `energy.csv`, works else from
-    rows."""
-    record, energy = results.run, results.energy
-    work, separation = record.get("work_J"), record.get("work_of_separation_J")
-    if work is None and energy is not None and len(energy):
-        work = float(column(energy, "work [J]")[-1])
-    if work is None:
-        work = net_work_of_rows(loop)
-    if separation is None and loop.retracted:
-        separation = separation_of_rows(loop)
-    told = {key: record[key] for key in TOLD if record.get(key) is not None}
-    return {"work": work, "separation": separation, "told": told, "share": uncertainty.share_of(results.scene.get("solver", {}))}
-
-
 def rows_of_jumps(results: Results) -> NDArray[np.intp]:
     """The numbers of the curve's rows at whose end the surface jumped, in order.
 
-    A jump has a row of its own, whatever `output.every` leaves out, and both tables have the step's numbers with all their
-    digits (files/tables.py): its row is that with the same ones in SAME_STEP. Where steps are so short that several rows
-    have the same time, force and displacement tell them apart. Jumps after the last row are left out: a run that goes on
-    may have made them since the curve was read.
+    A jump has a row of its own, whatever `output.every` leaves out, and both tables have the step's numbers with all
+    their digits (files/tables.py): its row is that with the same ones in SAME_STEP. Where steps are so short that
+    several rows have the same time, force and displacement tell them apart. Jumps after the last row are left out: a run
+    that goes on may have made them since the curve was read.
 
     Raises:
         ResultError: for a jump that has no row, or if a table can't be read.
@@ -246,9 +248,9 @@ def rows_of_jumps(results: Results) -> NDArray[np.intp]:
     lost = (found == end) & (when <= times[-1])
     if lost.any():
         raise ResultError(
-            f"{results.directory}: the jump at t = {float(when[np.argmax(lost)])!r} s in {EVENTS.file} has no row in the "
-            "curve, so that works and forces would be wrong: if the run goes on, try again; else `pgfmd verify` says "
-            "which table was changed"
+            f"{results.directory}: the jump at t = {float(when[np.argmax(lost)])!r} s in {EVENTS.file} has no row in "
+            f"{CURVE.file}, so that works and forces would be wrong: if the run goes on, try again; else "
+            "`pgfmd verify` says which table was changed"
         )
     return found[found < end]
 
@@ -314,7 +316,7 @@ class Measures:
     largest_force: float | None
     time_to_preload: float | None
     pull_off: Dip | None
-    snap_in: Dip | None
+    snap_in: Dip
     work_of_separation: float | None
     hysteresis: float
     areas: Mapping[str, Areas]
@@ -334,7 +336,7 @@ class Measures:
     @property
     def landmarks(self) -> dict[str, Dip]:
         """What a picture marks: "pull-off" and "snap-in", each if it is a tension worth the name."""
-        size = max(self.largest_force or 0.0, *(dip.tension for dip in (self.pull_off, self.snap_in) if dip), 0.0)
+        size = max(self.largest_force or 0.0, self.pull_off.tension if self.pull_off else 0.0, self.snap_in.tension)
         found = {"pull-off": self.pull_off, "snap-in": self.snap_in}
         return {name: dip for name, dip in found.items() if dip and dip.tension > LEAST_TENSION * size}
 
@@ -373,7 +375,8 @@ def _tension(loop: Loop, row: int, key: str) -> Dip:
     if told is not None:
         # Records of version 0.1 have no uncertainties.
         spread = uncertainty.of_force(told, min(told, -float(loop.force[row])), loop.share)
-        return dataclasses.replace(found, tension=told, uncertainty=loop.told.get(f"{key}_uncertainty_N", _known(spread)))
+        known = loop.told.get(f"{key}_uncertainty_N", _known(spread))
+        return dataclasses.replace(found, tension=told, uncertainty=known)
     spread = loop.share * abs(found.tension) + BETWEEN_ROWS * _rise_beside(loop, row)
     # Of a compression only what goes below zero is a tension.
     spread = max(0.0, spread + min(found.tension, 0.0)) if not math.isnan(spread) else spread

@@ -20,8 +20,8 @@ class SiteHistory:
     """How many sites of a kind, `of` there are, are in contact along the run: at every row of the curve, and before and
     after every join and leave, in the order of time.
 
-    count, time [s], indentation [m] of the punch and force [N]: of shape (points,). turn: how many of these points belong
-    to the way in, the one included where the punch turns round.
+    count, time [s], indentation [m] of the punch and force [N]: of shape (points,). turn: how many of these points
+    belong to the way in, the one included where the punch turns round.
     """
 
     kind: str

@@ -1,5 +1,5 @@
-"""How far off the numbers of a run may be for its `solver.accuracy` (docs: reference, "Numbers"), and how far its energy
-audit closes, measured by what is at stake. No MPI.
+"""How far off the numbers of a run may be for its `solver.accuracy` (docs: reference, "Numbers"), and how far its
+energy audit closes, measured by what is at stake. No MPI.
 
 A step may be off by `accuracy`, of forces as a share of the largest so far. Errors of steps add up: of second order
 hardly, of first order more, as all of them have one sign. What happened within a step is known by its dense output

@@ -178,6 +178,7 @@ def _table(path: Path, table: Table, head: dict | None, inventory: Inventory) ->
 def _unmarked(path: Path, table: Table) -> Part:
     """A table of which no checkpoint tells what it should be."""
     untold, rows = "no checkpoint tells what it should be", max(count_ends(path) - 1, 0)
+    fault: object = None
     try:
         fault = next(faults_of(table, pieces_of(path, table, rows)), None) if rows else None
     except ResultError as error:

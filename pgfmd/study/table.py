@@ -1,7 +1,7 @@
 """The table of a study: a row a case, its axes and what came out. SI units, named in the header. No MPI.
 
-Areas are of contact, overlap and what is near, each by its own name. A case that counted overlap alone has numbers in the
-columns of overlap only.
+Areas are of contact, overlap and what is near, each by its own name. A case that counted overlap alone has numbers in
+the columns of overlap only.
 """
 
 from __future__ import annotations

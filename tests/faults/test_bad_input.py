@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from launching import ENVIRONMENT
 
-from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
 from pgfmd.files.tables import CURVE
+from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
 from pgfmd.host import launch
 from pgfmd.results import load
 from pgfmd.scene import load_scene, shipped_text
@@ -216,7 +216,7 @@ def test_an_interruption_ends_cleanly(number, ranks, tmp_path):
     assert time.monotonic() - sent < 10.0
     # mpirun has its own exit code after a signal
     assert process.returncode == 130 if ranks == 1 else process.returncode != 0
-    assert complaints.count("pgfmd: interrupted; what has been written so far is valid") == 1
+    assert complaints.count("pgfmd: interrupted. What has been written so far is valid.") == 1
     assert "Traceback" not in complaints
 
 

@@ -202,7 +202,7 @@ def test_every_and_forced_rows(comm, folder):
 
 
 def test_continued_and_cut_back_curve_equals_an_uninterrupted_one(comm, folder):
-    whole, broken = TableFile(CURVE, folder / "whole.csv", comm, every=3), TableFile(CURVE, folder / "broken.csv", comm, every=3)
+    whole, broken = (TableFile(CURVE, folder / f"{name}.csv", comm, every=3) for name in ("whole", "broken"))
     for k in range(11):
         whole.append(row(k))
     for k in range(5):

@@ -126,8 +126,7 @@ def write_energy(file: TableFile, found: list[CurveRow]) -> None:
 
 def write_contact(directory: Path, comm, found: list[CurveRow]) -> None:
     """One patch and one summit, in contact while there is an area; the loss of it is a jump."""
-    sites, patches = TableFile(SITES, directory / "sites.csv", comm), TableFile(PATCHES, directory / "patches.csv", comm)
-    events = TableFile(EVENTS, directory / "events.csv", comm)
+    sites, patches, events = (TableFile(table, directory / table.file, comm) for table in (SITES, PATCHES, EVENTS))
     for before, row in zip(found, found[1:]):
         joins, leaves = row.contact_area > 0 == before.contact_area, before.contact_area > 0 == row.contact_area
         if joins or leaves:

@@ -110,6 +110,21 @@ def test_no_folder_needs_one_that_needs_it():
     order.prepare()
 
 
+def test_no_module_needs_one_that_needs_it():
+    """Nor do the modules that read, measure, draw and compare results, in whichever way they import each other."""
+    ours = tuple(f"pgfmd.{name}." for name in ("files", "output", "results", "plots", "analysis", "study", "benchmark"))
+    modules = {name for name in IMPORTS if name.startswith(ours)}
+    graphlib.TopologicalSorter({name: IMPORTS[name] & modules - {name} for name in modules}).prepare()
+
+
+def test_no_numbers_come_from_pictures():
+    """What draws is asked for the manner of drawing alone."""
+    for name, modules in IMPORTS.items():
+        if name.startswith(("pgfmd.analysis", "pgfmd.study", "pgfmd.benchmark")):
+            drawn = {module for module in modules if module.startswith("pgfmd.plots.")}
+            assert all(module.startswith("pgfmd.plots.drawing") for module in drawn), name
+
+
 def test_closed_forms_import_nothing_of_the_solver():
     allowed = ("pgfmd.reference", "pgfmd.physics.rheology", "pgfmd.physics.cohesion")
     for name, modules in IMPORTS.items():

@@ -21,8 +21,8 @@ def curve(times, forces, areas=None, pull_off=1.0, work=4.0):
     areas = np.abs(forces) if areas is None else areas
     time, force, area = (np.array(values, float) for values in (times, forces, areas))
     rows = len(time)
-    phase, told = np.full(rows, "retract"), {PULL_OFF: pull_off}
-    return Loop("made", time, 0.0 * time, force, area, 0.0 * time, phase, np.zeros(rows, bool), separation=work, told=told)
+    phase, jump, told = np.full(rows, "retract"), np.zeros(rows, bool), {PULL_OFF: pull_off}
+    return Loop("made", time, 0.0 * time, force, area, 0.0 * time, phase, jump, separation=work, told=told)
 
 
 def triangle(height=2.0, **others):
@@ -119,7 +119,8 @@ def test_a_run_is_made_once_and_counted(laboratory):
     assert outcome.pairs > outcome.steps > 5 and outcome.iterations >= 2 * outcome.steps
     assert outcome.seconds > 0.0
     assert outcome.curve.force.max() == pytest.approx(20e-3, rel=0.02) and outcome.preload == 20e-3
-    assert outcome.curve.area.max() > 0.0 and measure(outcome.curve).pull_off.tension == outcome.curve.told[PULL_OFF] > 0.0
+    assert outcome.curve.area.max() > 0.0
+    assert measure(outcome.curve).pull_off.tension == outcome.curve.told[PULL_OFF] > 0.0
 
 
 def test_both_schemes_approach_the_same_curve_and_gfmd_by_the_first_order(laboratory):
