@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from pgfmd.scene import Scene
     from pgfmd.solver.simulation import Event, Simulation
-
-    from .patch_observer import ContactWatch
 
 INDENTATION_OFFSET = 0.0
 """k [m] of indentation = -d - k: zero, indentation counts from the first touch of the undeformed surface."""
@@ -112,13 +110,19 @@ def energy_row(simulation: Simulation) -> EnergyRow:
     )  # fmt: skip
 
 
+class Watch(Protocol):
+    """Who knows which contact the last jump has changed, as fields of an EventRow (patch_observer.ContactWatch)."""
+
+    change: Any
+
+
 class Events(Observer):
     """Writes `events.csv`: jumps with the energy they release, the preload, the end.
 
-    watch: who knows which contact a jump has changed (patch_observer.ContactWatch), and hears of it before; or None.
+    watch: who hears of a jump before, and knows what it has changed; or None.
     """
 
-    def __init__(self, file: TableFile, watch: ContactWatch | None = None):
+    def __init__(self, file: TableFile, watch: Watch | None = None):
         self.file, self.watch = file, watch
 
     def observe(self, simulation: Simulation, event: Event) -> None:
