@@ -172,12 +172,17 @@ def count_ends(path: Path, start: int = 0, ending: str = "") -> int:
 
 
 def is_earlier(path: Path) -> bool:
-    """Whether a curve has the columns of an earlier version, 0.1, which counts overlap as contact. OSError if it can't
-    be read."""
-    longest = max(map(len, CURVE.headers))
+    """Whether a curve is of version 0.1, which counts overlap as contact, and has no column of overlap. OSError if it
+    can't be read."""
+    return all(entry.name != "overlap_area" for entry in _columns_of_curve(path))
+
+
+def _columns_of_curve(path: Path) -> tuple[Column, ...]:
+    """The columns of a curve by its first line; those of this version where that is no header."""
     with open(path, "rb") as file:
-        start = file.read(longest)
-    return start.startswith(tuple(header.encode() for header in CURVE.headers[1:]))
+        start = file.read(max(map(len, CURVE.headers)))
+    known = zip(CURVE.layouts, CURVE.headers, strict=True)
+    return next((columns for columns, header in known if start.startswith(header.encode())), CURVE.columns)
 
 
 class CurveTail:
@@ -200,7 +205,7 @@ class CurveTail:
         # The header, or a row of which the beginning is missing; after the last newline, a row that is being written.
         lines = text[: text.rfind(b"\n") + 1].split(b"\n")[1:-1]
         self.earlier = is_earlier(path)
-        columns = CURVE.layouts[1 if self.earlier else 0]
+        columns = _columns_of_curve(path)
         found = [_curve_row(line.decode(errors="replace"), columns) for line in lines]
         self.rows = [row for row in found if row]
         self.strange = len(found) - len(self.rows)
