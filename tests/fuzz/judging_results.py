@@ -16,6 +16,7 @@ from pgfmd.errors import PgfmdError, RunError, SceneError
 from pgfmd.files.table_reading import faults_of
 from pgfmd.files.tables import CURVE, TABLES
 from pgfmd.results import load
+from pgfmd.results.curve import SAME_STEP
 from pgfmd.results.uncertainty import LEAST_LOOP, UNBALANCED, at_stake
 from pgfmd.results.verify import verify
 from pgfmd.solver.newton import NewtonSolver
@@ -294,12 +295,12 @@ def events(run: Folder) -> Iterator[Fault]:
         if run.finished:
             yield Fault("events: none")
         return
-    kinds, times = list(run.column("event", "events")), run.column("time [s]", "events")
-    if run.scene.output.energy and not np.isin(times, run.time).all():
-        yield Fault(
-            "events: one that has no row in the curve",
-            str([kind for kind, time in zip(kinds, times, strict=True) if time not in run.time])[:200],
-        )
+    kinds = list(run.column("event", "events"))
+    rows, happened = (zip(*(run.column(title, table) for title in SAME_STEP)) for table in ("curve", "events"))
+    there = set(rows)
+    lost = [f"{kind} {step}" for kind, step in zip(kinds, happened, strict=True) if step not in there]
+    if lost:
+        yield Fault("events: one that has no row in the curve", ", ".join(lost)[:200])
     if not run.finished:
         return
     if kinds[-1] != run.record["finished"] or kinds.count("preload") != (run.record["preload_N"] is not None):

@@ -215,7 +215,7 @@ DAMAGE = {
     "energy: viscous [J] not finite": table("energy.csv", lambda lines: cell(lines, 5, 4, "inf")),
     "patches: kind none of": table("patches.csv", lambda lines: cell(lines, 1, -2, "ridge")),
     "sites: event none of": table("sites.csv", lambda lines: cell(lines, 1, 8, "stays")),
-    "events: one that has no row in the curve": table("events.csv", lambda lines: cell(lines, 1, 0, "0.12345")),
+    "events: one that has no row in the curve": table("events.csv", lambda lines: cell(lines, 1, 2, "0.12345")),
     "energy: columns do not add up": table("energy.csv", lambda lines: cell(lines, 9, 1, "1e-8")),
     "energy: released falls": table("energy.csv", lambda lines: cell(lines, -1, 5, "0.0")),
     "energy: an audit that does not close, untold": table("energy.csv", lambda lines: cell(lines, -1, 6, "1e-7")),
