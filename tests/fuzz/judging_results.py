@@ -232,7 +232,8 @@ def curve(run: Folder) -> Iterator[Fault]:
     """No row is there twice, phases follow each other, and indentations and areas fit the rest."""
     numbers = [entry.title for entry in CURVE.columns if entry.kind is float]
     rows = np.column_stack([run.column(title) for title in numbers])
-    if not np.isfinite(rows).all():
+    # A run may fail before its first row.
+    if not len(rows) or not np.isfinite(rows).all():
         return
     same = (np.diff(rows[:, :4], axis=0) == 0).all(axis=1)
     if same.any():
