@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 LONGEST_VALUE = 300
 """Characters of a value that a message shows."""
+WRITTEN_IS_VALID = "What has been written so far is valid."
+"""What every message says that ends a run within its steps."""
 
 
 class PgfmdError(Exception):

@@ -10,11 +10,11 @@ from pathlib import Path
 from .assemble import assemble
 from .errors import PgfmdError, ResultError, RunError
 from .files import storage
-from .files.curve_file import CURVE_COLUMNS, EARLIER_CURVE_COLUMNS
-from .files.curve_tail import count_ends
 from .files.fields_layout import Layout
 from .files.packing import arrays_of, unpack
 from .files.regular_files import remove_unfinished, write_atomically
+from .files.table_reading import count_ends
+from .files.tables import CURVE
 from .forecast.advice import warnings
 from .host import launch
 from .host.run_lock import RunLock
@@ -112,7 +112,7 @@ def _require_own(folder: Path) -> None:
     # Raises where the record is none of ours.
     resume.finished_record(folder)
     curve = folder / storage.CURVE_FILE
-    headers = [",".join(columns).encode() + b"\n" for columns in (CURVE_COLUMNS, EARLIER_CURVE_COLUMNS)]
+    headers = [header.encode() for header in CURVE.headers]
     if curve.exists() and count_ends(curve) <= LINES_OF_START:
         with open(curve, "rb") as file:
             start = file.read(max(map(len, headers)))

@@ -12,7 +12,6 @@ for all, on the rank that has most of them. Prints a table of the most memory at
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import tempfile

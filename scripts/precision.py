@@ -31,10 +31,11 @@ from precision_report import Row, Table, all_costs, all_errors, all_scatters, su
 from precision_scenes import CASES, COSTS, OWN, PRECISIONS, SCATTERS, SPREAD, Case
 
 from pgfmd.assemble import assemble
-from pgfmd.benchmark.curve_errors import Curve, errors, rms_difference
+from pgfmd.benchmark.curve_errors import errors, rms_difference
 from pgfmd.benchmark.work_precision import Recorder
 from pgfmd.errors import PgfmdError
-from pgfmd.results.audit import LEAST_LOOP
+from pgfmd.results.curve import Loop
+from pgfmd.results.uncertainty import LEAST_LOOP
 from pgfmd.scene import load_scene, scene_from_mapping
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -42,10 +43,11 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run: its curve, the net work of the punch and the largest on the way [J], the largest residual of its audit [J],
-    cost, and how it ended."""
+    """A run: its curve, the force that errors are shares of [N], the net work of the punch and the largest on the way
+    [J], the largest residual of its audit [J], cost, and how it ended."""
 
-    curve: Curve
+    curve: Loop
+    preload: float
     work: float
     largest_work: float
     residual: float
@@ -84,12 +86,9 @@ def outcome(scene: str, overrides: tuple[str, ...]) -> Outcome:
     except PgfmdError as error:
         ended = f"failed: {' '.join(str(error).split())}"
     spent, state = time.process_time() - began, simulation.state
-    curve = Curve(
-        *(np.array(column) for column in (recorder.time, recorder.force, recorder.area)),
-        simulation.scheme.solver.force_scale, -state.pull_off_force, state.energies.work_of_separation,
-    )  # fmt: skip
+    curve, preload = recorder.loop(simulation), simulation.scheme.solver.force_scale
     energies = state.energies.work, recorder.largest, state.energies.largest_residual
-    return Outcome(curve, *energies, simulation.scheme.pairs, state.counters.steps, spent, ended)
+    return Outcome(curve, preload, *energies, simulation.scheme.pairs, state.counters.steps, spent, ended)
 
 
 def errors_of(case: Case, known: set, say):
@@ -117,9 +116,9 @@ def compared(case: Case, part: str, accuracies, finest: float, known: set, say):
             )
             for precision in PRECISIONS
         }
-        apart = rms_difference(runs["mixed"].curve, runs["double"].curve, "force") / runs["double"].curve.preload
+        apart = rms_difference(runs["mixed"].curve, runs["double"].curve, "force") / runs["double"].preload
         for precision, found in runs.items():
-            off = errors(found.curve, reference.curve)
+            off = errors(found.curve, reference.curve, reference.preload)
             row = Row(
                 part, case.name, setting, precision, off.force, off.pull_off,
                 abs(found.work - reference.work) / reference.at_stake, found.residual / reference.at_stake, apart,

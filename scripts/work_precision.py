@@ -31,9 +31,10 @@ from pathlib import Path
 from cost_of_elements import gfmd_steps, replayed
 from work_precision_report import draw, fill_page
 
-from pgfmd.benchmark.curve_errors import Curve, richardson
+from pgfmd.benchmark.curve_errors import richardson
 from pgfmd.benchmark.work_precision import Laboratory, Row, Setting, explicit, implicit, row_of, study
 from pgfmd.host import launch
+from pgfmd.results.curve import Loop
 from pgfmd.scene import load_scene
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -93,16 +94,16 @@ class Study:
     def __init__(self, comm, size: Size, say: Callable[[str], None]):
         self.laboratory, self.size, self.say = Laboratory(comm), size, say
 
-    def _curve(self, *overrides: str) -> Curve:
+    def _curve(self, *overrides: str) -> Loop:
         return self.laboratory.outcome(SCENE, overrides).curve
 
-    def _measured(self, base, settings, reference: Callable[[], Curve], known) -> Iterator[Row]:
+    def _measured(self, base, settings, reference: Callable[[], Loop], known) -> Iterator[Row]:
         """The settings that are not known yet, against a reference that is only made if there are any."""
         missing = [setting for setting in settings if (setting.line, setting.label) not in known]
         if missing:
             yield from study(self.laboratory, SCENE, base, missing, reference(), self.say)
 
-    def _massless(self, base: tuple[str, ...], top: float) -> Curve:
+    def _massless(self, base: tuple[str, ...], top: float) -> Loop:
         """gfmd, extrapolated from top/2 and top, in units of pi, to infinite omega tau_min."""
         coarse, fine = (self._curve(*base, *setting.overrides) for setting in explicit("", [top / 2, top], [LONG]))
         return richardson(coarse, fine, 2.0)

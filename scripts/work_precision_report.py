@@ -11,8 +11,7 @@ from matplotlib import rc_context
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from pgfmd.benchmark.curve_errors import cost_at
-from pgfmd.plots.drawing import STYLE
-from pgfmd.plots.maps import new_figure
+from pgfmd.plots.drawing import STYLE, new_figure
 
 MEASURES = {
     "force_error": "force curve",

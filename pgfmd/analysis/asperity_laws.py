@@ -17,7 +17,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from pgfmd.reference import jkr
-from pgfmd.results.loop import Array, Loop
+from pgfmd.results.curve import Array, Loop
 
 from .crack_law import CrackLaw
 

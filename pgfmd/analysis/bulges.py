@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import find_peaks
 
-from pgfmd.results.loop import Loop
+from pgfmd.results.curve import Loop
 
 from .low_pass import PAPER_RESOLUTION, low_pass
 

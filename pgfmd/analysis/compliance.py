@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.results.loop import Loop
+from pgfmd.results.curve import Loop
 
 LEAST_FORCE = 1e-3
 """Rows below this share of the largest force say nothing about a stiffness and are left out of the fit."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.results.loop import Array, Loop
+from pgfmd.results.curve import Array, Loop
 
 WINDOW = 0.1
 """Forces over which a slope is taken, as a share of the preload."""

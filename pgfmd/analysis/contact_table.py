@@ -8,12 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pgfmd.results import Results
-from pgfmd.results.loop import Loop
-from pgfmd.results.measures import Measures
+from pgfmd.results.curve import Loop, Measures
+from pgfmd.results.sites import site_loads
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.units import UnitError, parse_quantity
 
-from .site_loads import site_loads
 from .table import Table
 
 COUNTED_OVERLAP = (

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pgfmd.physics.rheology import PronySeries
-from pgfmd.results.loop import Array
+from pgfmd.results.curve import Array
 
 DECADES = 6
 """How far the table goes below the longest and above the shortest retardation time."""

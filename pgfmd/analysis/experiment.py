@@ -18,7 +18,7 @@ import numpy as np
 
 from pgfmd.characterisation.dma import MeasurementError
 from pgfmd.files.text import read_text
-from pgfmd.results.loop import Array, Loop
+from pgfmd.results.curve import Array, Loop
 from pgfmd.units import UnitError, parse_quantity
 
 NAMES = {

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pgfmd.results import Results
-from pgfmd.results.loop import Loop, column
-from pgfmd.results.measures import net_work
+from pgfmd.results.curve import Loop, column, net_work
 
 from .scene_differences import differences
 

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 from scipy.ndimage import convolve1d
 
-from pgfmd.results.loop import Array, Loop
+from pgfmd.results.curve import Array, Loop
 
 PAPER_RESOLUTION = 1e-7
 """[m]: the resolution to which the paper filters its measured curves."""

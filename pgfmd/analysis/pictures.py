@@ -10,11 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.plots.drawing import drawing, literal, write_picture
-from pgfmd.plots.folder import GREY, RED, TURQUOISE, energy_unit
-from pgfmd.plots.maps import new_figure, signed
-from pgfmd.plots.thinning import seen
-from pgfmd.results.loop import Loop
+from pgfmd.plots.drawing import (
+    GREY,
+    RED,
+    TURQUOISE,
+    drawing,
+    energy_unit,
+    literal,
+    new_figure,
+    seen,
+    signed,
+    write_picture,
+)
+from pgfmd.results.curve import Loop
 
 from .bulges import Bulge
 from .compliance import CellCompliance

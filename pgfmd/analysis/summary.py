@@ -13,9 +13,8 @@ from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_atomically
 from pgfmd.plots.drawing import elsewhere, target_folder
 from pgfmd.results import Results, load
-from pgfmd.results.audit import UNBALANCED, at_stake, largest_residual
-from pgfmd.results.loop import WHOLE, Loop
-from pgfmd.results.measures import Measures, measure
+from pgfmd.results.curve import WHOLE, Loop, Measures, measure
+from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
 
 from . import pictures
 from .bulges import Bulge, bulges
@@ -132,7 +131,7 @@ def analyse(
         _add_tabor(table, results, found, other)
         predictions = []
         if bearing_area or single is not None:
-            from .beside import add_bearing_area
+            from .bearing_area import add_bearing_area
 
             predictions = add_bearing_area(table, results, found, single)
         twin_loop = Loop.of(other) if other else None

@@ -12,9 +12,8 @@ import numpy as np
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, SUMMIT, contact_sites
 from pgfmd.physics.topography import Topography
-from pgfmd.results.loop import Array
+from pgfmd.results.curve import Array
 from pgfmd.solver.grid import Grid
-
 
 FINE = 400
 """Parts of a wavelength over which curvatures are taken where the face is a formula."""

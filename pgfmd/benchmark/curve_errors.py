@@ -1,33 +1,27 @@
 """How far one force curve is from another, and what an error costs. Plain NumPy.
 
 Errors of a curve against a reference, all dimensionless:
-- force: rms of the difference of the forces over time, relative to the preload that the scene asks for. Over the time
+- force: rms of the difference of the forces over time, relative to a preload. Over the time
   in which either punch feels the surface, so that a longer way there makes no error smaller; after its end a curve
   stays at zero. Curves are straight between the ends of steps, so sampling a curve too coarsely counts as an error.
 - area: the same of the contact area, relative to the reference's largest.
-- pull_off, separation: relative error of the largest tensile force after the preload, and of the work of separation.
+- pull_off, separation: relative error of the largest tensile force after the preload, and of the work of separation, as
+  both runs tell them.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from pgfmd.results.curve import Array, Loop, work_of_separation
 
-@dataclass(frozen=True)
-class Curve:
-    """time [s], force [N], contact area [m^2] at the ends of steps, each (rows,); preload [N], as the scene asks for
-    it; pull_off_force [N], > 0 in tension; work_of_separation [J]."""
-
-    time: np.ndarray
-    force: np.ndarray
-    area: np.ndarray
-    preload: float
-    pull_off_force: float
-    work_of_separation: float
+PULL_OFF = "pull_off_force_N"
+"""Key of the pull-off force among what a run tells of itself (Loop.told)."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +34,15 @@ class Errors:
     area: float
 
 
-def errors(curve: Curve, reference: Curve) -> Errors:
-    """Errors of a curve against a reference; see the head of this module."""
+def errors(curve: Loop, reference: Loop, preload: float) -> Errors:
+    """Errors of a curve against a reference; see the head of this module. preload: force [N] that others are shares of.
+
+    Both tell their pull-off force (`PULL_OFF`).
+    """
     return Errors(
-        rms_difference(curve, reference, "force") / reference.preload,
-        _relative(curve.pull_off_force, reference.pull_off_force),
-        _relative(curve.work_of_separation, reference.work_of_separation),
+        rms_difference(curve, reference, "force") / preload,
+        _relative(curve.told[PULL_OFF], reference.told[PULL_OFF]),
+        _relative(work_of_separation(curve), work_of_separation(reference)),
         rms_difference(curve, reference, "area") / float(reference.area.max()),
     )
 
@@ -54,7 +51,7 @@ def _relative(ours: float, theirs: float) -> float:
     return abs(ours - theirs) / abs(theirs) if theirs else (math.inf if ours else 0.0)
 
 
-def rms_difference(curve: Curve, reference: Curve, what: str) -> float:
+def rms_difference(curve: Loop, reference: Loop, what: str) -> float:
     """Rms of the difference of two curves over the time in which either feels a force; `what`: "force" or "area".
 
     Exact for the broken lines that the curves are; a curve that has ended stays at zero. In the unit of `what`.
@@ -70,29 +67,28 @@ def rms_difference(curve: Curve, reference: Curve, what: str) -> float:
     return float(np.sqrt(np.sum(np.diff(instants) * squares) / (last - first)))
 
 
-def _onset(curve: Curve) -> float:
+def _onset(curve: Loop) -> float:
     """Time [s] of the last row before the first force."""
     acting = np.flatnonzero(curve.force)
     return float(curve.time[max(acting[0] - 1, 0)]) if acting.size else float(curve.time[0])
 
 
-def _at(curve: Curve, what: str, instants: np.ndarray) -> np.ndarray:
+def _at(curve: Loop, what: str, instants: Array) -> Array:
     return np.interp(instants, curve.time, getattr(curve, what), right=0.0)
 
 
-def richardson(coarse: Curve, fine: Curve, ratio: float, order: float = 1.0) -> Curve:
+def richardson(coarse: Loop, fine: Loop, ratio: float, order: float = 1.0) -> Loop:
     """The limit of two curves whose errors go with a power `order` of a parameter that is `ratio` times smaller in
-    `fine`, at each instant of `fine`."""
+    `fine`, at each instant of `fine`: of forces, areas, pull-off force and work of separation."""
     weight = 1.0 / (ratio**order - 1.0)
 
-    def limit(there, here):
+    def limit(there: Any, here: Any) -> Any:
         return here + weight * (here - there)
 
     force, area = (limit(_at(coarse, what, fine.time), getattr(fine, what)) for what in ("force", "area"))
-    return Curve(
-        fine.time, force, area, fine.preload, limit(coarse.pull_off_force, fine.pull_off_force),
-        limit(coarse.work_of_separation, fine.work_of_separation),
-    )  # fmt: skip
+    told = {PULL_OFF: limit(coarse.told[PULL_OFF], fine.told[PULL_OFF])}
+    separation = limit(work_of_separation(coarse), work_of_separation(fine))
+    return replace(fine, force=force, area=area, told=told, separation=separation)
 
 
 def cost_at(target: float, errors: Iterable[float], costs: Iterable[float]) -> float:

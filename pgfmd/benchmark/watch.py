@@ -6,7 +6,6 @@ import statistics
 import time
 from collections.abc import Callable
 
-
 PARTS = ("_rows_forward", "_convolve_columns", "_rows_backward")
 """What an operator does for a pair."""
 

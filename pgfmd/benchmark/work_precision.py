@@ -11,13 +11,20 @@ import time
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pgfmd.errors import RunError, SceneError
+from pgfmd.results.curve import Loop
 from pgfmd.solver.simulation import FINISHED
 
-from .curve_errors import Curve, errors
+from .curve_errors import PULL_OFF, errors
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+    from pgfmd.scene import Scene
 
 SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=32", "solver.accuracy=0.1")}
 """What makes a run short that only has to compile the kernels of a scheme."""
@@ -25,10 +32,11 @@ SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=3
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run: its curve, what it has cost, how it ended. seconds: of all cores; share: of the time outside
-    transforms."""
+    """A run: its curve, the preload [N] that it was asked for, what it has cost, how it ended. seconds: of all cores;
+    share: of the time outside transforms."""
 
-    curve: Curve
+    curve: Loop
+    preload: float
     pairs: int
     steps: int
     refused: int
@@ -39,22 +47,37 @@ class Outcome:
 
 
 class Recorder:
-    """Observer that keeps time, force and contact area of every step."""
+    """Observer that keeps what a loop consists of, at the start and after every step."""
 
-    def __init__(self):
-        self.time, self.force, self.area = array("d"), array("d"), array("d")
+    def __init__(self) -> None:
+        self.time, self.displacement, self.force, self.area, self.u_inf = (array("d") for _ in range(5))
+        self.phase, self.jump = array("b"), array("b")
 
-    def next_time(self, simulation) -> float:
+    def next_time(self, simulation: Any) -> float:
         """No step has to end at a wanted time."""
         return math.inf
 
-    def observe(self, simulation, event) -> None:
+    def observe(self, simulation: Any, event: Any) -> None:
         """Keeps a row at the start and after every step."""
         if event.kind in ("start", "step", "jump"):
             state = simulation.state
             self.time.append(state.time)
+            self.displacement.append(simulation.punch_position)
             self.force.append(state.force)
             self.area.append(state.contact_points * simulation.points.grid.cell_area)
+            self.u_inf.append(state.far_displacement)
+            self.phase.append(state.phase)
+            self.jump.append(event.kind == "jump")
+
+    def loop(self, simulation: Any, name: str = "") -> Loop:
+        """The loop so far, with the works and the pull-off force that the run itself has found."""
+        state = simulation.state
+        phase = np.array([each.name for each in simulation.phases])[np.array(self.phase)]
+        return Loop(
+            name, np.array(self.time), np.array(self.displacement), np.array(self.force), np.array(self.area),
+            np.array(self.u_inf), phase, np.array(self.jump, bool), work=state.energies.work,
+            separation=state.energies.work_of_separation, told={PULL_OFF: -state.pull_off_force},
+        )  # fmt: skip
 
 
 class Laboratory:
@@ -64,7 +87,7 @@ class Laboratory:
     its scene and overrides; `outcome` returns it from memory if it has been made already.
     """
 
-    def __init__(self, comm, base: Sequence[str] = ("output.energy=false", "solver.max_steps=1000000000")):
+    def __init__(self, comm: Comm, base: Sequence[str] = ("output.energy=false", "solver.max_steps=1000000000")):
         self.comm, self.base = comm, tuple(base)
         self._known: dict[tuple[str, ...], Outcome] = {}
         self._warm: set[tuple[str, str]] = set()
@@ -88,7 +111,7 @@ class Laboratory:
             self._known[name] = outcome
         return self._known[name]
 
-    def _warm_up(self, scene: str, overrides: Sequence[str], solver) -> None:
+    def _warm_up(self, scene: str, overrides: Sequence[str], solver: Any) -> None:
         """Compiles the kernels that a run needs, or reads them from their cache, before anything is timed."""
         from pgfmd.runner import compile_kernels
         from pgfmd.scene import load_scene
@@ -100,7 +123,7 @@ class Laboratory:
             self._warm.add(kind)
 
 
-def run(scene, comm) -> Outcome:
+def run(scene: Scene, comm: Comm) -> Outcome:
     """Runs a scene on a communicator. Collective; the same on every rank."""
     from pgfmd.assemble import assemble
 
@@ -110,13 +133,10 @@ def run(scene, comm) -> Outcome:
     state = simulation.run()
     spent, wall = time.process_time() - start, time.perf_counter() - wall
     inside = simulation.scheme.transform_seconds
-    curve = Curve(
-        *(np.array(column) for column in (recorder.time, recorder.force, recorder.area)),
-        scene.drive.preload, -state.pull_off_force, state.energies.work_of_separation,
-    )  # fmt: skip
     counters = state.counters
     return Outcome(
-        curve, simulation.scheme.pairs, counters.steps, counters.rejected_steps, counters.newton_iterations,
+        recorder.loop(simulation), scene.drive.preload, simulation.scheme.pairs, counters.steps,
+        counters.rejected_steps, counters.newton_iterations,
         sum(comm.allgather(spent)), 1.0 - max(comm.allgather(inside)) / max(comm.allgather(wall)),
         state.finished,
     )  # fmt: skip
@@ -170,9 +190,9 @@ class Row:
     share_outside_transforms: float
 
 
-def row_of(setting: Setting, outcome: Outcome, reference: Curve) -> Row:
+def row_of(setting: Setting, outcome: Outcome, reference: Loop) -> Row:
     """The measured point of a run."""
-    found = errors(outcome.curve, reference)
+    found = errors(outcome.curve, reference, outcome.preload)
     return Row(
         setting.line, setting.label, setting.x, found.force, found.pull_off, found.separation, found.area,
         outcome.pairs, outcome.steps, outcome.refused, outcome.iterations, outcome.seconds, outcome.share,
@@ -181,7 +201,7 @@ def row_of(setting: Setting, outcome: Outcome, reference: Curve) -> Row:
 
 def study(
     laboratory: Laboratory, scene: str, base: Sequence[str], settings: Iterable[Setting],
-    reference: Curve, say: Callable[[str], None],
+    reference: Loop, say: Callable[[str], None],
 ) -> Iterator[Row]:  # fmt: skip
     """Measures the settings one after another; one that the scene can't have is left out with a remark. Collective."""
     for setting in settings:

@@ -108,8 +108,7 @@ def compare(
     Curves are compared as they are, unless a correction is asked for.
     """
     from pgfmd.analysis import pictures
-    from pgfmd.analysis.beside_experiment import comparison_table, load_loops
-    from pgfmd.analysis.comparison import overlay
+    from pgfmd.analysis.comparison import comparison_table, load_loops, overlay
     from pgfmd.analysis.table import show
 
     stiffness = _stiffness(machine_stiffness)

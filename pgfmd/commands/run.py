@@ -169,7 +169,7 @@ def _unbalanced(record: dict, directory: Path) -> list[str]:
     """What is said of an energy audit that does not close, in any scheme; nothing of one that does."""
     from pgfmd.errors import ResultError
     from pgfmd.results import load
-    from pgfmd.results.audit import LEAST_LOOP, UNBALANCED, at_stake
+    from pgfmd.results.uncertainty import LEAST_LOOP, UNBALANCED, at_stake
 
     if record["energy_residual"] is None:
         return []

@@ -178,7 +178,7 @@ def _campaign(cases: list, out: Path, every: str, retry: bool, fresh: bool, allo
 
 def show(campaign: Campaign, axes: Any, title: str) -> list:
     """Writes the table and the figures of a study, and prints the table; returns its rows."""
-    from pgfmd.study import areas, table
+    from pgfmd.study import table
     from pgfmd.study.campaign import make_folder
     from pgfmd.study.pictures import draw_study
 
@@ -186,7 +186,7 @@ def show(campaign: Campaign, axes: Any, title: str) -> list:
     rows = table.rows_of(campaign.cases, axes, campaign.standings(), campaign.out)
     path = campaign.out / table.FILE
     table.write_table(path, rows, axes)
-    for line in [*table.overview(rows), *(f"note: {text}" for text in areas.remarks(rows))]:
+    for line in [*table.overview(rows), *(f"note: {text}" for text in table.remarks(rows))]:
         say(line)
     say(" ".join(str(written) for written in (path, *draw_study(campaign.out, rows, axes, title))))
     return rows

@@ -28,7 +28,7 @@ def read_text(path: str | Path) -> str:
     return decoded(Path(path).read_bytes())
 
 
-def read_table(path: str | Path, delimiter: str | None = None) -> NDArray[np.float64]:
+def read_numbers(path: str | Path, delimiter: str | None = None) -> NDArray[np.float64]:
     """The numbers of a text file, (rows, columns); # starts a comment. delimiter: None for blanks.
 
     Raises OSError, and ValueError for what is no table of numbers.

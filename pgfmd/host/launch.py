@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from pgfmd.errors import PgfmdError
+from pgfmd.errors import WRITTEN_IS_VALID, PgfmdError
 
 from . import faults
 from .processes import end_with_launcher
@@ -236,7 +236,7 @@ def guarded(comm) -> Iterator[None]:
         meeting.Free()
 
 
-_INTERRUPTION = "interrupted; what has been written so far is valid"
+_INTERRUPTION = f"interrupted. {WRITTEN_IS_VALID}"
 
 
 def _stopper(comm) -> Callable[[int, Any], None]:

@@ -8,6 +8,7 @@ collective HDF5 call, where one rank's failure would leave the others waiting.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -132,9 +133,7 @@ class FieldsFile:
         write = self._write_together if self.parallel else self._write_gathered
         for name, make in fields.items():
             # Made before: what can fail without others must not do so within a collective write.
-            values, first = self._local(name, make)
-            agree(self._comm, attempt(what, lambda: write(name, frame, values, first))[1])
-            del values
+            agree(self._comm, attempt(what, partial(write, name, frame, *self._local(name, make)))[1])
         # Each rank: on a cluster the data may still be in its own node's memory.
         agree(self._comm, attempt(what, lambda: bring_to_disk(self.path))[1])
         on_root(self._comm, what, lambda: fields_layout.forget(self.path))

@@ -6,14 +6,22 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from pgfmd.files.curve_file import CurveFile, CurveRow, EnergyFile, EnergyRow, EventFile, EventRow
 from pgfmd.files.packing import unpack
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import CurveRow, EnergyRow, EventRow
 from pgfmd.solver.state import State
 
 from .fields_file import FieldsFile
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+    from pgfmd.scene import Scene
+    from pgfmd.solver.simulation import Event, Simulation
 
 INDENTATION_OFFSET = 0.0
 """k [m] of indentation = -d - k: zero, indentation counts from the first touch of the undeformed surface."""
@@ -22,11 +30,11 @@ INDENTATION_OFFSET = 0.0
 class Observer:
     """Does nothing; the base of those below."""
 
-    def next_time(self, simulation) -> float:
+    def next_time(self, simulation: Simulation) -> float:
         """The next time [s] at which a step has to end; infinity for none."""
         return math.inf
 
-    def observe(self, simulation, event) -> None:
+    def observe(self, simulation: Simulation, event: Event) -> None:
         """Called at the start, after each step or jump, at the preload, at wanted times, and at the end."""
 
 
@@ -37,11 +45,13 @@ class Curve(Observer):
     whatever rows `every` leaves out.
     """
 
-    def __init__(self, curve: CurveFile, energy: EnergyFile | None):
-        self.files = [(curve, curve_row)] + ([(energy, energy_row)] if energy else [])
+    def __init__(self, curve: TableFile, energy: TableFile | None):
+        self.files: list[tuple[TableFile, Callable[[Simulation], Any]]] = [(curve, curve_row)]
+        if energy:
+            self.files.append((energy, energy_row))
         self.before: list = [None] * len(self.files)
 
-    def next_time(self, simulation) -> float:
+    def next_time(self, simulation: Simulation) -> float:
         """Asks for no time. Called before each step: what the rows are then is known after a restart as well."""
         if self.files[0][0].every > 1 and simulation.state.started:
             if _at_turn_of_phase(simulation):
@@ -49,7 +59,7 @@ class Curve(Observer):
             self.before = [row(simulation) for _, row in self.files]
         return math.inf
 
-    def observe(self, simulation, event) -> None:
+    def observe(self, simulation: Simulation, event: Event) -> None:
         if event.kind in ("start", "step", "jump"):
             for (file, row), before in zip(self.files, self.before, strict=True):
                 # The first step's row is there in any case: it tells a run from one that never began.
@@ -60,59 +70,69 @@ class Curve(Observer):
             # That a step is the last of its phase, or of the run, is known only after it.
             self._make_up(simulation)
 
-    def _make_up(self, simulation) -> None:
+    def _make_up(self, simulation: Simulation) -> None:
         """Writes the rows of the present state where `every` has left them out."""
         for file, row in self.files:
             if file.skipped:
                 file.append(row(simulation), force_write=True)
 
 
-def _at_turn_of_phase(simulation) -> bool:
+def _at_turn_of_phase(simulation: Simulation) -> bool:
     """Whether the last step ended a phase, and the next one has not moved the punch yet."""
     return simulation.state.phase > 0 and simulation.state.elapsed == 0.0
 
 
-def curve_row(simulation) -> CurveRow:
+def curve_row(simulation: Simulation) -> CurveRow:
     """The row of the present state."""
     state = simulation.state
     cell = simulation.points.grid.cell_area
     # The phase that the step belongs to, not the one that comes next.
     phase = simulation.phases[state.phase - _at_turn_of_phase(simulation)]
     return CurveRow(
-        state.time, simulation.punch_position, -simulation.punch_position - INDENTATION_OFFSET, state.force,
-        state.contact_points * cell, state.overlap_points * cell, state.near_points * cell, state.far_displacement,
-        state.last_step, phase.name,
+        time=state.time, displacement=simulation.punch_position,
+        indentation=-simulation.punch_position - INDENTATION_OFFSET, force=state.force,
+        contact_area=state.contact_points * cell, overlap_area=state.overlap_points * cell,
+        near_area=state.near_points * cell, u_inf=state.far_displacement, step=state.last_step, phase=phase.name,
     )  # fmt: skip
 
 
-def gaps_of(simulation, scene) -> dict[str, float]:
+def gaps_of(simulation: Simulation, scene: Scene) -> dict[str, float]:
     """The gaps [m] below which points of the run are in contact, and near: what record and snapshots say of it."""
     return {"contact_gap_m": simulation.scheme.law.contact_gap, "near_gap_m": scene.output.near_gap}
 
 
-def energy_row(simulation) -> EnergyRow:
+def energy_row(simulation: Simulation) -> EnergyRow:
     """The audit of the present state, stored energies counted from the start."""
     e = simulation.state.energies
     return EnergyRow(
-        simulation.state.time, e.work, e.elastic - e.elastic_start, e.adhesive - e.adhesive_start, e.viscous,
-        e.released, e.residual,
+        time=simulation.state.time, work=e.work, elastic=e.elastic - e.elastic_start,
+        adhesive=e.adhesive - e.adhesive_start, viscous=e.viscous, released=e.released, residual=e.residual,
     )  # fmt: skip
+
+
+class Watch(Protocol):
+    """Who knows which contact the last jump has changed, as fields of an EventRow (patch_observer.ContactWatch)."""
+
+    change: Any
 
 
 class Events(Observer):
     """Writes `events.csv`: jumps with the energy they release, the preload, the end.
 
-    watch: who knows which contact a jump has changed (patch_observer.ContactWatch), and hears of it before; or None.
+    watch: who hears of a jump before, and knows what it has changed; or None.
     """
 
-    def __init__(self, file: EventFile, watch=None):
+    def __init__(self, file: TableFile, watch: Watch | None = None):
         self.file, self.watch = file, watch
 
-    def observe(self, simulation, event) -> None:
+    def observe(self, simulation: Simulation, event: Event) -> None:
         if event.kind in ("jump", "preload", "end"):
             state = simulation.state
             name = state.finished if event.kind == "end" else event.kind
-            row = EventRow(state.time, simulation.punch_position, state.force, event.released, name)
+            row = EventRow(
+                time=state.time, displacement=simulation.punch_position, force=state.force, released=event.released,
+                event=name,
+            )  # fmt: skip
             if self.watch and event.kind == "jump":
                 row = replace(row, **vars(self.watch.change))
             self.file.append(row)
@@ -134,7 +154,7 @@ class Frame:
     traction: np.ndarray = field(default_factory=_nothing)
     kept: np.ndarray = field(default_factory=_nothing)
 
-    def take(self, state, surface: Surface | None) -> Frame:
+    def take(self, state: State, surface: Surface | None) -> Frame:
         """Holds a copy of the present fields of the state, in the arrays of before where there are some."""
         if (self.displacement.size, self.displacement.dtype) != (state.displacement.size, state.displacement.dtype):
             self.displacement, self.traction = np.empty_like(state.displacement), np.empty_like(state.traction)
@@ -190,24 +210,24 @@ class Snapshots(Observer):
         self.file, self.surface, self.follow = file, surface, follow
         self.agenda = Agenda(sorted(wanted), fractions)
 
-    def replan(self, state, wanted: list[tuple[float, str]], fractions: list[float]) -> None:
+    def replan(self, state: State, wanted: list[tuple[float, str]], fractions: list[float]) -> None:
         """Other snapshots from now on; what is over already is left out."""
         coming = [entry for entry in wanted if _is_to_come(entry, state) or not state.started]
         self.agenda.wanted, self.agenda.fractions = sorted(coming), fractions
         if state.preload_time is not None:
             self._schedule(state)
 
-    def recall(self, state, numbers: dict, read: Callable[[str, np.ndarray], None]) -> None:
+    def recall(self, state: State, numbers: dict, read: Callable[[str, np.ndarray], None]) -> None:
         """Takes up the agenda of a checkpoint (restart/packing.py)."""
         # The arrays that are to be filled.
         self.agenda.tension = Frame().take(state, self.surface) if numbers["tension"]["held"] else Frame()
         unpack(self.agenda, numbers, read)
         self.agenda.wanted = [(time, label) for time, label in self.agenda.wanted]
 
-    def next_time(self, simulation) -> float:
+    def next_time(self, simulation: Simulation) -> float:
         return self.agenda.wanted[0][0] if self.agenda.wanted else math.inf
 
-    def observe(self, simulation, event) -> None:
+    def observe(self, simulation: Simulation, event: Event) -> None:
         state, tension = simulation.state, self.agenda.tension
         if event.kind == "preload":
             self._write_present(simulation, "preload")
@@ -221,7 +241,7 @@ class Snapshots(Observer):
         if event.kind != "end":
             self._write_due(simulation)
 
-    def _write_due(self, simulation) -> None:
+    def _write_due(self, simulation: Simulation) -> None:
         """Writes what is wanted by now; twice the same time, or one that has passed, would ask for a step of no
         length."""
         state, wanted = simulation.state, self.agenda.wanted
@@ -229,19 +249,19 @@ class Snapshots(Observer):
             _, label = wanted.pop(0)
             self._write_present(simulation, label)
 
-    def _schedule(self, state) -> None:
+    def _schedule(self, state: State) -> None:
         """Turns fractions of the time to the preload into times."""
         times = [(time_of(state, value), f"{value:g} t_pl") for value in self.agenda.fractions]
         self.agenda.wanted = sorted(self.agenda.wanted + [entry for entry in times if _is_to_come(entry, state)])
         self.agenda.fractions = []
 
-    def _write_present(self, simulation, label: str) -> None:
+    def _write_present(self, simulation: Simulation, label: str) -> None:
         state = simulation.state
         kept = self.surface.keep(state) if self.surface else _nothing()  # No copies: it is written at once.
         frame = Frame(True, state.time, state.position, state.force, state.displacement, state.traction, kept)
         self._write(simulation, label, frame)
 
-    def _write(self, simulation, label: str, frame: Frame) -> None:
+    def _write(self, simulation: Simulation, label: str, frame: Frame) -> None:
         points, height = simulation.points, simulation.scheme.height
         # The punch hangs on its spring, and so, seen from the machine, does the surface.
         length = simulation.scheme.machine_compliance * frame.force
@@ -263,12 +283,12 @@ class Snapshots(Observer):
             self.follow(self.file.frames - 1, frame.time, gap(), traction())
 
 
-def _is_to_come(entry: tuple[float, str], state) -> bool:
+def _is_to_come(entry: tuple[float, str], state: State) -> bool:
     """Whether a wanted time is more than rounding away."""
     return entry[0] > state.time + 1e-9 * state.last_step
 
 
-def time_of(state, fraction: float) -> float:
+def time_of(state: State, fraction: float) -> float:
     """Time [s] at a fraction of t_pl, the time from first contact to the preload; for a state past its preload."""
     first = state.first_contact_time if state.first_contact_time is not None else 0.0
     return first + fraction * (state.preload_time - first)
@@ -277,12 +297,12 @@ def time_of(state, fraction: float) -> float:
 class Progress(Observer):
     """Prints a line every few seconds: rank 0 alone, on its own clock, so that nothing waits for it."""
 
-    def __init__(self, comm, say, every: float = 5.0):
+    def __init__(self, comm: Comm, say: Callable[[str], None], every: float = 5.0):
         self.silent, self.say, self.every = comm.rank != 0, say, every
         self.last = self.began = time.perf_counter()
         self.first_step: int | None = None
 
-    def observe(self, simulation, event) -> None:
+    def observe(self, simulation: Simulation, event: Event) -> None:
         if self.silent:
             return
         now = time.perf_counter()

@@ -5,10 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from pgfmd.assemble import assemble, convolution_of
 from pgfmd.files import storage
-from pgfmd.files.curve_file import CurveFile, EnergyFile, EventFile, PatchFile, SiteFile
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES, Table
 from pgfmd.host import launch
 from pgfmd.parts import topography_of
 from pgfmd.forecast.effort import told_of_ahead
@@ -21,6 +25,14 @@ from . import observers
 from .fields_file import FieldsFile
 from .patch_observer import ContactWatch, PatchTable
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+    from pgfmd.restart.keeper import Keeper
+    from pgfmd.scene import Scene
+    from pgfmd.solver.simulation import Simulation
+    from pgfmd.solver.state import State
+
 
 class Outputs:
     """The open files of a run, and its observers, which are given to the simulation. Collective.
@@ -28,45 +40,52 @@ class Outputs:
     Files that are there already are continued: cut them back first to what a checkpoint knows, by `cut_back`.
     """
 
-    def __init__(self, simulation, scene, comm, folder: Path, say, guard: Callable[[], None] = lambda: None):
+    def __init__(
+        self, simulation: Simulation, scene: Scene, comm: Comm, folder: Path, say: Callable[[str], None],
+        guard: Callable[[], None] = lambda: None,
+    ):  # fmt: skip
         """guard: see FieldsFile."""
         output, points = scene.output, simulation.points.whole
-        self.scene, self.comm, self.say = scene, comm, say
-        self.tables = {"curve": CurveFile(folder / storage.CURVE_FILE, comm, output.every)}
-        if output.energy:
-            self.tables["energy"] = EnergyFile(folder / storage.ENERGY_FILE, comm, output.every)
-        self.tables["events"] = EventFile(folder / storage.EVENTS_FILE, comm)
+        self.scene, self.comm, self.folder, self.say = scene, comm, folder, say
+        self.tables: dict[str, TableFile] = {}
+        curve = self._open(CURVE, output.every)
+        energy = self._open(ENERGY, output.every) if output.energy else None
+        events = self._open(EVENTS)
         self.fields = FieldsFile(
             folder / storage.FIELDS_FILE, comm, points.grid.n, points.grid.length, points.block_start, points.nb,
             points.row_start, points.rows, points.inside(), surface=output.surface, guard=guard,
             told=observers.gaps_of(simulation, scene),
         )  # fmt: skip
         surface = _surface(simulation, scene) if output.surface else None
-        watch, table = self._contact_observers(simulation, folder) if output.patches else (None, None)
+        watch, table = self._contact_observers(simulation) if output.patches else (None, None)
         self.snapshots = observers.Snapshots(self.fields, [], [], surface, table)
         simulation.observers += [
-            observers.Curve(self.tables["curve"], self.tables.get("energy")),
+            observers.Curve(curve, energy),
             *([watch] if watch else []),
-            observers.Events(self.tables["events"], watch),
+            observers.Events(events, watch),
             self.snapshots,
             observers.Progress(comm, say),
         ]
 
-    def _contact_observers(self, simulation, folder: Path) -> tuple[ContactWatch, PatchTable]:
+    def _open(self, table: Table, every: int = 1) -> TableFile:
+        """A table of the folder, known by its name to checkpoints."""
+        self.tables[table.name] = TableFile(table, self.folder / table.file, self.comm, every)
+        return self.tables[table.name]
+
+    def _contact_observers(self, simulation: Simulation) -> tuple[ContactWatch, PatchTable]:
         """Who watches the sites and the patches, with their tables."""
         scene, comm, points = self.scene, self.comm, simulation.points
-        self.tables["patches"] = PatchFile(folder / storage.PATCHES_FILE, comm)
-        self.tables["sites"] = SiteFile(folder / storage.SITES_FILE, comm)
+        patches, contacts = self._open(PATCHES), self._open(SITES)
         periodic = scene.punch.radius is None
         sites = launch.on_first(comm, lambda: _sites_of(scene))
         # Explicit steps follow every motion of the surface: they know no jumps.
         jumps = scene.solver.scheme != "gfmd"
-        watch = ContactWatch(self.tables["sites"], points, SitePoints(points, sites), jumps)
+        watch = ContactWatch(contacts, points, SitePoints(points, sites), jumps)
         places = watch.places if points.whole is points else SitePoints(points.whole, sites)
         level = simulation.scheme.law.contact_gap
-        return watch, PatchTable(self.tables["patches"], points.whole, places, level, periodic)
+        return watch, PatchTable(patches, points.whole, places, level, periodic)
 
-    def plan_snapshots(self, state, keeper=None) -> None:
+    def plan_snapshots(self, state: State, keeper: Keeper | None = None) -> None:
         """Has the snapshots taken that the scene asks for, as far as they are still to come.
 
         That may take long. keeper: who knows whether the run has to stop meanwhile; Interrupted is raised then.
@@ -95,7 +114,9 @@ class Outputs:
             table.close()
 
 
-def _run_ahead(scene, comm, say, keeper) -> list[tuple[float, str]]:
+def _run_ahead(
+    scene: Scene, comm: Comm, say: Callable[[str], None], keeper: Keeper | None
+) -> list[tuple[float, str]]:
     """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
 
     How long the approach takes is known only at its end, so coarse ones are run ahead (run_ahead.py); what they tell of t_pl
@@ -134,11 +155,11 @@ def _met(simulation) -> Met:
     return Met(simulation.scheme.law.range, contact, preload)
 
 
-def _sites_of(scene) -> ContactSites:
+def _sites_of(scene: Scene) -> ContactSites:
     return contact_sites(topography_of(scene.punch), scene.grid.length)
 
 
-def _surface(simulation, scene) -> observers.Surface:
+def _surface(simulation: Simulation, scene: Scene) -> observers.Surface:
     """How this scene's whole surface is had."""
     scheme = simulation.scheme
     if scene.solver.scheme == "gfmd":
@@ -151,7 +172,7 @@ def _surface(simulation, scene) -> observers.Surface:
         whole_cell = scheme.solver.convolve.whole_cell
     else:
         # A free surface needs a larger transform of its own, and mirror images one that knows of none.
-        def whole_cell(load):
+        def whole_cell(load: np.ndarray) -> tuple[np.ndarray, int]:
             return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(load))
 
     return observers.Surface(lambda state: state.load, whole_cell)

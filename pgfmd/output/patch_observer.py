@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.files.curve_file import PatchFile, PatchRow, SiteFile, SiteRow
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import JOINS, LEAVES, PatchRow, SiteRow
 from pgfmd.physics.contact_sites import KINDS
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.solver.patches import patches_of
@@ -15,7 +17,10 @@ from pgfmd.solver.sites import SitePoints
 
 from .observers import Observer
 
-JOINS, LEAVES = "joins", "leaves"
+if TYPE_CHECKING:
+    from pgfmd.solver.simulation import Event, Simulation
+    from pgfmd.solver.state import State
+
 SAME = 1e-6
 """Relative difference below which the tractions of two points have changed as much."""
 
@@ -23,7 +28,7 @@ SAME = 1e-6
 class PatchTable:
     """Writes the rows of `patches.csv` for a snapshot. Collective."""
 
-    def __init__(self, file: PatchFile, points: PunchPoints, places: SitePoints, contact_gap: float, periodic: bool):
+    def __init__(self, file: TableFile, points: PunchPoints, places: SitePoints, contact_gap: float, periodic: bool):
         self.file, self.points, self.places = file, points, places
         self.contact_gap, self.periodic = contact_gap, periodic
 
@@ -54,19 +59,19 @@ class ContactWatch(Observer):
     What there was before a step is found from the state, so a checkpoint has to hold nothing of it.
     """
 
-    def __init__(self, file: SiteFile, points: PunchPoints, places: SitePoints, jumps: bool):
+    def __init__(self, file: TableFile, points: PunchPoints, places: SitePoints, jumps: bool):
         self.file, self.points, self.places, self.jumps = file, points, places, jumps
         self.change = Change()
         self._held: np.ndarray | None = None
         self._traction: np.ndarray | None = None
 
-    def next_time(self, simulation) -> float:
+    def next_time(self, simulation: Simulation) -> float:
         """Asks for no time. Called before each step, and so before the first one after a restart."""
         if self._held is None:
             self._remember(simulation.state, self._look(simulation))
         return math.inf
 
-    def observe(self, simulation, event) -> None:
+    def observe(self, simulation: Simulation, event: Event) -> None:
         if event.kind not in ("start", "step", "jump"):
             return
         if self._held is None:
@@ -80,7 +85,7 @@ class ContactWatch(Observer):
             self.change = Change(self._told(joined), self._told(left), *place, self._nearest(*place))
         self._remember(simulation.state, held)
 
-    def _look(self, simulation) -> np.ndarray:
+    def _look(self, simulation: Simulation) -> np.ndarray:
         """Which sites are in contact now. Collective, unless there are no sites."""
         if not len(self.places.sites):
             return np.zeros(0, bool)
@@ -88,14 +93,14 @@ class ContactWatch(Observer):
         gap = np.float64(state.position) + simulation.scheme.height[local] - state.displacement[local]
         return self.places.collect(gap < simulation.scheme.law.contact_gap)
 
-    def _remember(self, state, held: np.ndarray) -> None:
+    def _remember(self, state: State, held: np.ndarray) -> None:
         self._held = held
         if self.jumps:
             if self._traction is None:
                 self._traction = np.empty_like(state.traction)
             self._traction[:] = state.traction
 
-    def _write(self, simulation, joined: np.ndarray, left: np.ndarray) -> None:
+    def _write(self, simulation: Simulation, joined: np.ndarray, left: np.ndarray) -> None:
         """A row for each site that changed, those that leave first."""
         if not (joined | left).any():
             return
@@ -106,8 +111,11 @@ class ContactWatch(Observer):
                 kind = sites.kind[site]
                 now[kind] += step
                 rows.append(
-                    SiteRow(state.time, simulation.punch_position, state.force, simulation.phase.name, KINDS[kind],
-                            site, sites.x[site], sites.y[site], event, now[kind], totals[kind])
+                    SiteRow(
+                        time=state.time, displacement=simulation.punch_position, force=state.force,
+                        phase=simulation.phase.name, kind=KINDS[kind], site=site, x=sites.x[site], y=sites.y[site],
+                        event=event, in_contact=now[kind], of=totals[kind],
+                    )
                 )  # fmt: skip
         self.file.extend(rows)
 
@@ -122,7 +130,7 @@ class ContactWatch(Observer):
         site = int(np.argmin(np.hypot(sites.x - x, sites.y - y)))
         return f"{KINDS[sites.kind[site]]} {site}"
 
-    def _place(self, state) -> tuple[float, float]:
+    def _place(self, state: State) -> tuple[float, float]:
         """x and y [m] of the point whose traction changed most in the last step; of several, the first. Collective."""
         if self._traction is None:
             return math.nan, math.nan

@@ -19,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgfmd.files.text import read_table
+from pgfmd.files.text import read_numbers
 
 RANGE_SLACK = 1e-9  # relative; wave vectors at the very end of a table differ from it by rounding
 
@@ -88,7 +88,7 @@ class TabulatedCompliance:
     def from_file(cls, path: str | Path) -> TabulatedCompliance:
         """Read a text file with the columns q [rad/m] and G0 [m/Pa]; # starts a comment. Raises ValueError, OSError."""
         try:
-            table = read_table(path)
+            table = read_numbers(path)
         except ValueError as error:
             raise ValueError(f"{path}: expected two columns of numbers, q [rad/m] and G0 [m/Pa]; {error}") from error
         if table.shape[1] != 2:

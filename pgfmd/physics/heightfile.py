@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pgfmd.files.text import read_table
+from pgfmd.files.text import read_numbers
 
 Array = NDArray[np.float64]
 SUFFIXES = (".npy", ".npz", ".txt", ".csv")
@@ -50,7 +50,7 @@ def read_heights(path: str | Path) -> tuple[Array, tuple[float, float] | None]:
                 heights = archive["z"]
                 size = _size_of(archive["size"]) if "size" in archive else None
         elif path.suffix in (".txt", ".csv"):
-            heights = read_table(path, "," if path.suffix == ".csv" else None)
+            heights = read_numbers(path, "," if path.suffix == ".csv" else None)
         else:
             raise ValueError(f"unknown kind of file, expected one of {', '.join(SUFFIXES)}")
         if heights.dtype.kind not in "iuf":

@@ -1,4 +1,5 @@
-"""Drawing in the project's own manner, whatever matplotlib is set to by its user, and writing pictures.
+"""Drawing in the project's own manner, whatever matplotlib is set to by its user, and writing pictures: the style, the
+colours, how numbers are written, and which rows of a long curve are drawn.
 
 matplotlib is loaded when a picture is made, and without pyplot: the caller's own settings are not touched.
 """
@@ -9,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_figure
@@ -24,6 +27,9 @@ STYLE = {
     "lines.linewidth": 1.4,
     "savefig.dpi": 150,
 }
+TURQUOISE, RED, GREY = "#00798c", "#b3352b", "#8a8a8a"
+CURVE_PARTS = 2000
+"""Parts of a curve of which the lowest and highest points are drawn: more than a picture has columns of pixels."""
 
 
 @contextmanager
@@ -77,3 +83,52 @@ def write_picture(figure: Any, path: str | Path, hint: str = "") -> Path:
         reason = getattr(problem, "strerror", None) or problem
         raise ResultError(f"{path}: could not be written: {reason}{hint}") from problem
     return Path(path)
+
+
+def new_figure(width: float, height: float) -> Any:
+    """An empty figure, width and height in inches, that belongs to no window."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def signed(value: float) -> str:
+    """A number of three digits with a true minus sign."""
+    return f"{value:.3g}".replace("-", "\N{MINUS SIGN}")
+
+
+def energy_unit(size: float) -> tuple[float, str]:
+    """Factor [J] and name of the unit that brings `size` [J] to between 1 and 1000."""
+    for factor, unit in ((1.0, "J"), (1e-3, "mJ"), (1e-6, "µJ"), (1e-9, "nJ"), (1e-12, "pJ"), (1e-15, "fJ")):
+        if size >= factor:
+            return factor, unit
+    return 1e-15, "fJ"
+
+
+def seen_rows(*curves: np.ndarray) -> np.ndarray:
+    """Numbers of the rows with which a line looks as with all of them, in their order.
+
+    Of each of `CURVE_PARTS` equal parts the first row, and where each of the curves, (rows,), is lowest and highest.
+    All rows where they are not many.
+    """
+    count = len(curves[0])
+    size = -(-count // CURVE_PARTS)
+    if count <= 2 * CURVE_PARTS * (1 + len(curves)):
+        return np.arange(count)
+    starts = np.arange(0, count, size)
+    found: list[Any] = [starts, [count - 1]]
+    whole = count // size * size
+    for curve in curves:
+        parts = np.asarray(curve)[:whole].reshape(-1, size)
+        rest = np.asarray(curve)[whole:]
+        for place in (np.argmin, np.argmax):
+            found.append(starts[: len(parts)] + place(parts, axis=1))
+            if rest.size:
+                found.append([whole + place(rest)])
+    return np.unique(np.concatenate(found))
+
+
+def seen(*curves: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The curves, (rows,) each, at their `seen_rows`."""
+    rows = seen_rows(*curves)
+    return tuple(np.asarray(curve)[rows] for curve in curves)

@@ -11,15 +11,23 @@ import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.results import Results, load
-from pgfmd.results.loop import Loop, branches, column
-from pgfmd.results.measures import Measures, measure
+from pgfmd.results.curve import Loop, Measures, column, measure
 
-from .drawing import drawing, elsewhere, target_folder, write_picture
-from .maps import contact_figure, new_figure, signed, stress_figure
-from .patches import site_figure
-from .thinning import seen
-
-TURQUOISE, RED, GREY = "#00798c", "#b3352b", "#8a8a8a"
+from .drawing import (
+    GREY,
+    RED,
+    TURQUOISE,
+    drawing,
+    elsewhere,
+    energy_unit,
+    new_figure,
+    seen,
+    signed,
+    target_folder,
+    write_picture,
+)
+from .maps import contact_figure, stress_figure
+from .sites import site_figure
 
 
 def plot_results(
@@ -64,13 +72,15 @@ def force_figure(results: Results) -> Any:
 
     Of a run that counted overlap alone, that area instead, by its name.
     """
-    curve, loop = results.curve, Loop.of(results)
-    indentation, force = 1e6 * column(curve, "indentation [m]"), 1e3 * loop.force
+    loop = Loop.of(results)
+    indentation, force = 1e6 * loop.indentation, 1e3 * loop.force
     kind, area = next(iter(loop.areas.items()))
     figure = new_figure(5.2, 5.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
-    styles = {"approach": {"color": GREY, "linestyle": (0, (4, 2))}, "retraction": {"color": TURQUOISE}}
-    for name, rows in branches(loop.displacement, loop.phase).items():
+    styles: dict[str, dict[str, Any]] = {
+        "approach": {"color": GREY, "linestyle": (0, (4, 2))}, "retraction": {"color": TURQUOISE},
+    }  # fmt: skip
+    for name, rows in loop.branches.items():
         if rows.stop - rows.start > 1:
             upper.plot(*seen(indentation[rows], force[rows]), label=name, **styles[name])
             lower.plot(*seen(indentation[rows], 1e6 * area[rows]), **styles[name])
@@ -102,7 +112,7 @@ def energy_figure(results: Results) -> Any:
     """The audit's terms against time, and what is left unexplained below."""
     energy = results.energy
     time = column(energy, "time [s]")
-    styles = {
+    styles: dict[str, dict[str, Any]] = {
         "work": {"color": "black", "linewidth": 1.8},
         "elastic": {"color": TURQUOISE},
         "adhesive": {"color": "#d18f00"},
@@ -125,11 +135,3 @@ def energy_figure(results: Results) -> Any:
     lower.set(xlabel="time (s)", ylabel=f"residual ({unit})")
     figure.align_ylabels()
     return figure
-
-
-def energy_unit(size: float) -> tuple[float, str]:
-    """Factor [J] and name of the unit that brings `size` [J] to between 1 and 1000."""
-    for factor, unit in ((1.0, "J"), (1e-3, "mJ"), (1e-6, "µJ"), (1e-9, "nJ"), (1e-12, "pJ"), (1e-15, "fJ")):
-        if size >= factor:
-            return factor, unit
-    return 1e-15, "fJ"

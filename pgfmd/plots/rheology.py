@@ -12,9 +12,7 @@ from pgfmd.characterisation.prony_fit import moduli_of
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference.prony import gfmd_creep
 
-from .drawing import drawing, literal, write_picture
-from .folder import GREY, RED, TURQUOISE
-from .maps import new_figure, signed
+from .drawing import GREY, RED, TURQUOISE, drawing, literal, new_figure, signed, write_picture
 
 if TYPE_CHECKING:
     from pgfmd.characterisation.rheology_table import Material

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
-from pgfmd.files.curve_tail import count_ends, is_earlier
+from pgfmd.files.table_reading import count_ends, is_earlier
 from pgfmd.solver.simulation import STOPPED_STEPS
 
 from .checkpoint_layout import Damaged, none_valid, read_head

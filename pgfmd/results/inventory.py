@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
-from pgfmd.files.curve_tail import CurveTail, count_ends
+from pgfmd.files.table_reading import CurveTail, count_ends
 from pgfmd.host import run_lock
 from pgfmd.restart import resume
 from pgfmd.restart.checkpoint_layout import Damaged, read_head

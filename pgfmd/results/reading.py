@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -13,35 +12,18 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.files.curve_file import (
-    CURVE_COLUMNS,
-    EARLIER_CURVE_COLUMNS,
-    ENERGY_COLUMNS,
-    EVENT_COLUMNS,
-    PATCH_COLUMNS,
-    SITE_COLUMNS,
-    CurveRow,
-    EnergyRow,
-    EventRow,
-    PatchRow,
-    SiteRow,
-)
-from pgfmd.files.curve_tail import is_earlier
 from pgfmd.files.storage import (
     CURVE_FILE,
-    ENERGY_FILE,
-    EVENTS_FILE,
     FIELDS_FILE,
-    PATCHES_FILE,
     RUN_FILE,
     SCENE_FILE,
-    SITES_FILE,
     UNDO_SUFFIX,
     reason,
     require_record,
     require_regular_files,
 )
-from pgfmd.files.table_reading import NUMPY_TYPES, read_table
+from pgfmd.files.table_reading import NUMPY_TYPES, is_earlier, read_columns
+from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES, Table
 from pgfmd.physics.cohesion import LAWS, CohesiveLaw
 from pgfmd.units import parse_quantity
 
@@ -97,7 +79,7 @@ class Results:
 
         Those that a run of version 0.1 does not have, `overlap_area` and `near_area`, are there and NaN.
         """
-        return _table(self.directory / CURVE_FILE, CURVE_COLUMNS, CurveRow, EARLIER_CURVE_COLUMNS)
+        return _table(self.directory, CURVE)
 
     @cached_property
     def counts_overlap(self) -> bool:
@@ -142,27 +124,26 @@ class Results:
     @cached_property
     def energy(self) -> Any | None:
         """`energy.csv`, like `curve`; None if the run kept no energy audit."""
-        return self._table_if_there(ENERGY_FILE, ENERGY_COLUMNS, EnergyRow)
+        return self._table_if_there(ENERGY)
 
     @cached_property
     def events(self) -> Any | None:
         """`events.csv`: preload, jumps, the end, like `curve`; None if there is none yet."""
-        return self._table_if_there(EVENTS_FILE, EVENT_COLUMNS, EventRow)
+        return self._table_if_there(EVENTS)
 
     @cached_property
     def patches(self) -> Any | None:
         """`patches.csv`: the contact patches of every snapshot, like `curve`; None if the run kept none."""
-        return self._table_if_there(PATCHES_FILE, PATCH_COLUMNS, PatchRow)
+        return self._table_if_there(PATCHES)
 
     @cached_property
     def sites(self) -> Any | None:
         """`sites.csv`: summits, saddles and valleys that join the contact or leave it, like `curve`; None if the run
         kept none."""
-        return self._table_if_there(SITES_FILE, SITE_COLUMNS, SiteRow)
+        return self._table_if_there(SITES)
 
-    def _table_if_there(self, name: str, columns: tuple[str, ...], row: type) -> Any | None:
-        path = self.directory / name
-        return _table(path, columns, row) if path.exists() else None
+    def _table_if_there(self, table: Table) -> Any | None:
+        return _table(self.directory, table) if (self.directory / table.file).exists() else None
 
     @cached_property
     def run(self) -> dict:
@@ -278,16 +259,17 @@ def _open_fields(path: Path) -> Any:
     return xarray.open_dataset(path, engine="h5netcdf")
 
 
-def _table(path: Path, columns: tuple[str, ...], row: type, earlier: tuple[str, ...] = ()) -> Any:
+def _table(directory: Path, table: Table) -> Any:
     """A table of the run. A last line without its end, which a live run has just begun, is left out."""
-    found = read_table(path, columns, row, earlier)
+    found = read_columns(directory / table.file, table)
     try:
         import pandas
     except ImportError:
-        entries = zip(columns, dataclasses.fields(row), strict=True)
-        rows = np.empty(len(found[columns[0]]), [(name, NUMPY_TYPES[entry.type]) for name, entry in entries])
-        for name in columns:
-            rows[name] = found.pop(name)
+        rows = np.empty(
+            len(found[table.titles[0]]), [(entry.title, NUMPY_TYPES[entry.kind]) for entry in table.columns]
+        )
+        for title in table.titles:
+            rows[title] = found.pop(title)
         return rows
     # Not copied: a long table would be there twice.
     return pandas.DataFrame(found, copy=False)

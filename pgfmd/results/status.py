@@ -14,12 +14,12 @@ from typing import Any
 
 from pgfmd.errors import SceneError
 from pgfmd.files import storage
-from pgfmd.files.curve_file import CurveRow
-from pgfmd.files.curve_tail import CurveTail, count_ends
+from pgfmd.files.table_reading import CurveTail, count_ends
+from pgfmd.files.tables import CurveRow
 from pgfmd.forecast.progress import Moment, outlook
 from pgfmd.parts import drive_of
 from pgfmd.restart.resume import OF_EARLIER
-from pgfmd.scene import parse_scene
+from pgfmd.scene import Scene, parse_scene
 
 from .inventory import Checkpoint, Inventory, take_inventory
 
@@ -222,7 +222,7 @@ def _row_of(valid: Checkpoint | None, tail: CurveTail | None, names: list[str]) 
     )  # fmt: skip
 
 
-def _moment(status: Status, found: Inventory, scene, tail: CurveTail | None, row: CurveRow) -> Moment:
+def _moment(status: Status, found: Inventory, scene: Scene, tail: CurveTail | None, row: CurveRow) -> Moment:
     state, dwelt = found.valid.state if found.valid else None, 0
     met = state is not None and state["phase"] > 0
     if tail is not None and scene.drive.dwell > 0.0 and scene.solver.scheme != "gfmd" and row.phase != "approach":

@@ -18,7 +18,6 @@ import numpy as np
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.checksum import whole_sum
-from pgfmd.files.csv_file import begins_as_marked
 from pgfmd.files.fields_layout import (
     LABEL_BYTES,
     NUMBERS,
@@ -30,6 +29,9 @@ from pgfmd.files.fields_layout import (
     undo_path,
 )
 from pgfmd.files.hdf5 import open_serial
+from pgfmd.files.table_reading import count_ends, faults_of, pieces_of
+from pgfmd.files.table_writing import begins_as_marked
+from pgfmd.files.tables import TABLES, Table
 from pgfmd.restart.checkpoint_layout import Damaged, examine
 from pgfmd.units import UnitError
 
@@ -40,11 +42,6 @@ PAUSE = 1.0
 """Time [s] after which a file that a run may just be writing to is looked at again."""
 PIECE = 2**20
 """Elements of a snapshot that are read at a time."""
-TABLES = {
-    "curve": storage.CURVE_FILE, "energy": storage.ENERGY_FILE, "events": storage.EVENTS_FILE,
-    "patches": storage.PATCHES_FILE, "sites": storage.SITES_FILE,
-}  # fmt: skip
-"""Names of the tables in a checkpoint's head, and their files."""
 UNREADABLE = (OSError, RuntimeError, LookupError, ValueError, TypeError, MemoryError)
 """What reading a damaged file may end in."""
 ANEW = "start anew with --fresh, which keeps the old results"
@@ -77,8 +74,8 @@ def verify(folder: Path) -> Iterator[Part]:
     if previous.head or previous.problem:
         yield _about_previous(newest, previous, inventory)
     head = newest.head or previous.head
-    for name, file in TABLES.items():
-        part = _guarded(folder / file, lambda path: _table(path, name, head, inventory))
+    for table in TABLES:
+        part = _guarded(folder / table.file, lambda path: _table(path, table, head, inventory))
         if part:
             yield part
     yield from _fields(folder / storage.FIELDS_FILE, head, inventory)
@@ -160,12 +157,12 @@ def _marks(head: dict | None, inventory: Inventory) -> tuple[dict, str]:
     return (done, "record") if done else (head["outputs"] if head else {}, "checkpoint")
 
 
-def _table(path: Path, name: str, head: dict | None, inventory: Inventory) -> Part | None:
-    """A table, compared with what it should hold."""
+def _table(path: Path, table: Table, head: dict | None, inventory: Inventory) -> Part | None:
+    """A table, compared with what it should hold; without a witness of that, with what its columns can."""
     marks, witness = _marks(head, inventory)
-    mark = marks.get(name)
+    mark = marks.get(table.name)
     if mark is None:
-        return Part(path, True, "there, but no checkpoint tells what it should be") if path.exists() else None
+        return _unmarked(path, table) if path.exists() else None
     if not path.exists():
         return Part(path, False, "missing", f"put it back, or {ANEW}")
     if not begins_as_marked(path, mark):
@@ -176,6 +173,19 @@ def _table(path: Path, name: str, head: dict | None, inventory: Inventory) -> Pa
         return Part(path, False, f"{more} bytes after the end of the run", f"cut it back to {mark['bytes']} bytes")
     later = f", and {more} bytes written since, not examined" if more else ""
     return Part(path, True, f"{mark['rows']} rows as the {witness} knows them{later}")
+
+
+def _unmarked(path: Path, table: Table) -> Part:
+    """A table of which no checkpoint tells what it should be."""
+    untold, rows = "no checkpoint tells what it should be", max(count_ends(path) - 1, 0)
+    fault: object = None
+    try:
+        fault = next(faults_of(table, pieces_of(path, table, rows)), None) if rows else None
+    except ResultError as error:
+        fault = _short(error, path)
+    if fault:
+        return Part(path, False, f"{fault}, and {untold}", f"put the file back, or {ANEW}")
+    return Part(path, True, f"there, and its {rows} rows are such as its columns can have, but {untold}")
 
 
 def _fields(path: Path, head: dict | None, inventory: Inventory) -> Iterator[Part]:

@@ -14,9 +14,7 @@ import numpy as np
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.regular_files import write_atomically, write_figure
-from pgfmd.plots.drawing import drawing, literal
-from pgfmd.plots.folder import GREY, RED, TURQUOISE
-from pgfmd.plots.maps import new_figure
+from pgfmd.plots.drawing import GREY, RED, TURQUOISE, drawing, literal, new_figure
 
 from .convergence import Fit, disagreement, doubts, finest_limit, fit_power_law, local_powers
 from .refinement import ACCURACY, FEWEST, MEASURES, Levels, expected_power

@@ -14,16 +14,13 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.plots.drawing import drawing, literal, write_picture
-from pgfmd.plots.maps import new_figure
-from pgfmd.plots.thinning import seen
+from pgfmd.plots.drawing import drawing, literal, new_figure, seen, write_picture
 from pgfmd.results import load
-from pgfmd.results.loop import branches, column
+from pgfmd.results.curve import Loop
 
-from .areas import AT_PRELOAD, counted_overlap
 from .cases import short_names
 from .study_file import Axis
-from .table import Row
+from .table import AT_PRELOAD, Row, counted_overlap
 from .values import handy, unit_of
 
 CURVES, MEASURES = "curves.png", "measures.png"
@@ -100,7 +97,7 @@ def draw_study(out: Path, rows: Sequence[Row], axes: Sequence[Axis], title: str 
 
 def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
     """Every case's force [mN] against its indentation [um], approach thin; None if no case has a curve yet."""
-    drawn = {row.case.name: curve for row in plan.rows if (curve := _curve(out / row.case.name)) is not None}
+    drawn = {row.case.name: loop for row in plan.rows if (loop := _loop(out / row.case.name)) is not None}
     if not drawn:
         return None
     panels = plan.labels(plan.panel_axis) or [""]
@@ -141,19 +138,18 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
     return figure
 
 
-def _draw_curve(axis: Any, curve: Any, colour: Any, style: Any, label: str | None = None) -> None:
-    indentation, force = 1e6 * column(curve, "indentation [m]"), 1e3 * column(curve, "force [N]")
-    parts = branches(column(curve, "displacement [m]"), column(curve, "phase"))
-    for name, rows in parts.items():
+def _draw_curve(axis: Any, loop: Loop, colour: Any, style: Any, label: str | None = None) -> None:
+    indentation, force = 1e6 * loop.indentation, 1e3 * loop.force
+    for name, rows in loop.branches.items():
         look = {"linewidth": 1.3, "label": label} if name == "retraction" else {"linewidth": 0.6}
         axis.plot(*seen(indentation[rows], force[rows]), color=colour, linestyle=style, **look)
 
 
-def _curve(folder: Path) -> Any | None:
-    """A case's curve; None where there is none, or nothing in it."""
+def _loop(folder: Path) -> Loop | None:
+    """A case's curve; None where there is none, nothing in it, or where it can't be read."""
     try:
         with load(folder) as results:
-            return results.curve if len(results.curve) else None
+            return Loop.of(results)
     except ResultError:
         return None
 

@@ -1,10 +1,14 @@
-"""The table of a study: a row a case, its axes and what came out. SI units, named in the header. No MPI."""
+"""The table of a study: a row a case, its axes and what came out. SI units, named in the header. No MPI.
+
+Areas are of contact, overlap and what is near, each by its own name. A case that counted overlap alone has numbers in
+the columns of overlap only.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,9 +16,9 @@ from typing import Any
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.regular_files import write_atomically
-from pgfmd.results.loop import WHOLE
+from pgfmd.results import load
+from pgfmd.results.curve import KINDS_OF_AREA, WHOLE, Loop, measure
 
-from . import areas
 from .cases import Case
 from .standing import Standing
 from .study_file import Axis
@@ -45,7 +49,21 @@ MEASURED = {
     "work_uncertainty [J]": "work_uncertainty_J",
 }
 """Columns after the axes, and the keys of `run.json` that they hold."""
-COLUMNS = (*MEASURED, *areas.COLUMNS)
+AREAS = {
+    f"{name.format(kind)} [m^2]": (kind, moment)
+    for kind in KINDS_OF_AREA
+    for moment, name in (
+        ("at_preload", "{}_area_at_preload"), ("largest", "largest_{}_area"), ("at_pull_off", "{}_area_at_pull_off"),
+    )
+}  # fmt: skip
+"""Columns of the table, and of which of `Measures.areas` they are at which moment."""
+GAPS = {"contact_gap [m]": "contact", "near_gap [m]": "near"}
+"""Columns with the gaps below which points count, and for which of the areas."""
+AREA_COLUMNS = (*AREAS, *GAPS)
+AT_PRELOAD = "{}_area_at_preload [m^2]"
+MOST_NAMED = 5
+"""Cases that a remark names."""
+COLUMNS = (*MEASURED, *AREA_COLUMNS)
 """All columns after the axes and the state."""
 OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
 """Columns that mean nothing where the loop is not closed."""
@@ -73,9 +91,21 @@ def rows_of(
         measured = {column: record.get(key) for column, key in MEASURED.items()}
         if record.get("finished", WHOLE) != WHOLE:
             measured |= dict.fromkeys(OF_LOOP)
-        measured |= areas.areas_of(out / case.name) if out and record else dict.fromkeys(areas.COLUMNS)
+        measured |= areas_of(out / case.name) if out and record else dict.fromkeys(AREA_COLUMNS)
         rows.append(Row(case, standing, {axis.name: place_of(case, axis) for axis in axes}, measured))
     return rows
+
+
+def areas_of(folder: Path) -> dict[str, float | None]:
+    """Numbers by AREA_COLUMNS, None where they are not known; all are None where the curve can't be read."""
+    try:
+        with load(folder) as results:
+            found = measure(Loop.of(results)).areas
+            gaps = {"contact": results.contact_gap, "near": results.near_gap}
+    except ResultError:
+        return dict.fromkeys(AREA_COLUMNS)
+    areas = {column: getattr(found.get(kind), moment, None) for column, (kind, moment) in AREAS.items()}
+    return areas | {column: gaps[kind] if kind in found else None for column, kind in GAPS.items()}
 
 
 def place_of(case: Case, axis: Axis) -> Any:
@@ -108,13 +138,33 @@ def _plain(cell: Any) -> Any:
     return cell + 0.0 if isinstance(cell, float) else cell
 
 
+def counted_overlap(numbers: Mapping[str, float | None]) -> bool:
+    """Whether a case knows its overlap, but not its contact."""
+    largest = "largest_{}_area [m^2]"
+    return numbers.get(largest.format("overlap")) is not None and numbers.get(largest.format("contact")) is None
+
+
+def remarks(rows: Sequence[Row]) -> list[str]:
+    """What is to be said of cases that counted overlap alone."""
+    old = [row.case.name for row in rows if counted_overlap(row.measured)]
+    if not old:
+        return []
+    names = ", ".join(old[:MOST_NAMED]) + (f" and {len(old) - MOST_NAMED} more" if len(old) > MOST_NAMED else "")
+    which = names if len(old) < len(rows) else "all cases"
+    counted = "areas of overlap (gap < 0), not of contact"
+    text = f"{which}: run by version 0.1 of pgfmd, which counted {counted}"
+    if any(row.measured.get(AT_PRELOAD.format("contact")) is not None for row in rows):
+        text += "; the other cases count contact: to compare them, move these folders away and run the study again"
+    return [text]
+
+
 def overview(rows: Sequence[Row]) -> list[str]:
     """The rows as lines for a terminal, with the numbers that are looked at first; contact is that at the preload."""
     columns = {
         "pull-off [mN]": ("pull_off_force [N]", 1e3),
         "separation [nJ]": ("work_of_separation [J]", 1e9),
         "loop [nJ]": ("work [J]", 1e9),
-        "contact [mm2]": (areas.AT_PRELOAD.format("contact"), 1e6),
+        "contact [mm2]": (AT_PRELOAD.format("contact"), 1e6),
         "residual [%]": ("energy_residual [1]", 1e2),
         "steps": ("steps", 1.0),
         "wall [s]": ("wall [s]", 1.0),

@@ -13,11 +13,10 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from paper.pool import Run
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, contact_sites
-from pgfmd.plots.folder import GREY, RED, TURQUOISE
-from pgfmd.plots.gap_classes import NEAR_LEVEL, class_numbers, gap_classes
-from pgfmd.plots.maps import MOST_PIXELS, new_figure
+from pgfmd.plots.drawing import GREY, RED, TURQUOISE, new_figure
+from pgfmd.plots.maps import MOST_PIXELS, NEAR_LEVEL, class_numbers, gap_classes
 from pgfmd.results import Results
-from pgfmd.results.loop import areas_of
+from pgfmd.results.curve import areas_of
 
 OCHRE, VIOLET, GREEN = "#d18f00", "#6a4c93", "#4c9f38"
 COLOURS = (TURQUOISE, RED, OCHRE, VIOLET, GREEN, "#303030")

@@ -14,7 +14,7 @@ from pathlib import Path
 from paper import HERE
 from pgfmd.parts import confirm
 from pgfmd.results import Results, load
-from pgfmd.results.loop import Loop
+from pgfmd.results.curve import Loop
 from pgfmd.scene import load_scene
 from pgfmd.scene.model import Scene
 from pgfmd.study.cases import Case, cases_of

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.plots.folder import GREY, RED, TURQUOISE
-from pgfmd.plots.maps import new_figure
+from pgfmd.plots.drawing import GREY, RED, TURQUOISE, new_figure
 
 OCHRE, VIOLET = "#d18f00", "#6a4c93"
 COLOURS = (TURQUOISE, RED, OCHRE, VIOLET)

@@ -14,7 +14,7 @@ from test_viscoelastic import run as run_recorded
 
 from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.physics.topography import Topography
-from pgfmd.plots.maps import new_figure
+from pgfmd.plots.drawing import new_figure
 from pgfmd.reference import corrugation, wavy
 from pgfmd.scene import load_scene, scene_from_mapping
 from validation.drawing import GREY, Line, chosen, closed, convergence, order, ours, panels, triangle

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from launching import ENVIRONMENT
 
+from pgfmd.files.tables import CURVE
 from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
-from pgfmd.files.curve_file import CURVE_COLUMNS
 from pgfmd.host import launch
 from pgfmd.results import load
 from pgfmd.scene import load_scene, shipped_text
@@ -216,7 +216,7 @@ def test_an_interruption_ends_cleanly(number, ranks, tmp_path):
     assert time.monotonic() - sent < 10.0
     # mpirun has its own exit code after a signal
     assert process.returncode == 130 if ranks == 1 else process.returncode != 0
-    assert complaints.count("pgfmd: interrupted; what has been written so far is valid") == 1
+    assert complaints.count("pgfmd: interrupted. What has been written so far is valid.") == 1
     assert "Traceback" not in complaints
 
 
@@ -237,4 +237,4 @@ def test_an_interrupted_run_leaves_whole_rows(tmp_path):
         process.kill()
     assert process.returncode == 75 and complaints.count("pgfmd:") == 1 and "Traceback" not in complaints
     lines = curve.read_text().splitlines(keepends=True)
-    assert lines[-1].endswith("\n") and {line.count(",") + 1 for line in lines} == {len(CURVE_COLUMNS)}
+    assert lines[-1].endswith("\n") and {line.count(",") + 1 for line in lines} == {len(CURVE.titles)}

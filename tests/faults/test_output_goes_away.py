@@ -9,7 +9,7 @@ import pytest
 from launching import ENVIRONMENT
 from test_processes import LOOP, running
 
-from pgfmd.files.curve_file import CURVE_COLUMNS
+from pgfmd.files.tables import CURVE
 from pgfmd.host import launch
 
 pytestmark = [pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks"), pytest.mark.timeout(120)]
@@ -29,7 +29,7 @@ def in_shell(streams, folder):
 def is_whole(folder):
     lines = (folder / "curve.csv").read_text().splitlines()
     # Three steps and the start, and nothing that was printed.
-    assert len(lines) == 5 and all(line.count(",") + 1 == len(CURVE_COLUMNS) for line in lines)
+    assert len(lines) == 5 and all(line.count(",") + 1 == len(CURVE.titles) for line in lines)
     return (folder / "run.json").is_file() and not (folder / "run.lock").exists()
 
 

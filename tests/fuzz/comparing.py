@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pgfmd.files import tables
 from pgfmd.results import load
 from pgfmd.results.uncertainty import share_of
 from pgfmd.solver.simulation import STOPPED_STEPS
@@ -18,7 +18,7 @@ from pgfmd.solver.simulation import STOPPED_STEPS
 from .declarations import EXPONENTS
 from .faults import Fault
 
-TABLES = ("curve", "energy", "events", "patches", "sites")
+TABLES = tuple(table.name for table in tables.TABLES)
 FIELDS = ("gap", "traction", "displacement", "surface_displacement", "time", "punch_position", "force", "label")
 ABOUT_THE_PROCESS = (
     "ranks", "wall_s", "transform_s", "checkpoint_s", "peak_rss_bytes", "versions", "links", "outputs",
@@ -39,15 +39,15 @@ def same(unit: str) -> float:
     return 1.0
 
 
-def compared(one: Path, other: Path, *, factor: Factor = same, tables: tuple[str, ...] = TABLES, record: bool = True,
+def compared(one: Path, other: Path, *, factor: Factor = same, names: tuple[str, ...] = TABLES, record: bool = True,
              fields: bool = True, but: tuple[str, ...] = ()) -> list[Fault]:  # fmt: skip
     """Differences of two folders, none where all bits agree.
 
-    factor: from a unit to what numbers of `one` in this unit are to be multiplied by. tables, record, fields: what is
-    looked at, as far as both folders have it. but: entries of the record that may differ.
+    factor: from a unit to what numbers of `one` in this unit are to be multiplied by. names (of tables), record, fields: what
+    is looked at, as far as both folders have it. but: entries of the record that may differ.
     """
     with load(one) as first, load(other) as second:
-        faults = [fault for name in tables for fault in _table(name, first, second, factor)]
+        faults = [fault for table in tables.TABLES if table.name in names for fault in _table(table, first, second, factor)]
         if record:
             faults += _records(one, other, factor, ABOUT_THE_PROCESS + but)
         if fields:
@@ -55,18 +55,18 @@ def compared(one: Path, other: Path, *, factor: Factor = same, tables: tuple[str
     return faults
 
 
-def _table(name: str, first: Any, second: Any, factor: Factor) -> Iterator[Fault]:
-    one, other = getattr(first, name), getattr(second, name)
+def _table(table: tables.Table, first: Any, second: Any, factor: Factor) -> Iterator[Fault]:
+    one, other = getattr(first, table.name), getattr(second, table.name)
     if one is None or other is None:
         return
     if len(one) != len(other):
-        yield Fault(f"{name}.csv has more or fewer rows", f"{len(one)}, {len(other)}")
+        yield Fault(f"{table.file} has more or fewer rows", f"{len(one)}, {len(other)}")
         return
-    for column in one.columns if hasattr(one, "columns") else one.dtype.names:
-        unit = re.search(r"\[(.*)\]", column)
-        fault = _different(np.asarray(one[column]), np.asarray(other[column]), factor(unit[1]) if unit else 1.0)
+    for entry in table.columns:
+        change = factor(entry.unit) if entry.unit else 1.0
+        fault = _different(np.asarray(one[entry.title]), np.asarray(other[entry.title]), change)
         if fault:
-            yield Fault(f"{name}.csv differs", f"{column}: {fault}")
+            yield Fault(f"{table.file} differs", f"{entry.title}: {fault}")
             return
 
 

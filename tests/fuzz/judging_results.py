@@ -13,8 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from pgfmd.errors import PgfmdError, RunError, SceneError
+from pgfmd.files.table_reading import faults_of
+from pgfmd.files.tables import CURVE, TABLES
 from pgfmd.results import load
-from pgfmd.results.audit import LEAST_LOOP, UNBALANCED, at_stake
+from pgfmd.results.curve import SAME_STEP
+from pgfmd.results.uncertainty import LEAST_LOOP, UNBALANCED, at_stake
 from pgfmd.results.verify import verify
 from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.simulation import FINISHED, STOPPED_PRELOAD, STOPPED_STEPS
@@ -217,17 +220,21 @@ def verified(run: Folder) -> Iterator[Fault]:
             yield Fault(f"verify: {part.path.name}", str(part)[:300])
 
 
+def tables(run: Folder) -> Iterator[Fault]:
+    """Every column holds what its declaration allows."""
+    for table in TABLES:
+        found = getattr(run.results, table.name)
+        for fault in faults_of(table, [] if found is None else [found]):
+            yield Fault(f"{table.name}: {fault.title} {fault.what}", str(fault))
+
+
 def curve(run: Folder) -> Iterator[Fault]:
-    """Rows are finite, go on in time, and none is there twice."""
-    table = run.results.curve
-    names = [name for name in (table.columns if hasattr(table, "columns") else table.dtype.names) if name != "phase"]
-    rows = np.column_stack([np.asarray(table[name], dtype=float) for name in names])
-    wrong = [name for name, column in zip(names, rows.T, strict=True) if not np.isfinite(column).all()]
-    if wrong:
-        yield Fault("curve: not finite", ", ".join(wrong))
+    """No row is there twice, phases follow each other, and indentations and areas fit the rest."""
+    numbers = [entry.title for entry in CURVE.columns if entry.kind is float]
+    rows = np.column_stack([run.column(title) for title in numbers])
+    # A run may fail before its first row.
+    if not len(rows) or not np.isfinite(rows).all():
         return
-    if (np.diff(run.time) < 0).any():
-        yield Fault("curve: time goes back", f"by {-np.diff(run.time).min():.3g} s")
     same = (np.diff(rows[:, :4], axis=0) == 0).all(axis=1)
     if same.any():
         yield Fault("curve: equal rows", f"{same.sum()} of {len(rows)}, first row {int(np.argmax(same))}")
@@ -289,18 +296,12 @@ def events(run: Folder) -> Iterator[Fault]:
         if run.finished:
             yield Fault("events: none")
         return
-    kinds, times = list(run.column("event", "events")), run.column("time [s]", "events")
-    if (np.diff(times) < 0).any():
-        yield Fault("events: time goes back")
-    strange = [name for name in ("time [s]", "displacement [m]", "force [N]", "released [J]")
-               if not np.isfinite(run.column(name, "events")).all()]  # fmt: skip
-    if strange:
-        yield Fault("events: not finite", ", ".join(strange))
-    if run.scene.output.energy and not np.isin(times, run.time).all():
-        yield Fault(
-            "events: one that has no row in the curve",
-            str([kind for kind, time in zip(kinds, times, strict=True) if time not in run.time])[:200],
-        )
+    kinds = list(run.column("event", "events"))
+    rows, happened = (zip(*(run.column(title, table) for title in SAME_STEP)) for table in ("curve", "events"))
+    there = set(rows)
+    lost = [f"{kind} {step}" for kind, step in zip(kinds, happened, strict=True) if step not in there]
+    if lost:
+        yield Fault("events: one that has no row in the curve", ", ".join(lost)[:200])
     if not run.finished:
         return
     if kinds[-1] != run.record["finished"] or kinds.count("preload") != (run.record["preload_N"] is not None):
@@ -322,7 +323,6 @@ def energies(run: Folder) -> Iterator[Fault]:
     if not np.array_equal(run.column("time [s]", "energy"), run.time):
         yield Fault("energy: other rows than the curve")
     if not all(np.isfinite(column).all() for column in columns.values()):
-        yield Fault("energy: not finite")
         return
     scale = max(float(np.abs(column).max(initial=0.0)) for name, column in columns.items() if name != "residual")
     tiny = np.finfo(float).tiny
@@ -434,5 +434,5 @@ def analysed(run: Folder) -> Iterator[Fault]:
 
 
 RULES: tuple[Callable[[Folder], Iterator[Fault]], ...] = (
-    record, left_overs, verified, curve, ends, events, energies, snapshots, patches, analysed,
+    record, left_overs, verified, tables, curve, ends, events, energies, snapshots, patches, analysed,
 )  # fmt: skip

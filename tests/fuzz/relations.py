@@ -178,7 +178,7 @@ def _thinned(pair: Pair) -> list[Fault]:
     scene = pair.scene
     scene.setdefault("output", {})["every"] = pair.draw.choice([2, 3, 10, 1000])
     base, thin = pair.base("output.every=1"), pair.other(scene)
-    faults = compared(base, thin, tables=("events", "patches", "sites"))
+    faults = compared(base, thin, names=("events", "patches", "sites"))
     for name in ("curve.csv", "energy.csv"):
         if not (base / name).exists():
             continue
@@ -237,7 +237,7 @@ def _other_outputs(pair: Pair) -> list[Fault]:
     tables = ("curve", "energy", "patches", "sites")
     # Known with an audit only.
     audited = ("viscous_J", "energy_residual", "work_uncertainty_J", "work_of_separation_uncertainty_J")
-    return compared(pair.base(), pair.other(scene), tables=tables, but=audited)
+    return compared(pair.base(), pair.other(scene), names=tables, but=audited)
 
 
 def _other_ranks(pair: Pair) -> list[Fault]:

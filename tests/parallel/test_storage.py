@@ -16,8 +16,9 @@ from mpi4py import MPI
 
 from pgfmd.errors import ResultError
 from pgfmd.files import fields_layout
-from pgfmd.files.curve_file import CURVE_COLUMNS, CurveFile, CurveRow, EnergyFile, EnergyRow
 from pgfmd.files.storage import RESULTS, agree, make_directory, on_root, set_aside, write_run_json
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import CURVE, ENERGY, CurveRow, EnergyRow
 from pgfmd.output.fields_file import FieldsFile
 
 pytestmark = pytest.mark.mpi
@@ -175,7 +176,7 @@ def test_run_json_survives_a_full_disk(comm, folder):
 
 def test_curve_holds_every_digit_and_grows_at_once(comm, folder):
     path = folder / "curve.csv"
-    curve = CurveFile(path, comm)
+    curve = TableFile(CURVE, path, comm)
     for k in range(5):
         curve.append(row(k))
         assert len(path.read_text().splitlines()) == k + 2
@@ -192,7 +193,7 @@ def test_curve_holds_every_digit_and_grows_at_once(comm, folder):
 
 
 def test_every_and_forced_rows(comm, folder):
-    curve = CurveFile(folder / "curve.csv", comm, every=4)
+    curve = TableFile(CURVE, folder / "curve.csv", comm, every=4)
     for k in range(10):
         curve.append(row(k), force_write=k == 6)
     times = [line.split(",")[0] for line in (folder / "curve.csv").read_text().splitlines()[1:]]
@@ -201,7 +202,7 @@ def test_every_and_forced_rows(comm, folder):
 
 
 def test_continued_and_cut_back_curve_equals_an_uninterrupted_one(comm, folder):
-    whole, broken = CurveFile(folder / "whole.csv", comm, every=3), CurveFile(folder / "broken.csv", comm, every=3)
+    whole, broken = (TableFile(CURVE, folder / f"{name}.csv", comm, every=3) for name in ("whole", "broken"))
     for k in range(11):
         whole.append(row(k))
     for k in range(5):
@@ -216,7 +217,7 @@ def test_continued_and_cut_back_curve_equals_an_uninterrupted_one(comm, folder):
         with open(folder / "broken.csv", "a") as file:
             file.write("0.7,-2.3")
     comm.Barrier()
-    broken = CurveFile(folder / "broken.csv", comm, every=3)
+    broken = TableFile(CURVE, folder / "broken.csv", comm, every=3)
     assert broken.rows == 3
     broken.cut_back(mark)
     assert broken.offered == 5
@@ -226,13 +227,13 @@ def test_continued_and_cut_back_curve_equals_an_uninterrupted_one(comm, folder):
 
 
 def test_curve_refuses_a_foreign_table_and_missing_rows(comm, folder):
-    EnergyFile(folder / "table.csv", comm).append(EnergyRow(*range(7)))
+    TableFile(ENERGY, folder / "table.csv", comm).append(EnergyRow(*range(7)))
     before = (folder / "table.csv").read_bytes()
     comm.Barrier()
     with pytest.raises(ResultError, match="its columns are not time"):
-        CurveFile(folder / "table.csv", comm)
+        TableFile(CURVE, folder / "table.csv", comm)
     assert (folder / "table.csv").read_bytes() == before
-    table = EnergyFile(folder / "table.csv", comm)
+    table = TableFile(ENERGY, folder / "table.csv", comm)
     mark = comm.bcast(table.mark())
     table.append(EnergyRow(*range(7)))
     table.cut_back(mark)
@@ -245,13 +246,13 @@ def test_curve_refuses_a_foreign_table_and_missing_rows(comm, folder):
             (folder / "table.csv").write_bytes(changed)
         comm.Barrier()
         with pytest.raises(ResultError, match="its first 1 rows are not those that the checkpoint knows"):
-            EnergyFile(folder / "table.csv", comm).cut_back(mark)
+            TableFile(ENERGY, folder / "table.csv", comm).cut_back(mark)
         comm.Barrier()
 
 
 def test_full_disk_leaves_whole_lines(comm, folder):
     path = folder / "curve.csv"
-    curve = CurveFile(path, comm)
+    curve = TableFile(CURVE, path, comm)
     with file_size_limit(400), pytest.raises(ResultError) as caught:
         for k in range(1, 50):
             curve.append(row(k))
@@ -265,7 +266,7 @@ def test_full_disk_leaves_whole_lines(comm, folder):
 
 def test_folder_that_is_gone(comm, folder):
     with pytest.raises(ResultError, match="curve.csv: could not be opened: No such file or directory"):
-        CurveFile(folder / "gone" / "curve.csv", comm)
+        TableFile(CURVE, folder / "gone" / "curve.csv", comm)
 
 
 # -- snapshots ---------------------------------------------------------------------------------------------------------
@@ -489,4 +490,4 @@ def test_somebody_who_looks_at_snapshots_does_not_stop_the_run(comm, folder):
 
 
 def test_columns_are_those_of_the_rows():
-    assert len(CURVE_COLUMNS) == len(CurveRow.__dataclass_fields__)
+    assert len(CURVE.titles) == len(CurveRow.__dataclass_fields__)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pgfmd.files.curve_file import CURVE_COLUMNS, ENERGY_COLUMNS, EVENT_COLUMNS
-from pgfmd.results.loop import Loop
+from pgfmd.files.tables import CURVE, ENERGY, EVENTS
+from pgfmd.results.curve import Loop
 
 MODULUS, WORK, PUNCH = 2.649e6, 0.05, 375e-6
 
@@ -40,20 +40,21 @@ def flat_punch_loop() -> Loop:
 def write_folder(folder: Path, loop: Loop, scene: str, released: float = 0.0, viscous: float = 0.0) -> Path:
     """A results folder with this loop, as a finished run leaves it; energies in the last row of the audit."""
     folder.mkdir(parents=True, exist_ok=True)
-    lines = [",".join(CURVE_COLUMNS)]
+    lines = [",".join(CURVE.titles)]
     columns = (
         loop.time, loop.displacement, loop.indentation, loop.force, loop.area, loop.area, loop.area, loop.u_inf,
         loop.time * 0 + 0.1,
     )  # fmt: skip
     lines += [",".join([*map(repr, map(float, row)), phase]) for *row, phase in zip(*columns, loop.phase)]
     (folder / "curve.csv").write_text("\n".join(lines) + "\n")
-    audit = [ENERGY_COLUMNS, (0.0,) * 7, (float(loop.time[-1]), released + viscous, 0.0, 0.0, viscous, released, 0.0)]
+    audit = [ENERGY.titles, (0.0,) * 7, (float(loop.time[-1]), released + viscous, 0.0, 0.0, viscous, released, 0.0)]
     (folder / "energy.csv").write_text("".join(",".join(map(str, row)) + "\n" for row in audit))
-    events = [",".join(EVENT_COLUMNS)]
+    events = [",".join(EVENTS.titles)]
     values = {"event": "jump", "joined": "", "left": "", "at": ""}
     for k in np.flatnonzero(loop.jump):
-        values["time [s]"] = repr(float(loop.time[k]))
-        events.append(",".join(values.get(name, "0.0") for name in EVENT_COLUMNS))
+        same = {"time [s]": loop.time, "displacement [m]": loop.displacement, "force [N]": loop.force}
+        values |= {title: repr(float(numbers[k])) for title, numbers in same.items()}
+        events.append(",".join(values.get(name, "0.0") for name in EVENTS.titles))
     (folder / "events.csv").write_text("\n".join(events) + "\n")
     (folder / "scene.resolved.toml").write_text(scene)
     (folder / "run.json").write_text('{"finished": "detached", "indentation_offset_m": 0.0}\n')

@@ -9,26 +9,18 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pgfmd.files.curve_file import (
-    CurveFile,
-    CurveRow,
-    EnergyFile,
-    EnergyRow,
-    EventFile,
-    EventRow,
-    PatchFile,
-    PatchRow,
-    SiteFile,
-    SiteRow,
-)
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.files.storage import write_run_json
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES, CurveRow, EnergyRow, EventRow, PatchRow, SiteRow
 from pgfmd.output.fields_file import FieldsFile
 
 RADIUS, MODULUS, PUNCH = 5e-3, 2.67e6, 375e-6
 CONTACT_GAP, NEAR_GAP = 180e-9, 400e-9
 OVERLAP, NEAR = 0.7, 1.3
 """Areas of overlap and of what is near, as shares of the contact area."""
+OFFSET = 2e-6
+"""k [m] of indentation = -displacement - k."""
 GAPS = ("contact_gap_m", "near_gap_m")
 """What version 0.1 does not say of a run."""
 
@@ -46,7 +38,7 @@ def history(rows: int) -> list[CurveRow]:
         force = 4 / 3 * MODULUS * contact**3 / RADIUS - (pull if contact else 0.0) * (1 + contact / 2e-4)
         area = np.pi * contact**2
         areas = area, OVERLAP * area, NEAR * area
-        found.append(CurveRow(10 * s, -indentation - 2e-6, indentation, force, *areas, 0.0, 10 / rows, phase))
+        found.append(CurveRow(10 * s, -indentation - OFFSET, indentation, force, *areas, 0.0, 10 / rows, phase))
     return found
 
 
@@ -72,7 +64,7 @@ def write_results(
     """Fill `directory` with the writers that a run uses."""
     comm = MPI.COMM_SELF
     directory.mkdir(parents=True, exist_ok=True)
-    curve, found = CurveFile(directory / "curve.csv", comm), history(rows)
+    curve, found = TableFile(CURVE, directory / "curve.csv", comm), history(rows)
     for row in found:
         curve.append(row)
     curve.close()
@@ -85,11 +77,11 @@ def write_results(
             label = {"approach": "approach", "dwell": "end of dwell", "retract": "retraction"}.get(row.phase, "turn")
             file.append(label, row.time, row.displacement, row.force, gap, traction, displacement)
     if energy:
-        write_energy(EnergyFile(directory / "energy.csv", comm), found)
+        write_energy(TableFile(ENERGY, directory / "energy.csv", comm), found)
     if contact:
         write_contact(directory, comm, found)
-    gaps = {"contact_gap_m": CONTACT_GAP, "near_gap_m": NEAR_GAP}
-    write_run_json(directory / "run.json", comm, {"finished": "detached", "steps": rows, **gaps})
+    told = {"contact_gap_m": CONTACT_GAP, "near_gap_m": NEAR_GAP, "indentation_offset_m": OFFSET}
+    write_run_json(directory / "run.json", comm, {"finished": "detached", "steps": rows, **told})
     scene = f'[cell]\nlength = "1.5 mm"\nn = 192\n[output]\nnear_gap = "{NEAR_GAP} m"\n'
     (directory / "scene.resolved.toml").write_text(scene)
     return directory
@@ -119,7 +111,7 @@ def as_version_0_1(folder: Path) -> Path:
     return folder
 
 
-def write_energy(file: EnergyFile, found: list[CurveRow]) -> None:
+def write_energy(file: TableFile, found: list[CurveRow]) -> None:
     """Work of the punch by the trapezoidal rule; the other terms of about the size and course of a real audit."""
     work = viscous = released = 0.0
     for before, row in zip(found, found[1:]):
@@ -134,8 +126,7 @@ def write_energy(file: EnergyFile, found: list[CurveRow]) -> None:
 
 def write_contact(directory: Path, comm, found: list[CurveRow]) -> None:
     """One patch and one summit, in contact while there is an area; the loss of it is a jump."""
-    sites, patches = SiteFile(directory / "sites.csv", comm), PatchFile(directory / "patches.csv", comm)
-    events = EventFile(directory / "events.csv", comm)
+    sites, patches, events = (TableFile(table, directory / table.file, comm) for table in (SITES, PATCHES, EVENTS))
     for before, row in zip(found, found[1:]):
         joins, leaves = row.contact_area > 0 == before.contact_area, before.contact_area > 0 == row.contact_area
         if joins or leaves:

@@ -14,7 +14,7 @@ from pgfmd.analysis.crack_law import CrackLaw
 from pgfmd.analysis.summits import Summits, summits_of
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import jkr
-from pgfmd.results.measures import measure
+from pgfmd.results.curve import measure
 from pgfmd.scene import load_scene
 
 RADIUS = 140e-6

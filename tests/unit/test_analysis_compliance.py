@@ -14,8 +14,7 @@ from pgfmd.analysis.hysteresis import audit_of, twin_of
 from pgfmd.analysis.scene_differences import differences
 from pgfmd.analysis.tabor import effective_tabor
 from pgfmd.results import load
-from pgfmd.results.loop import Loop
-from pgfmd.results.measures import net_work
+from pgfmd.results.curve import Loop, net_work
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 

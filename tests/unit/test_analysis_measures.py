@@ -11,13 +11,11 @@ from small_runs import run
 from pgfmd.analysis.bulges import bulges
 from pgfmd.analysis.contact_stiffness import stiffness_at, stiffness_table, unloading_stiffness
 from pgfmd.analysis.low_pass import filtered
-from pgfmd.analysis.site_loads import site_loads
 from pgfmd.analysis.summary import analyse
 from pgfmd.reference import flat_punch, hertz
 from pgfmd.results import load
-from pgfmd.results.loop import Loop
-from pgfmd.results.measures import dip, measure, net_work, work_of_separation
-from pgfmd.results.works import net_work_of_rows, separation_of_rows
+from pgfmd.results.curve import Loop, dip, measure, net_work, net_work_of_rows, separation_of_rows, work_of_separation
+from pgfmd.results.sites import site_loads
 
 
 @pytest.fixture(scope="module")

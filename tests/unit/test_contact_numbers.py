@@ -16,15 +16,13 @@ from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.results import load
-from pgfmd.results.loop import KINDS_OF_AREA, Loop
-from pgfmd.results.measures import measure
+from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 from pgfmd.results.verify import verify
-from pgfmd.study.areas import AREAS, GAPS, remarks
 from pgfmd.study.cases import cases_of
 from pgfmd.study.pictures import Plan, measures_figure
 from pgfmd.study.standing import standing_of
 from pgfmd.study.study_file import study_from_mapping
-from pgfmd.study.table import COLUMNS, overview, rows_of, write_table
+from pgfmd.study.table import AREAS, COLUMNS, GAPS, overview, remarks, rows_of, write_table
 
 
 @pytest.fixture(scope="module")

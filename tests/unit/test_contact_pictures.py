@@ -9,9 +9,8 @@ from typer.testing import CliRunner
 
 from pgfmd.cli import app
 from pgfmd.plots import folder as plots
-from pgfmd.plots.gap_classes import FOUR_GREYS, GREYS, class_numbers, gap_classes
-from pgfmd.plots.maps import contact_figure
-from pgfmd.plots.patches import site_figure
+from pgfmd.plots.maps import FOUR_GREYS, GREYS, class_numbers, contact_figure, gap_classes
+from pgfmd.plots.sites import site_figure
 from pgfmd.results import load
 
 RANGE_HALF, NEAR = 264e-9, 500e-9

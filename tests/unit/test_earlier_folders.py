@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
 from pgfmd.errors import ResultError
-from pgfmd.files.curve_file import EARLIER_CURVE_COLUMNS, LATER_COLUMNS
-from pgfmd.files.curve_tail import CurveTail
+from pgfmd.files.table_reading import CurveTail
+from pgfmd.files.tables import CURVE
 from pgfmd.results import load
 from pgfmd.results.reading import FieldsMapping
 from pgfmd.results.status import status_of
@@ -60,7 +60,7 @@ def test_an_earlier_folder_is_read_with_its_own_meaning(new, old):
     now, before = load(new), load(old)
     assert (before.contact_gap, before.near_gap, before.counts_overlap) == (0.0, 5e-7, True)
     assert np.array_equal(before.curve["contact_area [m^2]"], now.curve["overlap_area [m^2]"])
-    assert before.curve[list(LATER_COLUMNS)].isna().all().all()
+    assert before.curve[["overlap_area [m^2]", "near_area [m^2]"]].isna().all().all()
     assert np.array_equal(before.curve["force [N]"], now.curve["force [N]"])
     tail = CurveTail(old / "curve.csv")
     assert tail.earlier and not tail.strange and tail.rows[-1].force == CurveTail(new / "curve.csv").rows[-1].force
@@ -90,7 +90,7 @@ def test_an_earlier_run_is_not_gone_on_with(tmp_path):
 
 
 def test_an_earlier_run_that_had_not_begun_is_begun(tmp_path):
-    (tmp_path / "curve.csv").write_text(",".join(EARLIER_CURVE_COLUMNS) + "\n")
+    (tmp_path / "curve.csv").write_text(CURVE.headers[1])
     assert load(run(tmp_path, "solver.max_steps=3")).counts_overlap is False
 
 

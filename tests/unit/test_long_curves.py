@@ -10,9 +10,10 @@ from mpi4py import MPI
 
 from pgfmd.errors import ResultError
 from pgfmd.files import table_reading
-from pgfmd.files.curve_file import CURVE_COLUMNS, CurveFile, CurveRow
-from pgfmd.files.table_reading import read_table
-from pgfmd.plots.thinning import seen, seen_rows
+from pgfmd.files.table_reading import read_columns
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import CURVE, CurveRow
+from pgfmd.plots.drawing import seen, seen_rows
 from pgfmd.results import load
 
 PHASES = np.array(["approach", "dwell", "retract"])
@@ -23,7 +24,7 @@ def write(path, rows: int) -> np.ndarray:
     numbers = np.random.default_rng(3).standard_normal((rows, 9)) * 1e-6
     phases = PHASES[3 * np.arange(rows) // rows]
     lines = [",".join([*map(repr, row), phase]) for row, phase in zip(numbers.tolist(), phases)]
-    path.write_text("\n".join([",".join(CURVE_COLUMNS), *lines, ""]))
+    path.write_text("\n".join([",".join(CURVE.titles), *lines, ""]))
     return numbers
 
 
@@ -33,8 +34,8 @@ def test_every_bit_is_read_across_pieces(tmp_path, monkeypatch):
         numbers = write(tmp_path / "curve.csv", rows)
         with open(tmp_path / "curve.csv", "a") as file:
             file.write("1.0,2.0")
-        found = read_table(tmp_path / "curve.csv", CURVE_COLUMNS, CurveRow)
-        assert np.array_equal(np.column_stack([found[name] for name in CURVE_COLUMNS[:-1]]).reshape(rows, 9), numbers)
+        found = read_columns(tmp_path / "curve.csv", CURVE)
+        assert np.array_equal(np.column_stack([found[name] for name in CURVE.titles[:-1]]).reshape(rows, 9), numbers)
         assert list(found["phase"]) == list(PHASES[3 * np.arange(rows) // max(rows, 1)])
         assert len(load(tmp_path).curve) == rows
     # No more texts than there are runs of them in a piece.
@@ -48,7 +49,7 @@ def test_a_broken_line_is_named_by_its_number(tmp_path, monkeypatch):
     for wrong in ("1,2,3", "oops,0,0,0,0,0,0,0,0,dwell", "\0" * 200):
         (tmp_path / "curve.csv").write_text("\n".join([*lines[:17], wrong, *lines[18:], ""]))
         with pytest.raises(ResultError, match="could not be read: line 18 is no row of it: ") as caught:
-            read_table(tmp_path / "curve.csv", CURVE_COLUMNS, CurveRow)
+            read_columns(tmp_path / "curve.csv", CURVE)
         assert len(str(caught.value)) < 500 + len(str(tmp_path))
 
 
@@ -73,7 +74,7 @@ def test_a_long_table_is_opened_and_cut_back_in_little_memory(tmp_path):
     with open(path, "a") as file:
         file.write("0.5,half a row")
     tracemalloc.start()
-    file = CurveFile(path, MPI.COMM_SELF)
+    file = TableFile(CURVE, path, MPI.COMM_SELF)
     assert file.rows == 30_000 and path.stat().st_size == size
     mark = file.mark()
     file.append(row)

@@ -20,8 +20,7 @@ from pgfmd.commands.run import _summary
 from pgfmd.files.packing import numbers_of, unpack
 from pgfmd.plots.folder import force_figure
 from pgfmd.results import load
-from pgfmd.results.loop import Loop, branches, turning_row
-from pgfmd.results.measures import measure
+from pgfmd.results.curve import Loop, branches, measure, turning_row
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 from pgfmd.solver.state import State

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pgfmd.files.curve_file import SITE_COLUMNS, PatchFile, SiteFile
+from pgfmd.files.table_writing import TableFile
+from pgfmd.files.tables import PATCHES, SITES
 from pgfmd.output.patch_observer import ContactWatch, PatchTable
 from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
@@ -110,7 +111,7 @@ class Still:
 def watch_of(folder, run):
     at = POINTS.grid.coordinate(np.arange(N))
     places = SitePoints(POINTS, sites((at[1], at[0], 0), (at[2], at[0], 1), (at[3], at[0], 1)))
-    return ContactWatch(SiteFile(folder / "sites.csv", MPI.COMM_SELF), POINTS, places, jumps=True), places
+    return ContactWatch(TableFile(SITES, folder / "sites.csv", MPI.COMM_SELF), POINTS, places, jumps=True), places
 
 
 def test_rows_come_when_sites_join_and_leave(tmp_path):
@@ -126,7 +127,7 @@ def test_rows_come_when_sites_join_and_leave(tmp_path):
             run.displacement[contact] = 0.0
         watch.observe(run, Event(kind))
     lines = [line.split(",") for line in (tmp_path / "sites.csv").read_text().splitlines()]
-    assert tuple(lines[0]) == SITE_COLUMNS
+    assert tuple(lines[0]) == SITES.titles
     assert [(row[0], row[2], row[4], row[5], *row[8:]) for row in lines[1:]] == [
         ("0.0", "0.0", "summit", "0", "joins", "1", "1"),
         ("1.0", "10.0", "saddle", "1", "joins", "1", "2"), ("1.0", "10.0", "saddle", "2", "joins", "2", "2"),
@@ -151,7 +152,7 @@ def test_what_was_in_contact_before_a_restart_joins_no_second_time(tmp_path):
 
 def test_a_face_without_sites_writes_no_rows(tmp_path):
     run = Still()
-    file = SiteFile(tmp_path / "sites.csv", MPI.COMM_SELF)
+    file = TableFile(SITES, tmp_path / "sites.csv", MPI.COMM_SELF)
     watch = ContactWatch(file, POINTS, SitePoints(POINTS, sites()), jumps=False)
     watch.observe(run, Event("start"))
     run.displacement[:] = 2.0
@@ -160,7 +161,7 @@ def test_a_face_without_sites_writes_no_rows(tmp_path):
 
 
 def test_a_frame_gives_the_patches_of_its_own_surface(tmp_path):
-    file = PatchFile(tmp_path / "patches.csv", MPI.COMM_SELF)
+    file = TableFile(PATCHES, tmp_path / "patches.csv", MPI.COMM_SELF)
     write = PatchTable(file, POINTS, SitePoints(POINTS, sites()), LAW.contact_gap, periodic=False)
     gap = np.ones((N, N))
     gap[4, 4] = gap[7, 7] = 0.3

@@ -10,14 +10,14 @@ from matplotlib.image import imread
 from synthetic_results import CONTACT_GAP, NEAR_GAP, PUNCH, history, sphere, write_results
 
 from pgfmd.errors import ResultError
-from pgfmd.files.curve_file import CURVE_COLUMNS
+from pgfmd.files.tables import CURVE
 from pgfmd.plots import folder as plots
 from pgfmd.plots import maps as map_plots
-from pgfmd.plots import patches as patch_plots
-from pgfmd.plots.drawing import drawing
+from pgfmd.plots.drawing import drawing, energy_unit
+from pgfmd.plots.sites import site_figure
 from pgfmd.results import load
-from pgfmd.results.loop import Loop
-from pgfmd.results.measures import measure
+from pgfmd.results.curve import Loop, measure
+from pgfmd.results.sites import site_histories
 
 ALL = ["force-displacement.png", "contact-maps.png", "stress-maps.png", "energy.png", "sites.png"]
 
@@ -64,7 +64,7 @@ def test_settings_of_the_caller_are_left_alone(tmp_path):
 def test_empty_curve_and_foreign_folder(tmp_path):
     with pytest.raises(ResultError, match="not a results folder"):
         plots.plot_results(tmp_path)
-    (tmp_path / "curve.csv").write_text(",".join(CURVE_COLUMNS) + "\n")
+    (tmp_path / "curve.csv").write_text(",".join(CURVE.titles) + "\n")
     with pytest.raises(ResultError, match="has no rows"):
         plots.plot_results(tmp_path)
 
@@ -102,16 +102,16 @@ def test_curves_are_in_mN_um_and_mm2_with_landmarks(tmp_path):
 def test_sites_are_counted_along_the_curve(tmp_path):
     rows = history(200)
     with load(write_results(tmp_path / "out", rows=200, fields=False)) as results:
-        sites, found = results.sites, patch_plots.site_history(results, "summit")
-        upper, lower = patch_plots.site_figure(results).axes
+        sites, (found,) = results.sites, site_histories(results, Loop.of(results))
+        upper, lower = site_figure(results).axes
     touched = np.array([row.contact_area > 0 for row in rows])
     joins, leaves = (sites["time [s]"][k] for k in range(2))
     # Each row of the curve once, and each change before and after it.
-    assert found["count"].size == 200 + 4
+    assert (found.kind, found.of, found.count.size) == ("summit", 1, 200 + 4)
     for time, counts in ((joins, [0, 1, 1]), (leaves, [1, 0, 0])):
-        assert list(found["count"][found["time"] == time]) == counts
-    steady, rest = (~np.isin(times, (joins, leaves)) for times in (found["time"], [row.time for row in rows]))
-    np.testing.assert_array_equal(found["count"][steady], touched[rest])
+        assert list(found.count[found.time == time]) == counts
+    steady, rest = (~np.isin(times, (joins, leaves)) for times in (found.time, [row.time for row in rows]))
+    np.testing.assert_array_equal(found.count[steady], touched[rest])
     way_in, way_out = upper.lines[:2]
     assert way_in.is_dashed() and way_out.get_label() == "summits, of 1"
     assert way_in.get_xdata()[-1] == way_out.get_xdata()[0] and way_out.get_ydata()[-1] == 0
@@ -192,4 +192,4 @@ def test_scale_bar_is_a_round_length(largest, bar):
 
 @pytest.mark.parametrize("size, unit", [(2.0, "J"), (3e-8, "nJ"), (1e-9, "nJ"), (9e-13, "fJ"), (0.0, "fJ")])
 def test_energy_unit(size, unit):
-    assert plots.energy_unit(size)[1] == unit
+    assert energy_unit(size)[1] == unit

@@ -8,7 +8,7 @@ import pytest
 from synthetic_results import CONTACT_GAP, NEAR_GAP, history, sphere, write_results
 
 from pgfmd.errors import ResultError
-from pgfmd.files.curve_file import CURVE_COLUMNS
+from pgfmd.files.tables import CURVE
 from pgfmd.results import load
 
 
@@ -39,7 +39,7 @@ def check_fields(results) -> None:
 def test_all_parts_come_back(folder):
     pandas, xarray = pytest.importorskip("pandas"), pytest.importorskip("xarray")
     with load(folder) as results:
-        assert isinstance(results.curve, pandas.DataFrame) and list(results.curve.columns) == list(CURVE_COLUMNS)
+        assert isinstance(results.curve, pandas.DataFrame) and list(results.curve.columns) == list(CURVE.titles)
         check_curve(results.curve)
         assert isinstance(results.fields, xarray.Dataset)
         check_fields(results)
@@ -57,7 +57,7 @@ def test_without_pandas_and_xarray(folder, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     monkeypatch.setitem(sys.modules, "xarray", None)
     with load(folder) as results:
-        assert results.curve.dtype.names == CURVE_COLUMNS
+        assert results.curve.dtype.names == CURVE.titles
         check_curve(results.curve)
         check_fields(results)
         assert set(results.fields) >= {"gap", "traction", "displacement", "x", "y", "time", "force", "label"}
@@ -75,7 +75,7 @@ def test_line_that_a_live_run_has_begun_is_left_out(folder, tail):
 
 
 def test_header_only(folder):
-    (folder / "curve.csv").write_text(",".join(CURVE_COLUMNS) + "\n")
+    (folder / "curve.csv").write_text(",".join(CURVE.titles) + "\n")
     assert len(load(folder).curve) == 0
 
 

@@ -9,10 +9,9 @@ from small_runs import SCENE, run
 
 from pgfmd.commands.run import _missed_preload, _summary
 from pgfmd.errors import ResultError
-from pgfmd.files.curve_file import CURVE_COLUMNS
+from pgfmd.files.tables import CURVE
 from pgfmd.results import load
-from pgfmd.results.loop import Loop
-from pgfmd.results.measures import measure
+from pgfmd.results.curve import Loop, measure
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
@@ -89,7 +88,7 @@ RECORD = {
 
 def folder_with(tmp_path, largest):
     """A folder whose punch has done this work [J] at most."""
-    (tmp_path / "curve.csv").write_text(",".join(CURVE_COLUMNS) + "\n")
+    (tmp_path / "curve.csv").write_text(",".join(CURVE.titles) + "\n")
     head = "time [s],work [J],elastic [J],adhesive [J],viscous [J],released [J],residual [J]"
     (tmp_path / "energy.csv").write_text(f"{head}\n0.0{',0.0' * 6}\n1.0,{largest!r}{',0.0' * 5}\n")
     return tmp_path
@@ -129,7 +128,7 @@ def test_a_foreign_curve_is_not_replaced(text, tmp_path):
     assert (tmp_path / "previous-1" / "curve.csv").read_text() == text
 
 
-@pytest.mark.parametrize("rows", ["", ",".join(CURVE_COLUMNS)[:30], ",".join(CURVE_COLUMNS) + "\n"])
+@pytest.mark.parametrize("rows", ["", ",".join(CURVE.titles)[:30], ",".join(CURVE.titles) + "\n"])
 def test_a_run_that_ended_before_its_first_step_is(rows, tmp_path):
     (tmp_path / "curve.csv").write_text(rows)
     assert started(tmp_path)["steps"] == 3

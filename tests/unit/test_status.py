@@ -14,8 +14,8 @@ from mpi4py import MPI
 from pgfmd import cli
 from pgfmd.commands import status as status_command
 from pgfmd.errors import Problem, ResultError, RunError, SceneError
-from pgfmd.files.curve_file import CURVE_COLUMNS
-from pgfmd.files.curve_tail import CurveTail, count_ends
+from pgfmd.files.table_reading import CurveTail, count_ends
+from pgfmd.files.tables import CURVE
 from pgfmd.forecast.progress import Moment, outlook
 from pgfmd.host import run_lock
 from pgfmd.host.run_lock import Holder, RunLock
@@ -182,7 +182,7 @@ def test_results_without_a_checkpoint_are_damaged(stopped):
 def test_nothing_yet(tmp_path):
     (tmp_path / "previous-1").mkdir()
     assert status_of(tmp_path).state == "empty"
-    (tmp_path / "curve.csv").write_text(",".join(CURVE_COLUMNS) + "\n")
+    (tmp_path / "curve.csv").write_text(",".join(CURVE.titles) + "\n")
     assert (status_of(tmp_path).state, status_of(tmp_path).why) == ("empty", "ended before its first step")
 
 
@@ -405,11 +405,11 @@ def test_the_tail_of_a_long_curve(tmp_path, finished):
 
 
 def test_endings_are_counted_across_pieces(tmp_path, monkeypatch):
-    from pgfmd.files import curve_tail
+    from pgfmd.files import table_reading
 
     (tmp_path / "table").write_text("a,dwell\nb,turn\n" * 50)
     for size in range(1, 20):
-        monkeypatch.setattr(curve_tail, "PIECE", size)
+        monkeypatch.setattr(table_reading, "PIECE_BYTES", size)
         assert count_ends(tmp_path / "table", ending=",dwell") == 50 and count_ends(tmp_path / "table", 8) == 99
 
 

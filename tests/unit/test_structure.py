@@ -21,13 +21,13 @@ def dotted(file):
 
 NAMES = {file: dotted(file) for file in FILES}
 
-LONGEST_FILE, LONGEST_FUNCTION = 300, 60
+LONGEST_FILE, LONGEST_FUNCTION = 500, 60
 
 PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (PACKAGE / "physics").glob("[a-z]*.py")),
          "characterisation.dma", "characterisation.prony_fit",
          "characterisation.temperature_shift"]  # fmt: skip
 READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
-           "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.beside",
+           "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.bearing_area",
            "study.campaign", "study.slurm_array", "study.pictures", "study.extrapolation", "study.refinement",
            "commands.study"]  # fmt: skip
 HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
@@ -108,6 +108,21 @@ def test_no_folder_needs_one_that_needs_it():
         needs[folder(name)] |= (others & needs.keys()) - {folder(name)}
     order = graphlib.TopologicalSorter(needs)
     order.prepare()
+
+
+def test_no_module_needs_one_that_needs_it():
+    """Nor do the modules that read, measure, draw and compare results, in whichever way they import each other."""
+    ours = tuple(f"pgfmd.{name}." for name in ("files", "output", "results", "plots", "analysis", "study", "benchmark"))
+    modules = {name for name in IMPORTS if name.startswith(ours)}
+    graphlib.TopologicalSorter({name: IMPORTS[name] & modules - {name} for name in modules}).prepare()
+
+
+def test_no_numbers_come_from_pictures():
+    """What draws is asked for the manner of drawing alone."""
+    for name, modules in IMPORTS.items():
+        if name.startswith(("pgfmd.analysis", "pgfmd.study", "pgfmd.benchmark")):
+            drawn = {module for module in modules if module.startswith("pgfmd.plots.")}
+            assert all(module.startswith("pgfmd.plots.drawing") for module in drawn), name
 
 
 def test_closed_forms_import_nothing_of_the_solver():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pgfmd.files.text import read_table, read_text
+from pgfmd.files.text import read_numbers, read_text
 
 TEXT = "title = \"Stempel\"  # 3 µm, 20 °C\n[drive]\n"
 
@@ -38,9 +38,9 @@ def test_an_empty_file_is_an_empty_text(tmp_path):
 def test_a_table_has_comments_in_any_encoding_and_must_hold_numbers(tmp_path):
     path = tmp_path / "table.txt"
     path.write_bytes("# Höhe in m\r\n1e-7 2e-7 # µ\r\n\r\n3e-7 4e-7\r\n".encode("cp1252"))
-    assert read_table(path).tolist() == [[1e-7, 2e-7], [3e-7, 4e-7]]
+    assert read_numbers(path).tolist() == [[1e-7, 2e-7], [3e-7, 4e-7]]
     path.write_bytes("1,2\n".encode("utf-16"))
-    assert read_table(path, ",").tolist() == [[1.0, 2.0]]
+    assert read_numbers(path, ",").tolist() == [[1.0, 2.0]]
     path.write_text("# only a comment\n\n")
     with pytest.raises(ValueError, match="holds no numbers"):
-        read_table(path)
+        read_numbers(path)

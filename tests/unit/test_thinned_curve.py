@@ -10,7 +10,7 @@ from small_runs import SCENE, run
 
 from pgfmd.analysis.summary import analyse
 from pgfmd.results import load
-from pgfmd.results.loop import Loop
+from pgfmd.results.curve import Loop
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
 

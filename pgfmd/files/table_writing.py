@@ -3,42 +3,45 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import hashlib
 import os
 from collections.abc import Sequence
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pgfmd.errors import ResultError
 
 from .regular_files import open_regular
 from .storage import on_root
+from .tables import Table
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
 
 PIECE = 2**20
 """Bytes that are read at a time: tables may be of any length."""
 
 
-class CsvFile:
+class TableFile:
     """A table that grows by whole lines, each handed to the system at once. Only rank 0 writes; all ranks call.
 
     A file that is already there is continued: its header must match, and a line cut short by a crash is dropped.
 
     Attributes:
+        table: its declaration.
         rows: lines in the file, without the header; the same on every rank.
         offered: rows handed in, also those that `every` left out.
         skipped: whether the last of them was left out.
     """
 
-    def __init__(self, path: str | Path, comm, columns: tuple[str, ...], every: int = 1):
+    def __init__(self, table: Table, path: str | Path, comm: Comm, every: int = 1):
+        """every: of the rows that `append` is given, each which is written."""
         if every < 1:
             raise ValueError(f"every = {every}: expected at least 1")
-        self.path, self.every = Path(path), every
+        self.table, self.path, self.every = table, Path(path), every
         self._comm = comm
-        self._header = (",".join(columns) + "\n").encode()
-        self._file = None
+        self._header = table.headers[0].encode()
+        self._file: Any = None
         self._digest = hashlib.sha256()
         self.rows = comm.bcast(on_root(comm, f"{self.path}: could not be opened", self._open))
         self.offered, self.skipped = self.rows, False
@@ -47,7 +50,7 @@ class CsvFile:
         """Write this row if its turn has come (each `every`-th, the first included) or `force_write` says so.
 
         Args:
-            row: a dataclass with a field a column; the values of rank 0 are written, floats with all their digits.
+            row: one of the table's; that of rank 0 is written.
             force_write: the same on every rank.
             before: the last row, to be written first if it was left out and this one is written by force; or None.
 
@@ -72,7 +75,7 @@ class CsvFile:
 
     def _hand_over(self, rows: Sequence[Any]) -> None:
         what = f"{self.path}: could not be written"
-        on_root(self._comm, what, lambda: self._write(b"".join(map(_line, rows))))
+        on_root(self._comm, what, lambda: self._write("".join(map(self.table.line, rows)).encode()))
         self.rows += len(rows)
 
     def mark(self) -> dict | None:
@@ -169,18 +172,3 @@ def begins_as_marked(path: Path, mark: dict) -> bool:
             digest.update(piece)
             left -= len(piece)
     return digest.hexdigest() == mark["sha256"]
-
-
-def _line(row: Any) -> bytes:
-    return (",".join([_text(getattr(row, name), kind) for name, kind in _columns_of(type(row))]) + "\n").encode()
-
-
-@functools.cache
-def _columns_of(kind: type) -> tuple[tuple[str, str], ...]:
-    """Name and declared type of each field of a row."""
-    return tuple((column.name, column.type) for column in fields(kind))
-
-
-def _text(value: Any, kind: str) -> str:
-    """A value as its field is declared: text, a whole number, or a number with all its digits."""
-    return value if kind == "str" else str(int(value)) if kind == "int" else repr(float(value))
