@@ -11,23 +11,13 @@ import numpy as np
 
 from pgfmd.files.curve_file import CurveFile, CurveRow, EnergyFile, EnergyRow, EventFile, EventRow
 from pgfmd.files.packing import unpack
+from pgfmd.solver.simulation import Observer
 from pgfmd.solver.state import State
 
 from .fields_file import FieldsFile
 
 INDENTATION_OFFSET = 0.0
 """k [m] of indentation = -d - k: zero, indentation counts from the first touch of the undeformed surface."""
-
-
-class Observer:
-    """Does nothing; the base of those below."""
-
-    def next_time(self, simulation) -> float:
-        """The next time [s] at which a step has to end; infinity for none."""
-        return math.inf
-
-    def observe(self, simulation, event) -> None:
-        """Called at the start, after each step or jump, at the preload, at wanted times, and at the end."""
 
 
 class Curve(Observer):
@@ -41,13 +31,12 @@ class Curve(Observer):
         self.files = [(curve, curve_row)] + ([(energy, energy_row)] if energy else [])
         self.before: list = [None] * len(self.files)
 
-    def next_time(self, simulation) -> float:
-        """Asks for no time. Called before each step: what the rows are then is known after a restart as well."""
+    def before_step(self, simulation) -> None:
+        # What the rows are now is known after a restart as well.
         if self.files[0][0].every > 1 and simulation.state.started:
             if _at_turn_of_phase(simulation):
                 self._make_up(simulation)
             self.before = [row(simulation) for _, row in self.files]
-        return math.inf
 
     def observe(self, simulation, event) -> None:
         if event.kind in ("start", "step", "jump"):
@@ -99,6 +88,13 @@ def energy_row(simulation) -> EnergyRow:
     )  # fmt: skip
 
 
+def event_row(simulation, event) -> EventRow:
+    """The row of a jump, the preload, or the end, which says how the run has ended."""
+    state = simulation.state
+    name = state.finished if event.kind == "end" else event.kind
+    return EventRow(state.time, simulation.punch_position, state.force, event.released, name)
+
+
 class Events(Observer):
     """Writes `events.csv`: jumps with the energy they release, the preload, the end.
 
@@ -110,9 +106,7 @@ class Events(Observer):
 
     def observe(self, simulation, event) -> None:
         if event.kind in ("jump", "preload", "end"):
-            state = simulation.state
-            name = state.finished if event.kind == "end" else event.kind
-            row = EventRow(state.time, simulation.punch_position, state.force, event.released, name)
+            row = event_row(simulation, event)
             if self.watch and event.kind == "jump":
                 row = replace(row, **vars(self.watch.change))
             self.file.append(row)

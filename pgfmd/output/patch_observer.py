@@ -12,7 +12,9 @@ from pgfmd.physics.contact_sites import KINDS
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.solver.patches import SitePoints, patches_of
 
-from .observers import Frame, Observer
+from pgfmd.solver.simulation import Observer
+
+from .observers import Frame
 
 JOINS, LEAVES = "joins", "leaves"
 SAME = 1e-6
@@ -63,11 +65,9 @@ class ContactWatch(Observer):
         self._held: np.ndarray | None = None
         self._traction: np.ndarray | None = None
 
-    def next_time(self, simulation) -> float:
-        """Asks for no time. Called before each step, and so before the first one after a restart."""
+    def before_step(self, simulation) -> None:
         if self._held is None:
             self._remember(simulation.state, self._look(simulation))
-        return math.inf
 
     def observe(self, simulation, event) -> None:
         if event.kind not in ("start", "step", "jump"):

@@ -280,7 +280,12 @@ def _open_fields(path: Path) -> Any:
 
 def _table(path: Path, columns: tuple[str, ...], row: type, earlier: tuple[str, ...] = ()) -> Any:
     """A table of the run. A last line without its end, which a live run has just begun, is left out."""
-    found = read_table(path, columns, row, earlier)
+    return table_of(read_table(path, columns, row, earlier), columns, row)
+
+
+def table_of(found: dict[str, np.ndarray], columns: tuple[str, ...], row: type) -> Any:
+    """Columns as a pandas DataFrame, or without pandas as a structured array. Takes the arrays over. row: the dataclass of
+    its rows."""
     try:
         import pandas
     except ImportError:

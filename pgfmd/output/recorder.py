@@ -1,0 +1,90 @@
+"""What a run in memory keeps: the rows of its tables and its snapshots, without a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from pgfmd.files.curve_file import CurveRow, EnergyRow, EventRow
+from pgfmd.files.fields_layout import BLOCK_FIELDS, SNAPSHOT_NUMBERS
+from pgfmd.solver.grid import PunchPoints
+from pgfmd.solver.simulation import Event, Observer, Simulation
+
+from .observers import curve_row, energy_row, event_row
+
+STEPS = ("start", "step", "jump")
+"""Kinds of events that are ends of steps."""
+
+
+class Recorder(Observer):
+    """Keeps a row of the curve for each step, of the energies where the run follows them, and one for each event."""
+
+    def __init__(self) -> None:
+        self.curve: list[CurveRow] = []
+        self.energy: list[EnergyRow] = []
+        self.events: list[EventRow] = []
+
+    def observe(self, simulation: Simulation, event: Event) -> None:
+        if event.kind in STEPS:
+            self.curve.append(curve_row(simulation))
+            if simulation.scheme.audit:
+                self.energy.append(energy_row(simulation))
+        if event.kind in ("jump", "preload", "end"):
+            self.events.append(event_row(simulation, event))
+
+    def column(self, name: str) -> np.ndarray:
+        """A field of the curve's rows, such as "force" [N], (rows,)."""
+        return np.array([getattr(row, name) for row in self.curve])
+
+
+class FieldsInMemory(Mapping):
+    """Snapshots in memory, by the names and with the axes of `fields.h5`: arrays (snapshots, y, x), NaN beyond the punch.
+
+    points: PunchPoints of the whole punch. Every rank has all rows.
+    """
+
+    def __init__(self, points: PunchPoints):
+        self._comm = points.comm
+        place = points.grid.coordinate(points.block_start + np.arange(points.nb))
+        self._axes = {"x": place, "y": place}
+        self._numbers: dict[str, list] = {name: [] for name in ("label", *SNAPSHOT_NUMBERS)}
+        self._arrays: dict[str, list[np.ndarray]] = {name: [] for name in BLOCK_FIELDS}
+        self.units = {name: about[0] for name, about in {**SNAPSHOT_NUMBERS, **BLOCK_FIELDS}.items()}
+        self.units |= dict.fromkeys(self._axes, "m")
+
+    @property
+    def frames(self) -> int:
+        """How many snapshots there are."""
+        return len(self._numbers["label"])
+
+    def append(
+        self, label: str, time: float, punch_position: float, force: float, gap: np.ndarray, traction: np.ndarray,
+        displacement: np.ndarray, surface: None = None,
+    ) -> None:  # fmt: skip
+        """Adds a snapshot, of this rank's rows. Collective."""
+        for name, value in zip(self._numbers, (label, time, punch_position, force), strict=True):
+            self._numbers[name].append(value)
+        for name, rows in zip(self._arrays, (gap, traction, displacement), strict=True):
+            whole = rows if self._comm.size == 1 else np.concatenate(self._comm.allgather(rows))
+            self._arrays[name].append(whole)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name in self._axes:
+            return self._axes[name]
+        if name == "snapshot":
+            return np.arange(self.frames)
+        if name == "label":
+            return np.array(self._numbers[name], dtype=object)
+        found: Any = {**self._numbers, **self._arrays}[name]
+        return np.array(found)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(("snapshot", *self._numbers, *self._axes, *self._arrays))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    def close(self) -> None:
+        """Nothing is open."""
