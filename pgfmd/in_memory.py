@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .assemble import assemble
-from .files.curve_file import CURVE_COLUMNS, ENERGY_COLUMNS, EVENT_COLUMNS, CurveRow, EnergyRow, EventRow
+from .files.curve_file import CURVE_COLUMNS, ENERGY_COLUMNS, EVENT_COLUMNS, CurveRow
 from .host.launch import communicator
 from .output.observers import Snapshots, curve_row
 from .output.outputs import snapshots_wanted
 from .output.record import record_of, versions
-from .output.recorder import STEPS, FieldsInMemory, Recorder
+from .output.recorder import STEPS, FieldsInMemory, Recorder, Rows
 from .restart.history import History
 from .results.loop import Loop
 from .results.measures import Measures, measure
@@ -136,17 +136,17 @@ class Recording(Results):
     @cached_property
     def curve(self) -> Any:
         """A row for every step: a pandas DataFrame, or without pandas a structured array; columns as of `curve.csv`."""
-        return _table(self._recorder.curve, CURVE_COLUMNS, CurveRow)
+        return _table(self._recorder.curve, CURVE_COLUMNS)
 
     @cached_property
     def energy(self) -> Any | None:
         """The energy audit, like `curve`; None if the scene asks for none."""
-        return _table(self._recorder.energy, ENERGY_COLUMNS, EnergyRow) if self._recorder.energy else None
+        return _table(self._recorder.energy, ENERGY_COLUMNS) if len(self._recorder.energy) else None
 
     @cached_property
     def events(self) -> Any:
         """Jumps, the preload, the end, like `curve`."""
-        return _table(self._recorder.events, EVENT_COLUMNS, EventRow)
+        return _table(self._recorder.events, EVENT_COLUMNS)
 
     @property
     def loop(self) -> Loop:
@@ -162,14 +162,9 @@ class Recording(Results):
         """Nothing is open."""
 
 
-def _table(rows: list, columns: tuple[str, ...], row: type) -> Any:
-    fields = dataclasses.fields(row)
-    kinds = {"float": float, "int": np.int64, "str": object}
-    found = {
-        name: np.array([getattr(each, entry.name) for each in rows], dtype=kinds[entry.type])
-        for name, entry in zip(columns, fields, strict=True)
-    }
-    return table_of(found, columns, row)
+def _table(rows: Rows, columns: tuple[str, ...]) -> Any:
+    names = [entry.name for entry in dataclasses.fields(rows.row)]
+    return table_of({title: rows.column(name) for title, name in zip(columns, names, strict=True)}, columns, rows.row)
 
 
 class _Keeper(Observer):

@@ -32,8 +32,8 @@ from precision_scenes import CASES, COSTS, OWN, PRECISIONS, SCATTERS, SPREAD, Ca
 
 from pgfmd.assemble import assemble
 from pgfmd.benchmark.curve_errors import Curve, errors, rms_difference
-from pgfmd.benchmark.work_precision import Recorder
 from pgfmd.errors import PgfmdError
+from pgfmd.output.recorder import Recorder
 from pgfmd.results.audit import LEAST_LOOP
 from pgfmd.scene import load_scene, scene_from_mapping
 
@@ -85,7 +85,7 @@ def outcome(scene: str, overrides: tuple[str, ...]) -> Outcome:
         ended = f"failed: {' '.join(str(error).split())}"
     spent, state = time.process_time() - began, simulation.state
     curve = Curve(
-        *(np.array(column) for column in (recorder.time, recorder.force, recorder.area)),
+        *(recorder.curve.column(name) for name in ("time", "force", "contact_area")),
         simulation.scheme.solver.force_scale, -state.pull_off_force, state.energies.work_of_separation,
     )  # fmt: skip
     energies = state.energies.work, recorder.largest, state.energies.largest_residual

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 import time
-from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 
 from pgfmd.errors import RunError, SceneError
+from pgfmd.output.recorder import Recorder
 from pgfmd.solver.simulation import FINISHED
 
 from .curve_errors import Curve, errors
@@ -36,25 +35,6 @@ class Outcome:
     seconds: float
     share: float
     finished: str
-
-
-class Recorder:
-    """Observer that keeps time, force and contact area of every step."""
-
-    def __init__(self):
-        self.time, self.force, self.area = array("d"), array("d"), array("d")
-
-    def next_time(self, simulation) -> float:
-        """No step has to end at a wanted time."""
-        return math.inf
-
-    def observe(self, simulation, event) -> None:
-        """Keeps a row at the start and after every step."""
-        if event.kind in ("start", "step", "jump"):
-            state = simulation.state
-            self.time.append(state.time)
-            self.force.append(state.force)
-            self.area.append(state.contact_points * simulation.points.grid.cell_area)
 
 
 class Laboratory:
@@ -111,7 +91,7 @@ def run(scene, comm) -> Outcome:
     spent, wall = time.process_time() - start, time.perf_counter() - wall
     inside = simulation.scheme.transform_seconds
     curve = Curve(
-        *(np.array(column) for column in (recorder.time, recorder.force, recorder.area)),
+        *(recorder.curve.column(name) for name in ("time", "force", "contact_area")),
         scene.drive.preload, -state.pull_off_force, state.energies.work_of_separation,
     )  # fmt: skip
     counters = state.counters

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+from array import array
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -14,17 +16,43 @@ from pgfmd.solver.simulation import Event, Observer, Simulation
 
 from .observers import curve_row, energy_row, event_row
 
+CODES = {"float": "d", "int": "q"}
+"""Of arrays, by how a field of a row is declared; texts are kept in a list."""
 STEPS = ("start", "step", "jump")
 """Kinds of events that are ends of steps."""
+
+
+class Rows:
+    """Rows of a table, column by column and eight bytes an entry: explicit steps make millions of them.
+
+    row: the dataclass of its rows.
+    """
+
+    def __init__(self, row: type):
+        self.row = row
+        self._columns = {
+            entry.name: array(CODES[entry.type]) if entry.type in CODES else [] for entry in dataclasses.fields(row)
+        }
+
+    def append(self, row: Any) -> None:
+        """Adds a row."""
+        for name, column in self._columns.items():
+            column.append(getattr(row, name))
+
+    def column(self, name: str) -> np.ndarray:
+        """A field of all rows, (rows,): floats, whole numbers, or objects that are texts."""
+        column = self._columns[name]
+        return np.array(column, dtype=object if isinstance(column, list) else None)
+
+    def __len__(self) -> int:
+        return len(next(iter(self._columns.values())))
 
 
 class Recorder(Observer):
     """Keeps a row of the curve for each step, of the energies where the run follows them, and one for each event."""
 
     def __init__(self) -> None:
-        self.curve: list[CurveRow] = []
-        self.energy: list[EnergyRow] = []
-        self.events: list[EventRow] = []
+        self.curve, self.energy, self.events = Rows(CurveRow), Rows(EnergyRow), Rows(EventRow)
 
     def observe(self, simulation: Simulation, event: Event) -> None:
         if event.kind in STEPS:
@@ -33,10 +61,6 @@ class Recorder(Observer):
                 self.energy.append(energy_row(simulation))
         if event.kind in ("jump", "preload", "end"):
             self.events.append(event_row(simulation, event))
-
-    def column(self, name: str) -> np.ndarray:
-        """A field of the curve's rows, such as "force" [N], (rows,)."""
-        return np.array([getattr(row, name) for row in self.curve])
 
 
 class FieldsInMemory(Mapping):
