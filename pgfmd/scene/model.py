@@ -296,7 +296,7 @@ class Scene(Section):
         rows = [f"<caption>{html.escape(self.title)}</caption>"] if self.title else []
         for name, values in self.tables().items():
             rows.append(f'<tr><th colspan="2" style="text-align:left">{name}</th></tr>')
-            rows += [f"<tr><td>{key}</td><td>{html.escape(_toml(value))}</td></tr>" for key, value in values.items()]
+            rows += [f"<tr><td>{key}</td><td>{html.escape(toml_text(value))}</td></tr>" for key, value in values.items()]
         return f"<table>{''.join(rows)}</table>"
 
     __str__ = __repr__
@@ -313,10 +313,10 @@ class Scene(Section):
 
     def to_toml(self) -> str:
         """The complete scene as TOML in SI units; loading it gives an equal scene. Keys without a use are left out."""
-        lines = [f"title = {_toml(self.title)}"] if self.title else []
+        lines = [f"title = {toml_text(self.title)}"] if self.title else []
         for name, values in self.tables().items():
             lines += [""] * bool(lines) + [f"[{name}]"]
-            lines += [f"{key} = {_toml(value)}" for key, value in values.items()]
+            lines += [f"{key} = {toml_text(value)}" for key, value in values.items()]
         return "\n".join(lines) + "\n"
 
     def tables(self) -> dict[str, dict[str, Any]]:
@@ -358,12 +358,12 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     return frozenset()
 
 
-def _toml(value: Any) -> str:
+def toml_text(value: Any) -> str:
     """A text, number, truth value or list as TOML writes it."""
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, list):
-        return "[" + ", ".join(_toml(entry) for entry in value) + "]"
     if isinstance(value, bool):
         return "true" if value else "false"
-    return repr(value)
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_text(entry) for entry in value) + "]"
+    return repr(value) if isinstance(value, (int, float)) else toml_text(str(value))

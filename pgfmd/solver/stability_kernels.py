@@ -3,12 +3,18 @@ partial sum a row."""
 
 from __future__ import annotations
 
+import numba
 import numpy as np
+
+from pgfmd.hashing import STRIDE, scrambled
 
 from .compiled import compiled
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
+_scrambled = numba.njit(inline="always")(scrambled)
+SEED_STRIDE = np.uint64(0xD1B54A32D192ED03)
+"""An odd number, by which seeds lie apart."""
 
 
 @_compile_sums
@@ -25,17 +31,14 @@ def sum_in_rows(values, offset, rows):
 def noise(first_point, seed, k, out):
     """out = numbers between -1 and 1 at points that interact (K != 0), else 0.
 
-    A hash (SplitMix64) of the seed and of the point's index in the whole, so that they do not depend on how the points
+    A hash of the seed and of the point's index in the whole, so that they do not depend on how the points
     are shared out. first_point: index of the first local point.
     """
     for i in range(out.size):
         if k[i] == 0.0:
             out[i] = 0.0
             continue
-        x = np.uint64(first_point + i) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(seed) * np.uint64(0xD1B54A32D192ED03)
-        x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        x ^= x >> np.uint64(31)
+        x = _scrambled(np.uint64(first_point + i) * STRIDE + np.uint64(seed) * SEED_STRIDE)
         out[i] = np.float64(np.int64(x >> np.uint64(12))) * 2.0**-51 - 1.0
 
 

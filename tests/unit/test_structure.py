@@ -96,7 +96,7 @@ def test_nothing_imports_the_command_line():
 
 def test_the_core_knows_no_scene_and_no_files():
     """Only what puts a run together knows how scenes are written and where results go."""
-    known = ("errors", "physics", "solver", "files.packing")
+    known = ("errors", "hashing", "physics", "solver", "files.packing")
     for core in (name for name in IMPORTS if name.startswith(("pgfmd.solver", "pgfmd.schemes"))):
         allowed = (*known, "schemes") if core.startswith("pgfmd.schemes") else known
         own = {module for module in IMPORTS[core] if module.startswith("pgfmd.")}
