@@ -18,32 +18,16 @@ import numpy as np
 from pgfmd.host import launch
 
 
-class ForceCurve:
-    """Observer that keeps time, position and force of every step."""
-
-    def __init__(self):
-        self.rows: list[tuple[float, float, float]] = []
-
-    def next_time(self, simulation) -> float:
-        """No step has to end at a wanted time."""
-        return float("inf")
-
-    def observe(self, simulation, event) -> None:
-        """Keeps a row at the start and after every step."""
-        if event.kind in ("start", "step", "jump"):
-            state = simulation.state
-            self.rows.append((state.time, state.position, state.force))
-
-
 def measured(comm, scene_name: str, overrides: list[str]) -> tuple[dict[str, float], np.ndarray, float]:
-    """(counters and shares, rows (time s, position m, force N), preload N) of one run. Collective."""
+    """(counters and shares, rows (time s, displacement m, force N), preload N) of one run. Collective."""
     from pgfmd.assemble import assemble
+    from pgfmd.output.recorder import Recorder
     from pgfmd.scene import load_scene
 
     scene = load_scene(scene_name, overrides)
     simulation = assemble(scene, comm)
-    curve = ForceCurve()
-    simulation.observers.append(curve)
+    recorder = Recorder()
+    simulation.observers.append(recorder)
     start = time.perf_counter()
     state = simulation.run()
     wall = max(comm.allgather(time.perf_counter() - start))
@@ -63,7 +47,7 @@ def measured(comm, scene_name: str, overrides: list[str]) -> tuple[dict[str, flo
         "energy residual (% of the work)": 100.0 * energies.largest_residual / abs(energies.work),
         "pull-off force (mN)": -1e3 * state.pull_off_force,
     }
-    return numbers, np.array(curve.rows), scene.drive.preload
+    return numbers, np.column_stack([recorder.curve.column(name) for name in ("time", "displacement", "force")]), scene.drive.preload
 
 
 def force_error(rows: np.ndarray, reference: np.ndarray, preload: float) -> float:

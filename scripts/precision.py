@@ -32,7 +32,7 @@ from precision_scenes import CASES, COSTS, OWN, PRECISIONS, SCATTERS, SPREAD, Ca
 
 from pgfmd.assemble import assemble
 from pgfmd.benchmark.curve_errors import errors, rms_difference
-from pgfmd.benchmark.work_precision import Recorder
+from pgfmd.output.recorder import Recorder
 from pgfmd.errors import PgfmdError
 from pgfmd.results.curve import Loop
 from pgfmd.results.uncertainty import LEAST_LOOP

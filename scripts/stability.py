@@ -26,7 +26,7 @@ from mpi4py import MPI
 
 from pgfmd.errors import PgfmdError
 from pgfmd.host import launch
-from pgfmd.solver.simulation import FINISHED, STOPPED_PRELOAD
+from pgfmd.solver.simulation import FINISHED, STOPPED_PRELOAD, Observer
 
 LARGEST_RESIDUAL = 0.02
 """Of the energy audit, relative to the work of the loop, at accuracy FINE or finer."""
@@ -170,15 +170,11 @@ HEADER = (
 )
 
 
-class LargestWork:
-    """Observer that keeps the largest work [J] that the punch had done on the way."""
+class LargestWork(Observer):
+    """Keeps the largest work [J] that the punch had done on the way."""
 
     def __init__(self):
         self.value = 0.0
-
-    def next_time(self, simulation) -> float:
-        """No step has to end at a wanted time."""
-        return math.inf
 
     def observe(self, simulation, event) -> None:
         """Looks at every event."""

@@ -19,6 +19,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble, convolution_of
+from pgfmd.output.recorder import Recorder
 from pgfmd.runner import warm_up
 from pgfmd.scene import load_scene
 from pgfmd.symmetry import points_of
@@ -65,20 +66,6 @@ def print_pairs(sizes: list[int]) -> None:
             print(f"| {n} | {name} | {times} | {half / whole:.2f} | {quarter / whole:.2f} |", flush=True)
 
 
-class Forces:
-    """Keeps time and force of each step."""
-
-    def __init__(self):
-        self.rows = []
-
-    def next_time(self, simulation) -> float:
-        return math.inf
-
-    def observe(self, simulation, event) -> None:
-        if event.kind in ("start", "step", "jump"):
-            self.rows.append((simulation.state.time, simulation.state.force))
-
-
 def print_tests(scene: str, n: int, accuracy: str, precision: str) -> None:
     """The table of a test on the whole punch, and on a part of it."""
     print(f"{scene}, n = {n}, accuracy {accuracy}, {precision}\n")
@@ -88,13 +75,13 @@ def print_tests(scene: str, n: int, accuracy: str, precision: str) -> None:
     keys, known = [f"grid.n={n}", f"solver.accuracy={accuracy}", f"solver.precision={precision}"], None
     first = None
     for symmetry in ("none", "auto"):
-        made, forces = load_scene(scene, [*keys, f"solver.symmetry={symmetry}"]), Forces()
+        made, forces = load_scene(scene, [*keys, f"solver.symmetry={symmetry}"]), Recorder()
         simulation = assemble(made, MPI.COMM_SELF)
         simulation.observers.append(forces)
         began = time.process_time()
         state = simulation.run()
         took = time.process_time() - began
-        rows = np.array(forces.rows)
+        rows = np.column_stack([forces.curve.column(name) for name in ("time", "force")])
         known = rows if known is None else known
         away = np.interp(known[:, 0], *rows.T) - known[:, 1]
         pull_off = abs(state.pull_off_force)

@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import math
 import time
-from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 
 from pgfmd.errors import RunError, SceneError
+from pgfmd.output.recorder import Recorder
 from pgfmd.results.curve import Loop
 from pgfmd.solver.simulation import FINISHED
 
-from .curve_errors import PULL_OFF, errors
+from .curve_errors import errors
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -44,40 +43,6 @@ class Outcome:
     seconds: float
     share: float
     finished: str
-
-
-class Recorder:
-    """Observer that keeps what a loop consists of, at the start and after every step."""
-
-    def __init__(self) -> None:
-        self.time, self.displacement, self.force, self.area, self.u_inf = (array("d") for _ in range(5))
-        self.phase, self.jump = array("b"), array("b")
-
-    def next_time(self, simulation: Any) -> float:
-        """No step has to end at a wanted time."""
-        return math.inf
-
-    def observe(self, simulation: Any, event: Any) -> None:
-        """Keeps a row at the start and after every step."""
-        if event.kind in ("start", "step", "jump"):
-            state = simulation.state
-            self.time.append(state.time)
-            self.displacement.append(simulation.punch_position)
-            self.force.append(state.force)
-            self.area.append(state.contact_points * simulation.points.grid.cell_area)
-            self.u_inf.append(state.far_displacement)
-            self.phase.append(state.phase)
-            self.jump.append(event.kind == "jump")
-
-    def loop(self, simulation: Any, name: str = "") -> Loop:
-        """The loop so far, with the works and the pull-off force that the run itself has found."""
-        state = simulation.state
-        phase = np.array([each.name for each in simulation.phases])[np.array(self.phase)]
-        return Loop(
-            name, np.array(self.time), np.array(self.displacement), np.array(self.force), np.array(self.area),
-            np.array(self.u_inf), phase, np.array(self.jump, bool), work=state.energies.work,
-            separation=state.energies.work_of_separation, told={PULL_OFF: -state.pull_off_force},
-        )  # fmt: skip
 
 
 class Laboratory:

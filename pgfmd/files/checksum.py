@@ -1,20 +1,21 @@
 """Checksums of arrays that ranks share out: sums of scrambled elements over fixed blocks of the whole.
 
 Each element's bits, shifted by its place in the whole, go through a scrambling of 64-bit words that is one to one
-(the finaliser of SplitMix64); a block's checksum is the sum over its elements, modulo 2^64. So every change of a single
-element is certain to change the sum, and one of many goes unseen with a chance of 2^-64. As sums can be added up in any
-order, each rank adds up its own share, whatever the shares are. Source: Steele, Lea and Flood, OOPSLA 2014. Plain NumPy.
+(hashing.py); a block's checksum is the sum over its elements, modulo 2^64. So every change of a single element is
+certain to change the sum, and one of many goes unseen with a chance of 2^-64. As sums can be added up in any order,
+each rank adds up its own share, whatever the shares are. Plain NumPy.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from pgfmd.hashing import STRIDE, scrambled
+
 BLOCK = 2**16
 """Elements of a block."""
-_STRIDE, _FIRST, _SECOND = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _WORDS = {4: np.uint32, 8: np.uint64}
-_SHIFTS = np.arange(BLOCK, dtype=np.uint64) * _STRIDE
+_SHIFTS = np.arange(BLOCK, dtype=np.uint64) * STRIDE
 
 
 def block_count(size: int) -> int:
@@ -46,11 +47,5 @@ def whole_sum(share: np.ndarray, first: int) -> np.uint64:
 
 
 def _scrambled_sum(words: np.ndarray, place: int) -> np.uint64:
-    shift = np.array([place & (2**64 - 1)], dtype=np.uint64) * _STRIDE
-    x = words + (_SHIFTS[: words.size] + shift)
-    x ^= x >> np.uint64(30)
-    x *= _FIRST
-    x ^= x >> np.uint64(27)
-    x *= _SECOND
-    x ^= x >> np.uint64(31)
-    return x.sum(dtype=np.uint64)
+    shift = np.array([place & (2**64 - 1)], dtype=np.uint64) * STRIDE
+    return scrambled(words + (_SHIFTS[: words.size] + shift)).sum(dtype=np.uint64)

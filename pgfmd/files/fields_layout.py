@@ -71,7 +71,8 @@ class Layout:
     @property
     def axes(self) -> dict[str, np.ndarray]:
         """name -> positions [m] relative to the punch's axis."""
-        cell = (np.arange(self.n) + 0.5) * (self.length / self.n) - 0.5 * self.length
+        # As the grid has them (solver/grid.py): mirror images to the last bit.
+        cell = (np.arange(self.n) + (0.5 - 0.5 * self.n)) * (self.length / self.n)
         block = cell[self.block_start : self.block_start + self.nb]
         axes = {"y": block, "x": block}
         return axes | {"y_cell": cell, "x_cell": cell} if self.surface else axes

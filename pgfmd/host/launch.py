@@ -85,6 +85,24 @@ def world():
     return MPI.COMM_WORLD
 
 
+def communicator(comm, what: str):
+    """A communicator for a function of the Python interface: the one given, or of this process alone.
+
+    Raises LaunchError where several processes were started, and it is not said whether they work together.
+    """
+    if comm is not None:
+        return comm
+    processes, _ = launched()
+    if processes > 1:
+        raise LaunchError(
+            f"{what}: {processes} processes were started; say what they are to do: comm=MPI.COMM_WORLD, all together, or "
+            "comm=MPI.COMM_SELF, each for itself (from mpi4py import MPI)"
+        )
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
+
+
 def on_first(comm, action: Callable[[], Any]) -> Any:
     """The result of `action` on rank 0, on every rank; a PgfmdError of it is one on every rank. Collective."""
     result, failure = None, None

@@ -13,6 +13,7 @@ import numpy as np
 from pgfmd.files.packing import unpack
 from pgfmd.files.table_writing import TableFile
 from pgfmd.files.tables import CurveRow, EnergyRow, EventRow
+from pgfmd.solver.simulation import Observer
 from pgfmd.solver.state import State
 
 from .fields_file import FieldsFile
@@ -25,17 +26,6 @@ if TYPE_CHECKING:
 
 INDENTATION_OFFSET = 0.0
 """k [m] of indentation = -d - k: zero, indentation counts from the first touch of the undeformed surface."""
-
-
-class Observer:
-    """Does nothing; the base of those below."""
-
-    def next_time(self, simulation: Simulation) -> float:
-        """The next time [s] at which a step has to end; infinity for none."""
-        return math.inf
-
-    def observe(self, simulation: Simulation, event: Event) -> None:
-        """Called at the start, after each step or jump, at the preload, at wanted times, and at the end."""
 
 
 class Curve(Observer):
@@ -51,13 +41,12 @@ class Curve(Observer):
             self.files.append((energy, energy_row))
         self.before: list = [None] * len(self.files)
 
-    def next_time(self, simulation: Simulation) -> float:
-        """Asks for no time. Called before each step: what the rows are then is known after a restart as well."""
+    def before_step(self, simulation: Simulation) -> None:
+        # What the rows are now is known after a restart as well.
         if self.files[0][0].every > 1 and simulation.state.started:
             if _at_turn_of_phase(simulation):
                 self._make_up(simulation)
             self.before = [row(simulation) for _, row in self.files]
-        return math.inf
 
     def observe(self, simulation: Simulation, event: Event) -> None:
         if event.kind in ("start", "step", "jump"):
@@ -116,6 +105,15 @@ class Watch(Protocol):
     change: Any
 
 
+def event_row(simulation: Simulation, event: Event) -> EventRow:
+    """The row of a jump, the preload, or the end, which says how the run has ended."""
+    state = simulation.state
+    name = state.finished if event.kind == "end" else event.kind
+    return EventRow(
+        time=state.time, displacement=simulation.punch_position, force=state.force, released=event.released, event=name
+    )  # fmt: skip
+
+
 class Events(Observer):
     """Writes `events.csv`: jumps with the energy they release, the preload, the end.
 
@@ -127,12 +125,7 @@ class Events(Observer):
 
     def observe(self, simulation: Simulation, event: Event) -> None:
         if event.kind in ("jump", "preload", "end"):
-            state = simulation.state
-            name = state.finished if event.kind == "end" else event.kind
-            row = EventRow(
-                time=state.time, displacement=simulation.punch_position, force=state.force, released=event.released,
-                event=name,
-            )  # fmt: skip
+            row = event_row(simulation, event)
             if self.watch and event.kind == "jump":
                 row = replace(row, **vars(self.watch.change))
             self.file.append(row)

@@ -90,12 +90,7 @@ class Outputs:
 
         That may take long. keeper: who knows whether the run has to stop meanwhile; Interrupted is raised then.
         """
-        asked = self.scene.output.snapshot_times
-        wanted = [(value, f"t = {value:g} s") for value, relative in asked if not relative]
-        fractions = [value for value, relative in asked if relative]
-        if state.preload_time is None:
-            wanted += _run_ahead(self.scene, self.comm, self.say, keeper)
-        self.snapshots.replan(state, wanted, [value for value in fractions if value > 1.0])
+        self.snapshots.replan(state, *snapshots_wanted(self.scene, state, self.comm, self.say, keeper))
 
     def marks(self) -> dict:
         """What a checkpoint has to know of the files, which are brought to the disk for it. ResultError on every
@@ -112,6 +107,19 @@ class Outputs:
         """Closes the files; nothing is lost without it."""
         for table in self.tables.values():
             table.close()
+
+
+def snapshots_wanted(
+    scene: Scene, state: State, comm: Comm, say: Callable[[str], None], keeper: Keeper | None = None
+) -> tuple[list[tuple[float, str]], list[float]]:
+    """Times [s] with labels of the snapshots that a scene asks for, and fractions of t_pl above 1, whose times are not
+    known yet. See `Outputs.plan_snapshots`. Collective."""
+    asked = scene.output.snapshot_times
+    wanted = [(value, f"t = {value:g} s") for value, relative in asked if not relative]
+    fractions = [value for value, relative in asked if relative]
+    if state.preload_time is None:
+        wanted += _run_ahead(scene, comm, say, keeper)
+    return wanted, [value for value in fractions if value > 1.0]
 
 
 def _run_ahead(

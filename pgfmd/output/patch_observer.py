@@ -15,7 +15,7 @@ from pgfmd.solver.grid import PunchPoints
 from pgfmd.solver.patches import patches_of
 from pgfmd.solver.sites import SitePoints
 
-from .observers import Observer
+from pgfmd.solver.simulation import Observer
 
 if TYPE_CHECKING:
     from pgfmd.solver.simulation import Event, Simulation
@@ -65,11 +65,9 @@ class ContactWatch(Observer):
         self._held: np.ndarray | None = None
         self._traction: np.ndarray | None = None
 
-    def next_time(self, simulation: Simulation) -> float:
-        """Asks for no time. Called before each step, and so before the first one after a restart."""
+    def before_step(self, simulation: Simulation) -> None:
         if self._held is None:
             self._remember(simulation.state, self._look(simulation))
-        return math.inf
 
     def observe(self, simulation: Simulation, event: Event) -> None:
         if event.kind not in ("start", "step", "jump"):

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from pgfmd.hashing import STRIDE, scrambled
+
 Array = NDArray[np.float64]
 
 
@@ -27,19 +29,11 @@ class Lattice:
     row: bool = False
 
 
-def _mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Finaliser of splitmix64 (Steele, Lea, Flood, OOPSLA 2014): a bijection of 64-bit words that hides all order."""
-    key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return key ^ (key >> np.uint64(31))
-
-
 def site_normals(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
     """Standard normal number of each site (i, j), shape of i and j broadcast together."""
-    golden = np.uint64(0x9E3779B97F4A7C15)
     i, j = (np.atleast_1d(np.asarray(index, dtype=np.int64)).view(np.uint64) for index in (i, j))
-    key = _mixed(np.full(1, seed & 0xFFFFFFFFFFFFFFFF, dtype=np.uint64) + golden)
-    key = _mixed(_mixed(key + golden * (i + np.uint64(1))) + golden * (j + np.uint64(1)))
+    key = scrambled(np.full(1, seed & 0xFFFFFFFFFFFFFFFF, dtype=np.uint64) + STRIDE)
+    key = scrambled(scrambled(key + STRIDE * (i + np.uint64(1))) + STRIDE * (j + np.uint64(1)))
     return ndtri(((key >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53)
 
 

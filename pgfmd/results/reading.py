@@ -261,7 +261,12 @@ def _open_fields(path: Path) -> Any:
 
 def _table(directory: Path, table: Table) -> Any:
     """A table of the run. A last line without its end, which a live run has just begun, is left out."""
-    found = read_columns(directory / table.file, table)
+    return table_of(read_columns(directory / table.file, table), table)
+
+
+def table_of(found: dict[str, np.ndarray], table: Table) -> Any:
+    """Columns, by what the header calls them, as a pandas DataFrame, or without pandas as a structured array. Takes the
+    arrays over."""
     try:
         import pandas
     except ImportError:

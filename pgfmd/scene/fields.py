@@ -153,6 +153,16 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in type(self).model_fields:
+            raise AttributeError(
+                f"{name}: a scene can't be changed; make another one, such as scene.replace(grid={{'n': 1024}})"
+            )
+        super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"{name}: a scene can't be changed")
+
     @field_validator("*", mode="wrap")
     @classmethod
     def _read(cls, value: object, handler: Any, info: ValidationInfo) -> object:

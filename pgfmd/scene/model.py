@@ -6,14 +6,29 @@ A `Scene` comes from `pgfmd.scene.load_scene`, which also makes the checks that 
 
 from __future__ import annotations
 
+import html
 import json
 import math
-from typing import Any, Literal
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+from pydantic import PrivateAttr
+
+from pgfmd.units import handy_quantity
 
 from .fields import Section, key, number, quantity, written
 from .output_section import Output
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys, Solver
 
+if TYPE_CHECKING:
+    from pgfmd.commands.check import Report
+
+    from .given import Given
+
+Keywords = Mapping[str, Any] | None
+"""Keys of a section by name, with SI numbers or texts with units."""
 Keys = tuple[frozenset[str], frozenset[str]]
 
 
@@ -185,8 +200,15 @@ class Grid(Section):
 
 
 class Scene(Section):
-    """A whole scene, resolved: every number in SI, nothing left automatic. Scenes are equal where they run alike: keys
-    without a use don't count."""
+    """A whole scene, checked and resolved: every number in SI, nothing left automatic. It can't be changed.
+
+        scene = pgfmd.Scene("tri-tack", grid={"n": 48}, drive={"speed": "50 um/s", "preload": 2e-3})
+        scene.replace(grid={"n": 32})
+
+    source: the name of a shipped scene, a TOML file, nested tables, another scene, or nothing. Each section takes the
+    keys that are to differ from it: SI numbers, or texts with units; None stands for a key's default. Raises SceneError
+    with every problem found. Scenes are equal where they run alike: keys without a use don't count.
+    """
 
     title: str = key("a line that names the scene in plots and reports", "")
     punch: Punch
@@ -198,6 +220,86 @@ class Scene(Section):
     solver: Solver
     solver_gfmd: GfmdKeys
     output: Output
+
+    _given: Any = PrivateAttr(default=None)
+
+    def __init__(
+        self,
+        source: str | Path | Mapping[str, Any] | Scene = MappingProxyType({}),
+        /,
+        *,
+        title: str | None = None,
+        punch: Keywords = None,
+        substrate: Keywords = None,
+        rheology: Keywords = None,
+        adhesion: Keywords = None,
+        drive: Keywords = None,
+        grid: Keywords = None,
+        solver: Keywords = None,
+        output: Keywords = None,
+    ):
+        from .given import Given, with_units
+        from .reading import scene_of
+
+        if isinstance(source, Scene):
+            given = source.given
+        else:
+            given = Given.of(with_units(source)) if isinstance(source, Mapping) else Given.read(source)
+        named = dict(
+            title=title, punch=punch, substrate=substrate, rheology=rheology, adhesion=adhesion, drive=drive, grid=grid,
+            solver=solver, output=output,
+        )  # fmt: skip
+        changes = {name: value for name, value in named.items() if value is not None}
+        found = scene_of(given.changed(with_units(changes)))
+        # What pydantic keeps of a model. It is not validated anew: resolved values need not be ones that may be given.
+        for name in ("__dict__", "__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
+            object.__setattr__(self, name, getattr(found, name))
+
+    @property
+    def given(self) -> Given:
+        """What the scene says itself, before it was resolved (given.py); all of it where that is not known."""
+        from .given import Given, parse_toml
+
+        return self._given or Given.of(parse_toml(self.to_toml()))
+
+    def remembering(self, given: Given) -> Self:
+        """The same scene, which knows what it was made from."""
+        self._given = given
+        return self
+
+    def replace(self, **changes: Keywords | str) -> Scene:
+        """Another scene with other keys, such as `replace(grid={"n": 1024}, title="finer")`; what is automatic follows.
+
+        Takes what the constructor takes. Raises SceneError with every problem found.
+        """
+        return Scene(self, **changes)
+
+    def check(self, ranks: int = 1) -> Report:
+        """What can be said before the scene is run, on so many ranks: scales, memory, cost, warnings; as `pgfmd check`."""
+        from pgfmd import check
+
+        return check(self, ranks)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Scene:
+        """A copy with other resolved values, which are not checked; for use within pgfmd, see `replace`."""
+        other = super().model_copy(update=update, deep=deep)
+        return other.remembering(None if update else self._given)
+
+    def __repr__(self) -> str:
+        drive, solver = self.drive, self.solver
+        speed, preload = handy_quantity(drive.speed, "speed"), handy_quantity(drive.preload, "force")
+        title = f"{self.title!r}, " if self.title else ""
+        return f"<Scene {title}{self.punch.pattern} punch, {speed} to {preload}, n = {self.grid.n}, {solver.scheme}>"
+
+    def _repr_html_(self) -> str:
+        """A table of the sections and keys that have a use, for notebooks."""
+        rows = [f"<caption>{html.escape(self.title)}</caption>"] if self.title else []
+        for name, values in self.tables().items():
+            rows.append(f'<tr><th colspan="2" style="text-align:left">{name}</th></tr>')
+            rows += [f"<tr><td>{key}</td><td>{html.escape(toml_text(value))}</td></tr>" for key, value in values.items()]
+        return f"<table>{''.join(rows)}</table>"
+
+    __str__ = __repr__
 
     def section(self, name: str) -> Section:
         """The section that a scene calls by this name, such as "solver.gfmd"."""
@@ -211,17 +313,25 @@ class Scene(Section):
 
     def to_toml(self) -> str:
         """The complete scene as TOML in SI units; loading it gives an equal scene. Keys without a use are left out."""
-        lines = [f"title = {_toml(self.title)}"] if self.title else []
-        for name, model in SECTIONS.items():
-            if unused_keys(self, name).issuperset(model.model_fields):
-                continue
+        lines = [f"title = {toml_text(self.title)}"] if self.title else []
+        for name, values in self.tables().items():
             lines += [""] * bool(lines) + [f"[{name}]"]
-            section = self.section(name)
-            for field_name, field in model.model_fields.items():
-                value = getattr(section, field_name)
-                if value is not None and field_name not in unused_keys(self, name):
-                    lines.append(f"{field_name} = {_toml(written(value, field.json_schema_extra))}")
+            lines += [f"{key} = {toml_text(value)}" for key, value in values.items()]
         return "\n".join(lines) + "\n"
+
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """The sections and their keys that have a use, quantities as texts with SI units."""
+        found: dict[str, dict[str, Any]] = {}
+        for name, model in SECTIONS.items():
+            unused, section = unused_keys(self, name), self.section(name)
+            if unused.issuperset(model.model_fields):
+                continue
+            found[name] = {
+                key: written(getattr(section, key), field.json_schema_extra)
+                for key, field in model.model_fields.items()
+                if key not in unused and getattr(section, key) is not None
+            }
+        return found
 
 
 SECTIONS: dict[str, type[Section]] = {
@@ -248,12 +358,12 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     return frozenset()
 
 
-def _toml(value: Any) -> str:
+def toml_text(value: Any) -> str:
     """A text, number, truth value or list as TOML writes it."""
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, list):
-        return "[" + ", ".join(_toml(entry) for entry in value) + "]"
     if isinstance(value, bool):
         return "true" if value else "false"
-    return repr(value)
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_text(entry) for entry in value) + "]"
+    return repr(value) if isinstance(value, (int, float)) else toml_text(str(value))

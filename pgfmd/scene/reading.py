@@ -2,51 +2,32 @@
 
     scene = load_scene("tri-tack", ["grid.n=512", "drive.speed=10 um/s"])
 
-The models are in `scene_model`, the rules across keys in `scene_checks`.
+What a scene says is in given.py, the models are in model.py, the rules across keys in checks.py.
 """
 
 from __future__ import annotations
 
-import copy
-import difflib
 import math
-import os
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
 from pgfmd.errors import Problem, SceneError
-from pgfmd.files.text import read_text
 from pgfmd.physics.drive import automatic_turn
 
 from .checks import check
 from .draft import MISSING, Draft, example, is_unicode
 from .fields import expectation, within_limits, written
-from .model import PATTERNS, RHEOLOGIES, SECTIONS, Scene
+from .given import Given, did_you_mean, shipped_scenes, shipped_text
+from .model import SECTIONS, Scene
 from .precision import best_precision
 
 __all__ = ["Scene", "load_scene", "parse_scene", "scene_from_mapping", "shipped_scenes", "shipped_text"]
 
 AUTOMATIC = ("adhesion.q_ref", "adhesion.range", "drive.turn_time", "drive.clearance")
 """Keys whose values may follow from others."""
-
-
-def shipped_scenes() -> list[str]:
-    """Names of the scenes that come with pgfmd."""
-    return sorted(entry.name.removesuffix(".toml") for entry in _shelf().iterdir() if entry.name.endswith(".toml"))
-
-
-def shipped_text(name: str) -> str:
-    """The commented TOML of a shipped scene. Raises SceneError if there is none of this name."""
-    if name not in shipped_scenes():
-        known = ", ".join(shipped_scenes())
-        problem = Problem("scene", name, f"a shipped scene: {known}", _did_you_mean(name, shipped_scenes()))
-        raise SceneError(name, [problem])
-    return (_shelf() / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def load_scene(source: str | Path, overrides: Sequence[str] = (), *, require_files: bool = True) -> Scene:
@@ -57,18 +38,7 @@ def load_scene(source: str | Path, overrides: Sequence[str] = (), *, require_fil
     require_files: whether the files that it names must be there; those of a run of the past may have moved.
     Raises SceneError with every problem found.
     """
-    path = Path(source)
-    if isinstance(source, str) and not os.path.isfile(source) and source in shipped_scenes():
-        return parse_scene(shipped_text(source), overrides, source=source)
-    try:
-        text = read_text(path)
-    except FileNotFoundError:
-        cure = _did_you_mean(str(source), shipped_scenes()) or f"shipped scenes: {', '.join(shipped_scenes())}"
-        raise SceneError(str(source), [Problem("scene", str(source), "a file or a shipped scene", cure)]) from None
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        raise SceneError(str(source), [Problem("scene", str(source), "a readable text file", why)]) from None
-    return parse_scene(text, overrides, source=str(source), folder=path.parent, require_files=require_files)
+    return scene_of(Given.read(source), overrides, require_files=require_files)
 
 
 def parse_scene(
@@ -83,12 +53,7 @@ def parse_scene(
 
     require_files: as for `load_scene`.
     """
-    try:
-        mapping = parse_toml(text)
-    except ValueError as error:
-        cure = 'texts and quantities need quotes, such as speed = "1 um/s"'
-        raise SceneError(source, [Problem("scene", source, f"valid TOML, but: {error}", cure)]) from None
-    return scene_from_mapping(mapping, overrides, source=source, folder=folder, require_files=require_files)
+    return scene_of(Given.parse(text, source, folder), overrides, require_files=require_files)
 
 
 def scene_from_mapping(
@@ -99,11 +64,14 @@ def scene_from_mapping(
     folder: str | Path = ".",
     require_files: bool = True,
 ) -> Scene:
-    """The checked and resolved scene of nested dicts as TOML would give them (quantities are texts with units)."""
-    mapping = copy.deepcopy(dict(mapping))
-    _flatten(mapping)
-    problems = _apply(mapping, overrides)
-    draft = Draft(Path(folder).absolute())
+    """The checked and resolved scene of nested tables: quantities are texts with units, or SI numbers."""
+    return scene_of(Given.of(mapping, source, folder), overrides, require_files=require_files)
+
+
+def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool = True) -> Scene:
+    """The checked and resolved scene of what was given. Raises SceneError with every problem found."""
+    given, problems = given.overridden(overrides)
+    mapping, draft = given.mapping, Draft(given.folder)
     problems += _read_sections(mapping, draft)
     problems += check(draft, require_files)
     title = mapping.get("title", "")
@@ -112,71 +80,12 @@ def scene_from_mapping(
     elif not is_unicode(title):
         problems.append(Problem("title", title, "a text in Unicode", "correct what was not UTF-8 in it"))
     if problems:
-        raise SceneError(source, problems)
+        raise SceneError(given.source, problems)
     scene = _resolve(title, draft)
     problems = list(_automatic_problems(scene))
     if problems:
-        raise SceneError(source, problems)
-    return scene
-
-
-def _shelf() -> Any:
-    return resources.files("pgfmd") / "scenes"
-
-
-def _did_you_mean(word: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    return f"did you mean {near[0]}?" if near else ""
-
-
-def _flatten(mapping: dict[str, Any]) -> None:
-    """Gives a table within a table, such as [solver.gfmd], its full name."""
-    for name in SECTIONS:
-        outer, dot, inner = name.rpartition(".")
-        if dot and isinstance(mapping.get(outer), dict) and inner in mapping[outer]:
-            mapping[outer] = dict(mapping[outer])
-            mapping[name] = mapping[outer].pop(inner)
-
-
-def _apply(mapping: dict[str, Any], overrides: Sequence[str]) -> list[Problem]:
-    """Write overrides into the mapping; a new pattern or model drops keys of the scene that it has no use for."""
-    problems, replaced = [], {}
-    for override in overrides:
-        name, equals, text = override.partition("=")
-        split = name.rpartition if name.rpartition(".")[0].strip() in SECTIONS else name.partition
-        section, dot, field_name = (part.strip() for part in split("."))
-        if not equals or not section or (dot and not field_name) or (not dot and section != "title"):
-            problems.append(Problem("override", override, "section.key=value", "for instance drive.speed=10 um/s"))
-            continue
-        value = _override_value(text.strip())
-        if not dot:
-            mapping[section] = value
-        elif isinstance(mapping.setdefault(section, {}), dict):
-            mapping[section][field_name] = value
-            replaced.setdefault(section, set()).add(field_name)
-    for section, selector, table in (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES)):
-        named = replaced.get(section, set())
-        choice = mapping[section][selector] if selector in named else None
-        if isinstance(choice, str) and choice in table:
-            unused = set(SECTIONS[section].model_fields).difference(*table[choice], named)
-            mapping[section] = {name: value for name, value in mapping[section].items() if name not in unused}
-    return problems
-
-
-def parse_toml(text: str) -> dict[str, Any]:
-    """The tables of a TOML text. Raises ValueError for whatever is wrong with it."""
-    try:
-        return tomllib.loads(text)
-    except RecursionError:
-        raise ValueError("brackets within brackets, too many to be read") from None
-
-
-def _override_value(text: str) -> Any:
-    try:
-        parsed = parse_toml(f"value = {text}")
-    except ValueError:
-        return text
-    return parsed["value"] if set(parsed) == {"value"} else text
+        raise SceneError(given.source, problems)
+    return scene.remembering(given)
 
 
 def _read_sections(mapping: Mapping[str, Any], draft: Draft) -> list[Problem]:
@@ -186,7 +95,7 @@ def _read_sections(mapping: Mapping[str, Any], draft: Draft) -> list[Problem]:
         if name not in SECTIONS and name != "title":
             owners = [section for section, model in SECTIONS.items() if name in model.model_fields]
             moved = owners and not isinstance(value, dict)
-            cure = f"move it to [{owners[0]}]" if moved else _did_you_mean(name, list(SECTIONS))
+            cure = f"move it to [{owners[0]}]" if moved else did_you_mean(name, list(SECTIONS))
             problems.append(Problem(name, value, "one of the sections " + ", ".join(SECTIONS), cure))
     for section, model in SECTIONS.items():
         raw = mapping.get(section, {})
@@ -211,7 +120,7 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
         return [Problem(dotted, *parts) for parts in context["problems"]]
     if error["type"] == "extra_forbidden":
         owners = [other for other, fields in SECTIONS.items() if name in fields.model_fields]
-        cure = f"move it to [{owners[0]}]" if owners else _did_you_mean(name, list(model.model_fields))
+        cure = f"move it to [{owners[0]}]" if owners else did_you_mean(name, list(model.model_fields))
         return [Problem(dotted, error["input"], f"a key of [{section}]: {', '.join(model.model_fields)}", cure)]
     if error["type"] == "missing":
         field = model.model_fields[name]
@@ -224,7 +133,7 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
     expected = error["msg"].removeprefix("Input should be ")
     if error["type"] == "literal_error":
         words = [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]
-        return [Problem(dotted, error["input"], context["expected"], _did_you_mean(str(error["input"]), words))]
+        return [Problem(dotted, error["input"], context["expected"], did_you_mean(str(error["input"]), words))]
     return [Problem(dotted, error["input"], expected)]
 
 

@@ -29,19 +29,32 @@ class Event:
     released: float = 0.0
 
 
+class Observer:
+    """What watches a simulation; does nothing, the base of those that do."""
+
+    def before_step(self, simulation: Simulation) -> None:
+        """Called before each step, and so before the first one after a restart too."""
+
+    def next_time(self, simulation: Simulation) -> float:
+        """The next time [s] at which a step has to end; infinity for none. Changes nothing."""
+        return math.inf
+
+    def observe(self, simulation: Simulation, event: Event) -> None:
+        """Called at the start, after each step or jump, at the preload, at wanted times, and at the end."""
+
+
 class Simulation:
-    """A tack test: scheme, controller, programme and state, with observers that are called after each step.
+    """A tack test: scheme, controller, programme and state, with observers (`Observer`) that hear of each step.
 
     scheme: of schemes/; controller: controller.Controller, or fixed_steps.FixedSteps for an explicit scheme. deepest
-    [m]: indentation at which an approach is given up. An observer is an object with `observe(simulation, event)` and
-    `next_time(simulation)`, the next time [s] at which a step must end, or infinity.
+    [m]: indentation at which an approach is given up.
     """
 
     def __init__(self, scheme, controller, drive: Drive, deepest: float, max_steps: int):
         self.scheme, self.controller, self.drive = scheme, controller, drive
         self.points, self.deepest, self.max_steps = scheme.points, deepest, max_steps
         self.phases = drive.phases
-        self.observers = []
+        self.observers: list[Observer] = []
         self.state: State = scheme.new_state(drive.clearance)
 
     @property
@@ -85,6 +98,8 @@ class Simulation:
             stopped = is_to_stop()
         while not (stopped or state.finished or (only_to_preload and state.preload_time is not None)):
             phase = self.phase
+            for observer in self.observers:
+                observer.before_step(self)
             until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
             released = state.energies.released
             try:

@@ -6,11 +6,16 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from pgfmd.hashing import STRIDE, scrambled
+
 from .compiled import compiled
 from .kernels import _sine_of
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
+_scrambled = numba.njit(inline="always")(scrambled)
+SEED_STRIDE = np.uint64(0xD1B54A32D192ED03)
+"""An odd number, by which seeds lie apart."""
 
 
 @_compile_sums
@@ -25,12 +30,9 @@ def sum_in_rows(values, offset, rows):
 
 @numba.njit(inline="always")
 def _hashed(point, seed):
-    """A number between -1 and 1: a hash (SplitMix64) of the seed and of the point's index in the whole, so that it does
-    not depend on how the points are shared out."""
-    x = np.uint64(point) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(seed) * np.uint64(0xD1B54A32D192ED03)
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    x ^= x >> np.uint64(31)
+    """A number between -1 and 1: a hash of the seed and of the point's index in the whole, so that it does not depend on
+    how the points are shared out."""
+    x = _scrambled(np.uint64(point) * STRIDE + np.uint64(seed) * SEED_STRIDE)
     return np.float64(np.int64(x >> np.uint64(12))) * 2.0**-51 - 1.0
 
 

@@ -19,7 +19,7 @@ from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene.draft import MISSING
 from pgfmd.scene.model import SECTIONS
-from pgfmd.scene.reading import parse_toml
+from pgfmd.scene.given import parse_toml
 
 from .values import label_of_value
 

@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
 import unicodedata
 from collections.abc import Iterable
 from typing import Any
 
-from pgfmd.scene.model import SECTIONS
+from pgfmd.scene.model import SECTIONS, toml_text
 from pgfmd.units import DIMENSIONS
 
 _PREFIXES = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n", 1e-12: "p", 1e-15: "f"}
 _AREAS = {1.0: "m²", 1e-6: "mm²", 1e-12: "µm²"}
 _SCALABLE = ("m", "s", "N", "Pa", "J", "m/s", "rad/s", "J/m^2")
 _UNSAFE = re.compile(r"[^A-Za-z0-9.+_-]+")
-
-
-def toml_text(value: Any) -> str:
-    """A text, number, truth value or list as TOML writes it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(toml_text(entry) for entry in value) + "]"
-    return repr(value) if isinstance(value, (int, float)) else toml_text(str(value))
 
 
 def label_of_value(value: Any) -> str:

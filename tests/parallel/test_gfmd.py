@@ -12,6 +12,7 @@ from pgfmd.scene import load_scene
 from pgfmd.solver.far_field import FarPoints, far_weights
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.solver.multiplier import periodic_multiplier
+from pgfmd.solver.simulation import Observer
 from pgfmd.solver.transform import Convolution, Plane
 
 pytestmark = pytest.mark.mpi
@@ -76,14 +77,11 @@ def test_points_may_follow_the_slabs_of_the_plane():
     assert points.total_of(np.ones((1, points.rows)))[0] == points.nb
 
 
-class Forces:
+class Forces(Observer):
     """Time and force of every step."""
 
     def __init__(self):
         self.rows = []
-
-    def next_time(self, simulation):
-        return float("inf")
 
     def observe(self, simulation, event):
         if event.kind == "step":

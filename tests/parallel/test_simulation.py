@@ -11,6 +11,7 @@ from pgfmd.assemble import assemble
 from pgfmd.results import load
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene, scene_from_mapping
+from pgfmd.solver.simulation import Observer
 
 pytestmark = pytest.mark.mpi
 
@@ -45,7 +46,7 @@ SCENES = {
 }  # fmt: skip
 
 
-class Curve:
+class Curve(Observer):
     """Every step's numbers, and the times at which it asks for a step to end."""
 
     def __init__(self, times=()):

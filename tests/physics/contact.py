@@ -12,6 +12,7 @@ from runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 from pgfmd.assemble import assemble
 from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.scene import load_scene, scene_from_mapping
+from pgfmd.solver.simulation import Observer
 
 SPHERE = 10e-3
 """Radius [m] of the sphere of the scene `hertz`."""
@@ -55,14 +56,11 @@ class Path:
         return np.isin(self.phase, phases)
 
 
-class _Watch:
+class _Watch(Observer):
     """Observer that keeps the numbers of a path; stops the run after the event `last`."""
 
     def __init__(self, last: str):
         self.last, self.rows, self.phases = last, [], []
-
-    def next_time(self, simulation) -> float:
-        return math.inf
 
     def observe(self, simulation, event) -> None:
         state = simulation.state

@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from pgfmd.assemble import assemble
 from pgfmd.scene import load_scene, scene_from_mapping
+from pgfmd.solver.simulation import Observer
 
 RADIUS = 375e-6
 """Radius [m] of the punch in the shipped scenes."""
@@ -43,16 +44,13 @@ class Row:
     released: float
 
 
-class Recorder:
+class Recorder(Observer):
     """Observer that keeps every step; `preloaded` is a copy of the traction where the preload was met."""
 
     def __init__(self):
         self.rows: list[Row] = []
         self.preloaded = np.zeros(0)
         self.preload_position = self.far_at_preload = math.nan
-
-    def next_time(self, simulation) -> float:
-        return math.inf
 
     def observe(self, simulation, event) -> None:
         state = simulation.state

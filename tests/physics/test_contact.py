@@ -9,16 +9,14 @@ from runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 from pgfmd.assemble import assemble
 from pgfmd.reference import jkr
 from pgfmd.scene import load_scene, scene_from_mapping
+from pgfmd.solver.simulation import Observer
 
 
-class Areas:
+class Areas(Observer):
     """Keeps force [N], contact, overlap and near area [m^2] and the largest gap [m] of every row; `back`: on the way out."""
 
     def __init__(self):
         self.rows, self.back = [], []
-
-    def next_time(self, simulation):
-        return math.inf
 
     def observe(self, simulation, event):
         if event.kind in ("start", "step", "jump"):

@@ -13,11 +13,12 @@ from runs import SINUSOID
 from pgfmd import parts
 from pgfmd.assemble import assemble
 from pgfmd.scene import load_scene, scene_from_mapping
+from pgfmd.solver.simulation import Observer
 
 QUASISTATIC = "solver.scheme=quasistatic"
 
 
-class Path:
+class Path(Observer):
     """Observer that keeps punch position [m], force [N], time [s] and released energy [J] of each step, and has steps
     end at wanted times."""
 

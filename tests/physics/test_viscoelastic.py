@@ -12,6 +12,7 @@ from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import prony, sinusoid, ting
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.solver.retardation import SDIRK2, step_weights
+from pgfmd.solver.simulation import Observer
 
 MODULUS, POISSON = 2e6, 0.495
 CONTACT_MODULUS = MODULUS / (1 - POISSON**2)
@@ -35,15 +36,12 @@ def rheology(series):
     return {"model": "prony", "kappa": list(series.kappa), "tau": [f"{tau!r} s" for tau in series.tau.tolist()]}
 
 
-class Recorder:
+class Recorder(Observer):
     """Numbers of every step; stops the run after the event `last`."""
 
     def __init__(self, measure=None, last=""):
         self.measure, self.last = measure or (lambda simulation: ()), last
         self.rows, self.phases = [], []
-
-    def next_time(self, simulation):
-        return math.inf
 
     def observe(self, simulation, event):
         if event.kind in ("start", "step", "jump"):

@@ -143,7 +143,7 @@ def test_what_was_in_contact_before_a_restart_joins_no_second_time(tmp_path):
     run = Still()
     run.displacement[[1, 3]] = 0.6
     watch, _ = watch_of(tmp_path, run)
-    watch.next_time(run)
+    watch.before_step(run)
     run.displacement[[1, 2, 3]] = 0.4, 0.6, 1.5
     watch.observe(run, Event("step"))
     rows = [line.split(",") for line in (tmp_path / "sites.csv").read_text().splitlines()[1:]]

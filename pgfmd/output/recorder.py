@@ -1,0 +1,128 @@
+"""What a run in memory keeps: the rows of its tables and its snapshots, without a folder."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from pgfmd.files.fields_layout import BLOCK_FIELDS, SNAPSHOT_NUMBERS
+from pgfmd.files.tables import CURVE, ENERGY, EVENTS, Table
+from pgfmd.results.curve import Loop
+from pgfmd.solver.grid import PunchPoints
+from pgfmd.solver.simulation import Event, Observer, Simulation
+
+from .observers import curve_row, energy_row, event_row
+
+CODES = {float: "d", int: "q"}
+"""Of arrays, by the kind of a column; texts are kept in a list."""
+Given = np.ndarray | Callable[[], np.ndarray]
+STEPS = ("start", "step", "jump")
+"""Kinds of events that are ends of steps."""
+
+
+class Rows:
+    """Rows of a table (files/tables.py), column by column and eight bytes an entry: explicit steps make millions of them."""
+
+    def __init__(self, table: Table):
+        self.table = table
+        self._columns: dict[str, Any] = {
+            each.name: array(CODES[each.kind]) if each.kind in CODES else [] for each in table.columns
+        }
+
+    def append(self, row: Any) -> None:
+        """Adds a row."""
+        for name, column in self._columns.items():
+            column.append(getattr(row, name))
+
+    def column(self, name: str) -> np.ndarray:
+        """A field of all rows, (rows,): floats, whole numbers, or objects that are texts."""
+        column = self._columns[name]
+        return np.array(column, dtype=object if isinstance(column, list) else None)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """All columns, (rows,) each, by what the header calls them."""
+        return {each.title: self.column(each.name) for each in self.table.columns}
+
+    def __len__(self) -> int:
+        return len(next(iter(self._columns.values())))
+
+
+class Recorder(Observer):
+    """Keeps a row of the curve for each step, of the energies where the run follows them, and one for each event."""
+
+    def __init__(self) -> None:
+        self.curve, self.energy, self.events = Rows(CURVE), Rows(ENERGY), Rows(EVENTS)
+        self._jump = array("b")
+
+    def observe(self, simulation: Simulation, event: Event) -> None:
+        if event.kind in STEPS:
+            self.curve.append(curve_row(simulation))
+            self._jump.append(event.kind == "jump")
+            if simulation.scheme.audit:
+                self.energy.append(energy_row(simulation))
+        if event.kind in ("jump", "preload", "end"):
+            self.events.append(event_row(simulation, event))
+
+    def loop(self, simulation: Simulation, name: str = "") -> Loop:
+        """The loop so far, with the works and the pull-off force that the run itself has found."""
+        state = simulation.state
+        columns = ("time", "displacement", "force", "contact_area", "u_inf", "phase")
+        return Loop(
+            name, *(self.curve.column(each) for each in columns), np.array(self._jump, bool), work=state.energies.work,
+            separation=state.energies.work_of_separation, told={"pull_off_force_N": -state.pull_off_force},
+        )  # fmt: skip
+
+
+class FieldsInMemory(Mapping):
+    """Snapshots in memory, by the names and with the axes of `fields.h5`: arrays (snapshots, y, x), NaN beyond the punch.
+
+    points: PunchPoints of the whole punch. Every rank has all rows.
+    """
+
+    def __init__(self, points: PunchPoints):
+        self._comm = points.comm
+        place = points.grid.coordinate(points.block_start + np.arange(points.nb))
+        self._axes = {"x": place, "y": place}
+        self._numbers: dict[str, list] = {name: [] for name in ("label", *SNAPSHOT_NUMBERS)}
+        self._arrays: dict[str, list[np.ndarray]] = {name: [] for name in BLOCK_FIELDS}
+        self.units = {name: about[0] for name, about in {**SNAPSHOT_NUMBERS, **BLOCK_FIELDS}.items()}
+        self.units |= dict.fromkeys(self._axes, "m")
+
+    @property
+    def frames(self) -> int:
+        """How many snapshots there are."""
+        return len(self._numbers["label"])
+
+    def append(
+        self, label: str, time: float, punch_position: float, force: float, gap: Given, traction: Given,
+        displacement: Given, surface: None = None,
+    ) -> None:  # fmt: skip
+        """Adds a snapshot, of this rank's rows, or of functions that make them. Collective."""
+        for name, value in zip(self._numbers, (label, time, punch_position, force), strict=True):
+            self._numbers[name].append(value)
+        for name, given in zip(self._arrays, (gap, traction, displacement), strict=True):
+            rows = given() if callable(given) else given
+            whole = rows if self._comm.size == 1 else np.concatenate(self._comm.allgather(rows))
+            self._arrays[name].append(whole)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name in self._axes:
+            return self._axes[name]
+        if name == "snapshot":
+            return np.arange(self.frames)
+        if name == "label":
+            return np.array(self._numbers[name], dtype=object)
+        found: Any = {**self._numbers, **self._arrays}[name]
+        return np.array(found)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(("snapshot", *self._numbers, *self._axes, *self._arrays))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    def close(self) -> None:
+        """Nothing is open."""

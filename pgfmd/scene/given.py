@@ -1,0 +1,197 @@
+"""What a scene says before it is checked: nested tables from a TOML file, a shipped name or Python, and changes of them."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pgfmd.errors import Problem, SceneError
+from pgfmd.files.text import read_text
+from pgfmd.units import DIMENSIONS
+
+from .fields import written
+from .model import PATTERNS, RHEOLOGIES, SECTIONS
+
+SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES))
+"""Keys whose choice decides which other keys their section may have, with those keys."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """A scene as it was given. mapping: tables by section ("solver.gfmd" is one of its own), and the title; source: what
+    messages call it; folder: where relative paths start."""
+
+    mapping: Mapping[str, Any]
+    source: str = "scene"
+    folder: Path = Path(".")
+
+    @classmethod
+    def of(cls, tables: Mapping[str, Any], source: str = "scene", folder: str | Path = ".") -> Given:
+        """Of nested tables, which are copied; numbers and arrays of NumPy, paths and tuples become plain values."""
+        mapping = {str(name): plain(value) for name, value in tables.items()}
+        _flatten(mapping)
+        return cls(mapping, source, Path(folder).absolute())
+
+    @classmethod
+    def read(cls, source: str | Path) -> Given:
+        """Of a TOML file, or of a shipped name; a file of that name wins. SceneError where there is none, or no TOML.
+
+        Paths in a file's scene start at its folder, those in a shipped scene at the working folder.
+        """
+        path = Path(source)
+        if isinstance(source, str) and not os.path.isfile(source) and source in shipped_scenes():
+            return cls.parse(shipped_text(source), source)
+        try:
+            text = read_text(path)
+        except FileNotFoundError:
+            cure = did_you_mean(str(source), shipped_scenes()) or f"shipped scenes: {', '.join(shipped_scenes())}"
+            raise SceneError(str(source), [Problem("scene", str(source), "a file or a shipped scene", cure)]) from None
+        except (OSError, ValueError) as error:
+            why = getattr(error, "strerror", None) or str(error)
+            raise SceneError(str(source), [Problem("scene", str(source), "a readable text file", why)]) from None
+        return cls.parse(text, str(source), path.parent)
+
+    @classmethod
+    def parse(cls, text: str, source: str = "scene", folder: str | Path = ".") -> Given:
+        """Of a TOML text. SceneError where it is none."""
+        try:
+            return cls.of(parse_toml(text), source, folder)
+        except ValueError as error:
+            cure = 'texts and quantities need quotes, such as speed = "1 um/s"'
+            raise SceneError(source, [Problem("scene", source, f"valid TOML, but: {error}", cure)]) from None
+
+    def overridden(self, overrides: Sequence[str]) -> tuple[Given, list[Problem]]:
+        """With texts such as "drive.speed=10 um/s" in it, and what is wrong with these."""
+        changes, problems = changes_of(overrides)
+        return self.changed(changes), problems
+
+    def changed(self, changes: Mapping[str, Any]) -> Given:
+        """With other values of keys, by section; None stands for a key's default.
+
+        A new pattern or model drops the keys of its section that it has no use for, unless they are named as well.
+        """
+        mapping = {name: dict(value) if isinstance(value, dict) else value for name, value in self.mapping.items()}
+        changes = {name: plain(value) for name, value in changes.items()}
+        _flatten(changes)
+        for section, values in changes.items():
+            if not isinstance(values, dict):
+                mapping[section] = values
+            elif isinstance(mapping.setdefault(section, {}), dict):
+                # What is no section is told of as such.
+                both = mapping[section] | values
+                mapping[section] = {name: value for name, value in both.items() if value is not None}
+        for section, selector, table in SELECTORS:
+            named = changes[section] if isinstance(changes.get(section), dict) else {}
+            choice = named.get(selector)
+            if isinstance(choice, str) and choice in table and isinstance(mapping[section], dict):
+                unused = set(SECTIONS[section].model_fields).difference(*table[choice], named)
+                mapping[section] = {name: value for name, value in mapping[section].items() if name not in unused}
+        return Given(mapping, self.source, self.folder)
+
+
+def shipped_scenes() -> list[str]:
+    """Names of the scenes that come with pgfmd."""
+    return sorted(entry.name.removesuffix(".toml") for entry in _shelf().iterdir() if entry.name.endswith(".toml"))
+
+
+def shipped_text(name: str) -> str:
+    """The commented TOML of a shipped scene. Raises SceneError if there is none of this name."""
+    if name not in shipped_scenes():
+        known = ", ".join(shipped_scenes())
+        problem = Problem("scene", name, f"a shipped scene: {known}", did_you_mean(name, shipped_scenes()))
+        raise SceneError(name, [problem])
+    return (_shelf() / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def _shelf() -> Any:
+    return resources.files("pgfmd") / "scenes"
+
+
+def did_you_mean(word: str, known: Sequence[str]) -> str:
+    """A question after the known word that is nearest to this one; empty where none is near."""
+    near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    return f"did you mean {near[0]}?" if near else ""
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text. Raises ValueError for whatever is wrong with it."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("brackets within brackets, too many to be read") from None
+
+
+def changes_of(overrides: Sequence[str]) -> tuple[dict[str, Any], list[Problem]]:
+    """Values by section of texts such as "drive.speed=10 um/s", and what is wrong with the texts."""
+    changes: dict[str, Any] = {}
+    problems = []
+    for override in overrides:
+        name, equals, text = override.partition("=")
+        split = name.rpartition if name.rpartition(".")[0].strip() in SECTIONS else name.partition
+        section, dot, key = (part.strip() for part in split("."))
+        if not equals or not section or (dot and not key) or (not dot and section != "title"):
+            problems.append(Problem("override", override, "section.key=value", "for instance drive.speed=10 um/s"))
+            continue
+        value = override_value(text.strip())
+        if dot:
+            changes.setdefault(section, {})[key] = value
+        else:
+            changes[section] = value
+    return changes, problems
+
+
+def override_value(text: str) -> Any:
+    """The value of an override: a number, a list, a truth value as TOML has it, else a text."""
+    try:
+        parsed = parse_toml(f"value = {text}")
+    except ValueError:
+        return text
+    return parsed["value"] if set(parsed) == {"value"} else text
+
+
+def plain(value: Any) -> Any:
+    """A value of Python as TOML would give it: nothing of NumPy, no paths, lists instead of tuples."""
+    if isinstance(value, Mapping):
+        return {str(name): plain(entry) for name, entry in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    return os.fspath(value) if isinstance(value, Path) else value
+
+
+def with_units(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables of a Python program, as TOML would give them: its numbers, which are in SI units, become texts with these."""
+    found = {str(name): plain(value) for name, value in tables.items()}
+    _flatten(found)
+    for section, model in SECTIONS.items():
+        if isinstance(found.get(section), dict):
+            for key, field in model.model_fields.items():
+                extra = field.json_schema_extra or {}
+                if key in found[section] and extra.get("dimension") in DIMENSIONS:
+                    found[section][key] = written(_floats(found[section][key]), extra)
+    return found
+
+
+def _floats(value: Any) -> Any:
+    """Whole numbers as the floats that quantities are; anything else as it is."""
+    if isinstance(value, list):
+        return [_floats(entry) for entry in value]
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def _flatten(mapping: dict[str, Any]) -> None:
+    """Gives a table within a table, such as [solver.gfmd], its full name."""
+    for name in SECTIONS:
+        outer, dot, inner = name.rpartition(".")
+        if dot and isinstance(mapping.get(outer), dict) and inner in mapping[outer]:
+            mapping[outer] = dict(mapping[outer])
+            mapping[name] = mapping[outer].pop(inner)
