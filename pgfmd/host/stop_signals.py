@@ -24,6 +24,8 @@ import threading
 import time
 from typing import Any
 
+from pgfmd.errors import WRITTEN_IS_VALID
+
 from .launch import INTERRUPTED, is_ignored, take_early
 
 PATIENCE = 6.0
@@ -160,5 +162,5 @@ class StopSignals:
         # Past Python's buffers and locks, which the main thread may hold.
         if self._speaks:
             with contextlib.suppress(OSError):
-                os.write(2, f"pgfmd: {message}; what was written before is valid\n".encode())
+                os.write(2, f"pgfmd: {message}. {WRITTEN_IS_VALID}\n".encode())
         os._exit(INTERRUPTED)

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from synthetic_results import CONTACT_GAP, NEAR_GAP, history, sphere, write_results
+from synthetic_results import CONTACT_GAP, NEAR_GAP, OFFSET, history, sphere, write_results
 
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE
@@ -45,6 +45,7 @@ def test_all_parts_come_back(folder):
         check_fields(results)
         assert results.run == {
             "finished": "detached", "steps": 40, "contact_gap_m": CONTACT_GAP, "near_gap_m": NEAR_GAP,
+            "indentation_offset_m": OFFSET,
         }  # fmt: skip
         assert results.scene["cell"]["n"] == 192
         assert len(results.energy) == 39
