@@ -9,7 +9,7 @@ import numpy as np
 from pgfmd.hashing import STRIDE, scrambled
 
 from .compiled import compiled
-from .kernels import _sine_of
+from .contact_kernels import _sine_of
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
