@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from .compiled import compiled
-from .kernels import _cosine_of, _sine_of
+from .contact_kernels import _cosine_of, _sine_of
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
