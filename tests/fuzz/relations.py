@@ -105,6 +105,9 @@ def _other_units(pair: Pair) -> list[Fault]:
     if pair.made.scene["solver"]["scheme"] == "inertialess" and pair.made.scene["rheology"]["model"] != "elastic":
         # Retardation times come from logarithms of relaxation times, whose rounding depends on the unit.
         powers[2] = 0
+    if pair.made.scene["solver"]["scheme"] == "quasistatic" and (powers[0] + powers[1]) % 2:
+        # Its softest modes are normalised by the square root of an energy per area, m Pa.
+        powers[1] += 1
 
     def scale(exponents_of: tuple[int, int, int]) -> float:
         return math.ldexp(1.0, sum(power * exponent for power, exponent in zip(powers, exponents_of, strict=True)))
