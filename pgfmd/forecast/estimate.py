@@ -210,7 +210,7 @@ def effort_of(scene) -> Effort:
             rate, each = min(max(20.0 * math.sqrt(tightness / (speed * longest)), 2.0), 100.0), 7.5
         elif quasistatic:
             smooth = quasistatic_compliance(scene) <= SMOOTH
-            rate, each = 110.0 * refinement, 12.0 if smooth else 30.0 * (scene.grid.n / 128) ** 0.4
+            rate, each = 110.0 * refinement, 7.5 if smooth else 19.0 * (scene.grid.n / 128) ** 0.4
             each *= refinement**0.4
         else:
             rate, each = 70.0, 25.0
