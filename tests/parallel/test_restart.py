@@ -48,6 +48,9 @@ SCENES = {
         "hex-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.03", "drive.preload=0.5 mN",
         "drive.machine_stiffness=2 kN/m", "solver.precision=mixed",
     ],
+    "quasi-static": [
+        "tri-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.05", "drive.preload=0.5 mN",
+    ],
     "gfmd": [
         "tri-tack", "grid.n=20", "drive.preload=0.3 mN", "solver.scheme=gfmd", "drive.speed=800 um/s",
         "rheology.model=geometric", "rheology.relaxation_time=100 us", "rheology.elements=2", "rheology.time_ratio=6",

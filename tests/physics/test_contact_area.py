@@ -29,7 +29,7 @@ LOADING, UNLOADING = ("approach",), ("turn", "retract")
 @pytest.fixture(scope="module")
 def loop():
     """Tabor number 1, at a spacing of 0.14 cohesive zones."""
-    return sphere_loop(1.0, 96)
+    return sphere_loop(1.0, 96, "solver.accuracy=0.05")
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,8 @@ def by_rings():
 def test_contact_radius_of_a_loop_is_that_of_the_law_without_a_lattice(loop, by_rings):
     """Within two thirds of a spacing at all heights of loading and unloading; forces within 8 % of pi w R, but for the
     last 0.3 um before the jump, where dF/dd goes to infinity. The lattice adds 2.3 % to the pull-off force, at any
-    accuracy; twice as fine, 0.3 %."""
+    accuracy; twice as fine, 0.3 %. On the way in, the crack waits at rows of the lattice: a single state just before it
+    goes on is 7 to 9 % off, by where steps happen to end."""
     depth, force, radius = by_rings
     spacing = loop.scene.grid.length / loop.scene.grid.n
     for phases in (LOADING, UNLOADING):
