@@ -11,6 +11,7 @@ part without those inside it, and how often it is called for a pair of transform
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
 import time
 from collections import defaultdict
@@ -74,14 +75,16 @@ def watched(clock, all_parts: bool) -> Stopwatch:
 
     from numba.core.dispatcher import Dispatcher
 
-    from pgfmd.solver import kernels, retardation_kernels
     from pgfmd.solver.transform import PairOperator
 
     watch = Stopwatch(clock)
     watch.wrap(PairOperator, "__call__", TRANSFORM)
     if not all_parts:
         return watch
-    for module in (kernels, retardation_kernels):
+    loaded = [module for name, module in sys.modules.items() if name.startswith("pgfmd.") and name.endswith("kernels")]
+    for module in loaded:
+        if "transform" in module.__name__ or "mirrored" in module.__name__:
+            continue
         for name, kernel in list(vars(module).items()):
             own = isinstance(kernel, Dispatcher) and kernel.py_func.__module__ == module.__name__
             # What kernels have compiled in is not called from Python.

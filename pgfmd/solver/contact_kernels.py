@@ -52,54 +52,44 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
     stiffness, reach, attractive = law
     strength = attractive * stiffness * reach / math.pi
     depth = strength * reach / math.pi
-    per_range = 1.0 / reach
+    per_range, inverse = 1.0 / reach, 1.0 / compliance
     limit = reach if attractive > 0.0 else 0.0
-    # Of a point in contact: bent and deep as at the end of the attraction.
-    pressed, bottom = (stiffness, -2.0 * depth) if attractive > 0.0 else (stiffness, 0.0)
-    inverse = 1.0 / compliance
-    gaps = np.empty(BLOCK)
+    # Of a block: its gaps, and potentials of attraction. Attractions themselves are left in f.
+    gaps, depths = np.empty(BLOCK), np.empty(BLOCK)
     for row in range(offset.size - 1):
         pull, imbalance, potential, growth = 0.0, 0.0, 0.0, 0.0
         for begin in range(offset[row], offset[row + 1], BLOCK):
-            start, count = np.uint64(begin), np.uint64(min(BLOCK, offset[row + 1] - begin))
-            attracted = 0
+            start, count, attracted = np.uint64(begin), np.uint64(min(BLOCK, offset[row + 1] - begin)), 0
             for j in range(count):
                 gap = position + height[start + j] - (u[start + j] + step * s[start + j])
                 gaps[j] = gap
                 attracted += 1 if (gap > 0.0) & (gap < limit) else 0
             if attracted:
                 for j in range(count):
-                    i, gap = start + j, gaps[j]
-                    overlap = min(gap, 0.0)
                     # pi gap/rho = pi y + pi/2, within reach of the attraction.
-                    y = min(max(gap * per_range, 0.0), 1.0) - 0.5
+                    y = min(max(gaps[j] * per_range, 0.0), 1.0) - 0.5
                     sine, minus_cosine = _cosine_of(y * y), y * _sine_of(y * y)
-                    near = gap < limit
-                    traction = stiffness * overlap + (strength * sine if near else 0.0)
-                    load = w[i] + weight * t[i]
-                    rest = traction - (load - history[i]) * inverse
-                    f[i] = traction
-                    k[i] = -stiffness * minus_cosine if near else 0.0
-                    r[i] = rest
-                    pull += traction
-                    imbalance += rest
-                    potential += 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
-                    growth += s[i] * (0.5 * (w[i] + load) - history[i])
+                    near = gaps[j] < limit
+                    f[start + j] = strength * sine if near else 0.0
+                    k[start + j] = -stiffness * minus_cosine if near else 0.0
+                    depths[j] = depth * (minus_cosine - 1.0) if near else 0.0
             else:
+                # What is in contact is bent, and deep, as at the end of the attraction.
                 for j in range(count):
-                    i, gap = start + j, gaps[j]
-                    overlap = min(gap, 0.0)
-                    near = gap < limit
-                    traction = stiffness * overlap
-                    load = w[i] + weight * t[i]
-                    rest = traction - (load - history[i]) * inverse
-                    f[i] = traction
-                    k[i] = pressed if near else 0.0
-                    r[i] = rest
-                    pull += traction
-                    imbalance += rest
-                    potential += 0.5 * stiffness * overlap * overlap + (bottom if near else 0.0)
-                    growth += s[i] * (0.5 * (w[i] + load) - history[i])
+                    f[start + j] = 0.0
+                    k[start + j] = stiffness if gaps[j] < limit else 0.0
+                    depths[j] = -2.0 * depth if gaps[j] < limit else 0.0
+            for j in range(count):
+                i = start + j
+                overlap = min(gaps[j], 0.0)
+                traction, load = stiffness * overlap + f[i], w[i] + weight * t[i]
+                rest = traction - (load - history[i]) * inverse
+                f[i] = traction
+                r[i] = rest
+                pull += traction
+                imbalance += rest
+                potential += 0.5 * stiffness * overlap * overlap + depths[j]
+                growth += s[i] * (0.5 * (w[i] + load) - history[i])
         rows[0, row] = pull
         rows[1, row] = imbalance
         rows[2, row] = potential
