@@ -26,7 +26,7 @@ from pgfmd.parts import automatic_range, inertia_of_scene, law_of, quasistatic_c
 from pgfmd.run_ahead import coarse_scenes
 from pgfmd.symmetry import expected
 
-from .estimate import depth_of, modulus_of, pair_cost, pair_seconds
+from .estimate import depth_of, pair_cost, pair_seconds
 from .fitted import FITTED, Numbers
 from .indentation import depth_at_preload, pull_off_height
 
