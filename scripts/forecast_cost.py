@@ -1,6 +1,6 @@
 """Runs the shipped scenes and their common variations, compares steps and pairs of transforms with the forecast, and fits its numbers.
 
-    python scripts/forecast_cost.py all            runs, fit and page of the reduced set: two minutes on two idle cores
+    python scripts/forecast_cost.py all            runs, fit and page of the reduced set: three minutes on two idle cores
     python scripts/forecast_cost.py all --again    the same, after the solvers have changed: rows that are there are run anew
     python scripts/forecast_cost.py run --full     the large grids and long paths too: an hour
     python scripts/forecast_cost.py fit            the numbers of pgfmd/forecast/fitted.py from the table

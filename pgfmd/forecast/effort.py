@@ -40,8 +40,8 @@ EXPLICIT_SPREAD, FLAT_SPREAD = 1.5, 2.0
 which stretch the elastomer by a way that depends on their speed."""
 UNLIKE = 2.0
 """By this factor more a scene may be off that is unlike those that the numbers were fitted to."""
-STIFFEST = 8.0
-"""Factor by which the accuracy, or the slowness, of a scene may be beyond those of the fit."""
+COARSEST, FINEST = 0.1, 1e-4
+"""Accuracies that are not far from those of the fit."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,8 @@ class Effort:
     """Expected steps and transform pairs of a run, right within a factor of `spread`, in 19 of 20 scenes.
 
     pair_seconds: of a pair in double precision. cost: of the run's pairs, relative to that. approach: how many of the steps
-    and of the pairs are made before the preload. unlike: what makes the spread larger than that of the fit, empty for nothing. kind: of the scene.
+    and of the pairs are made before the preload. unlike: what makes the spread larger than that of the fit, empty for
+    nothing. kind: of the scene.
     """
 
     steps: float
@@ -71,7 +72,7 @@ class Effort:
 class Way:
     """A way of the punch, in or out, with what its steps and pairs follow from.
 
-    length: in ranges of adhesion; time [s] that it takes; inward: whether it is the approach. slow: how slow the punch is
+    length: in ranges of adhesion; time [s] that it takes; inward: whether it is the approach. accuracy: of its steps. slow: how slow the punch is
     beside a surface that snaps, or beside one that creeps where nothing attracts; 1 without viscosity. creep: compliance J
     within a time [s], relative to the static one. stiffness: K_0 l/E*, of the law beside the relaxed elastomer, over the size
     l of a patch of contact.
@@ -143,11 +144,11 @@ def slowness(scene, creep, time: float, speed: float) -> float:
     return scene.adhesion.work_of_adhesion / (scene.substrate.contact_modulus * speed * middle)
 
 
-def effort_of(scene, numbers: Numbers | None = None) -> Effort:
-    """Steps and transform pairs of a run. numbers: instead of those of FITTED."""
+def effort_of(scene) -> Effort:
+    """Steps and transform pairs of a run."""
     if scene.solver.scheme == "gfmd":
         return _explicit_effort(scene)
-    found = numbers or FITTED[kind_of(scene)]
+    found = FITTED[kind_of(scene)]
     (steps_in, pairs_in), (steps_out, pairs_out) = (counts_of(way, found) for way in ways_of(scene))
     unlike = ", ".join(_unlike(scene))
     return Effort(
@@ -204,7 +205,7 @@ def _unlike(scene) -> Iterator[str]:
     series = relaxation_of(scene)
     if scene.punch.pattern == "file":
         yield "a measured face"
-    if not 1e-3 / STIFFEST <= scene.solver.accuracy <= 0.1:
+    if not FINEST <= scene.solver.accuracy <= COARSEST:
         yield "its accuracy"
     if math.isfinite(scene.substrate.thickness):
         yield "a film"

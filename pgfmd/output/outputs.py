@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.assemble import assemble, convolution_of
+from pgfmd.assemble import convolution_of
 from pgfmd.files import storage
 from pgfmd.files.table_writing import TableFile
 from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES, Table
 from pgfmd.host import launch
 from pgfmd.parts import topography_of
-from pgfmd.forecast.effort import told_of_ahead
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
-from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
-from pgfmd.solver.interruption import Interrupted
 from pgfmd.solver.sites import SitePoints
 
 from . import observers
+from .ahead import run_ahead
 from .fields_file import FieldsFile
 from .patch_observer import ContactWatch, PatchTable
 
@@ -118,49 +115,8 @@ def snapshots_wanted(
     wanted = [(value, f"t = {value:g} s") for value, relative in asked if not relative]
     fractions = [value for value, relative in asked if relative]
     if state.preload_time is None:
-        wanted += _run_ahead(scene, comm, say, keeper)
+        wanted += run_ahead(scene, comm, say, keeper)
     return wanted, [value for value in fractions if value > 1.0]
-
-
-def _run_ahead(
-    scene: Scene, comm: Comm, say: Callable[[str], None], keeper: Keeper | None
-) -> list[tuple[float, str]]:
-    """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
-
-    How long the approach takes is known only at its end, so coarse ones are run ahead (run_ahead.py); what they tell of t_pl
-    is good to a few tenths of a percent. Nothing is run where no such snapshot is asked for.
-    """
-    coarse = coarse_scenes(scene)
-    if not coarse:
-        return []
-    tell = say if comm.rank == 0 else (lambda line: None)
-    tell(f"run ahead to place the snapshots before the preload: about {', '.join(told_of_ahead(scene))}")
-    heed = {"attend": lambda _: keeper.has_to_stop(), "interrupt": keeper.interrupts} if keeper else {}
-    found, pairs, began = [], 0, time.perf_counter()
-    for one in coarse:
-        ahead = assemble(one, comm)
-        ahead.observers.append(observers.Progress(comm, lambda line: say(f"ahead: {line}")))
-        state = ahead.run(only_to_preload=True, **heed)
-        if state.preload_time is None and not state.finished:
-            raise Interrupted
-        if state.preload_time is None:
-            tell("the coarse approach has not met the preload: no snapshots before it")
-            return []
-        pairs += ahead.scheme.pairs
-        found.append(_met(ahead))
-    times = moments(scene, met_by(scene, found))
-    when = ", ".join(f"{label} at t = {instant:.6g} s" for instant, label in times)
-    tell(f"run ahead: {pairs} transform pairs, {time.perf_counter() - began:.2g} s; {when}")
-    return times
-
-
-def _met(simulation) -> Met:
-    """Where the machine of a simulation was at the first contact, and at the preload, which it has met."""
-    state, drive = simulation.state, simulation.drive
-    first = state.first_contact_time if state.first_contact_time is not None else 0.0
-    speed = drive.phases[0].fastest
-    contact, preload = (drive.clearance - speed * time for time in (first, state.preload_time))
-    return Met(simulation.scheme.law.range, contact, preload)
 
 
 def _sites_of(scene: Scene) -> ContactSites:

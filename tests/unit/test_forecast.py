@@ -14,7 +14,7 @@ from pgfmd.forecast import effort as effort_module
 from pgfmd.forecast.effort import counts_of, effort_of, jump_threshold, kind_of, told_of_ahead, ways_of
 from pgfmd.forecast.fitted import FITTED
 from pgfmd.forecast.indentation import MADELUNG, SECOND, depth_at_preload, images_share
-from pgfmd.output.outputs import _met, _run_ahead
+from pgfmd.output.ahead import met, run_ahead
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.scene import load_scene
@@ -193,10 +193,10 @@ def test_places_in_proportion_to_the_range_are_found_exactly():
     scene = load_scene("hex-tack", ["grid.n=2048"])
     rho = scene.adhesion.range
 
-    def met(reach):
+    def place(reach):
         return Met(reach, 0.7 * reach, -3e-6 - 1.1 * reach)
 
-    found = met_by(scene, [met(2.0 * rho), met(2.9 * rho)])
+    found = met_by(scene, [place(2.0 * rho), place(2.9 * rho)])
     assert (found.contact, found.preload) == pytest.approx((0.7 * rho, -3e-6 - 1.1 * rho), rel=1e-12)
     (time, label), = moments(scene, found)
     middle = 0.5 * (found.contact + found.preload)
@@ -206,10 +206,10 @@ def test_places_in_proportion_to_the_range_are_found_exactly():
 def test_coarse_approaches_foretell_the_moments_and_say_so():
     scene = load_scene("tri-tack", ["grid.n=512", "drive.speed=25 um/s", EARLY])
     said = []
-    (time, _), = _run_ahead(scene, MPI.COMM_SELF, said.append, None)
+    (time, _), = run_ahead(scene, MPI.COMM_SELF, said.append)
     simulation = assemble(scene, MPI.COMM_SELF)
     simulation.run(only_to_preload=True)
-    own = _met(simulation)
+    own = met(simulation)
     share = (scene.drive.clearance - 25e-6 * time - own.contact) / (own.preload - own.contact)
     assert share == pytest.approx(0.5, abs=0.015)
     assert said[0].startswith("run ahead to place the snapshots before the preload: about 2 coarse approaches, n = 256, ")

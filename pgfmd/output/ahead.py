@@ -1,0 +1,91 @@
+"""Runs the coarse approaches that place snapshots before the preload (run_ahead.py)."""
+
+from __future__ import annotations
+
+import time
+
+from pgfmd.assemble import assemble
+from pgfmd.errors import RunError
+from pgfmd.forecast.effort import told_of_ahead
+from pgfmd.parts import transform_side
+from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
+from pgfmd.solver.interruption import Interrupted
+from pgfmd.symmetry import points_of
+
+from .observers import Progress
+
+
+def run_ahead(scene, comm, say, keeper=None) -> list[tuple[float, str]]:
+    """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
+
+    How long the approach takes is known only at its end, so coarse ones are run ahead. Nothing is run where no such snapshot
+    is asked for. keeper: as of Outputs.plan_snapshots. Collective. Raises Interrupted where the run has to stop meanwhile.
+    """
+    coarse = coarse_scenes(scene)
+    if not coarse:
+        return []
+    tell = say if comm.rank == 0 else (lambda line: None)
+    tell(f"run ahead to place the snapshots before the preload: about {', '.join(told_of_ahead(scene))}")
+    began = time.perf_counter()
+    found, pairs = _shared(coarse, comm, say, keeper)
+    if len(found) < len(coarse):
+        tell("the coarse approach has not met the preload: no snapshots before it")
+        return []
+    times = moments(scene, met_by(scene, found))
+    when = ", ".join(f"{label} at t = {instant:.6g} s" for instant, label in times)
+    tell(f"run ahead: {pairs} transform pairs, {time.perf_counter() - began:.2g} s; {when}")
+    return times
+
+
+def _shared(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:
+    """What `_run` gives, on every rank, of those ranks that the coarse grids have rows and columns for."""
+    most = min(_most_ranks(one) for one in coarse)
+    if comm.size <= most:
+        return _run(coarse, comm, say, keeper)
+    some, outcome = comm.Split(0 if comm.rank < most else 1, comm.rank), None
+    try:
+        if comm.rank < most:
+            outcome = _run(coarse, some, say, keeper)
+    except (Interrupted, RunError) as error:
+        outcome = error
+    finally:
+        some.Free()
+    outcome = comm.bcast(outcome, 0)
+    if isinstance(outcome, Exception):
+        raise outcome
+    return outcome
+
+
+def _most_ranks(scene) -> int:
+    """So many ranks can have a row and a column of a scene's transforms each."""
+    nb = points_of(scene, "").nb
+    return min(nb, transform_side(scene, nb) // 2 + 1)
+
+
+def _run(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:
+    """Where the coarse approaches met surface and preload, up to the first that met none, and their transform pairs."""
+    heed = {}
+    if keeper:
+        # Not all ranks may be here: the keeper itself asks all of them.
+        heed = {"attend": lambda _: any(comm.allgather(keeper.interrupts())), "interrupt": keeper.interrupts}
+    found, pairs = [], 0
+    for one in coarse:
+        simulation = assemble(one, comm)
+        simulation.observers.append(Progress(comm, lambda line: say(f"ahead: {line}")))
+        state = simulation.run(only_to_preload=True, **heed)
+        if state.preload_time is None and not state.finished:
+            raise Interrupted
+        pairs += simulation.scheme.pairs
+        if state.preload_time is None:
+            break
+        found.append(met(simulation))
+    return found, pairs
+
+
+def met(simulation) -> Met:
+    """Where the machine of a simulation was at the first contact, and at the preload, which it has met."""
+    state, drive = simulation.state, simulation.drive
+    first = state.first_contact_time if state.first_contact_time is not None else 0.0
+    speed = drive.phases[0].fastest
+    contact, preload = (drive.clearance - speed * time for time in (first, state.preload_time))
+    return Met(simulation.scheme.law.range, contact, preload)
