@@ -14,8 +14,8 @@ from .symmetry import MOST_INSTANTANEOUS
 FACTORS = (8, 7, 6, 5, 4)
 """Points along a side of a cell, the best first: with 4, transforms on the cells take as long as they save; with 16, more
 pairs are needed."""
-LEAST_SIDE = 512
-"""Points a side of the transform from which on it is clearly cheaper. Below, a pair costs no more than what it takes to
+LEAST_SIDE = 1000
+"""Points a side of the transform from which on it is clearly cheaper: below, a pair costs hardly more than what it takes to
 save it."""
 
 

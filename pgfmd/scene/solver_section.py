@@ -71,7 +71,7 @@ class Solver(Section):
     )
     coarse_grid: Literal["auto", "always", "none"] = key(
         "`auto`: conjugate gradients use a coarser grid beside the points in viscoelastic `inertialess` scenes whose transforms "
-        "have 512 points a side or more; `always`: in smaller ones, too, where it can be; `none`: never",
+        "have 1000 points a side or more; `always`: in smaller ones, too, where it can be; `none`: never",
         "auto",
     )
     max_steps: int = key("largest number of steps", 1_000_000, ge=1)

@@ -9,12 +9,12 @@ order of these. So they have the same bits for any number of ranks.
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 from .compiled import compiled
 
 _compile = compiled(fastmath={"reassoc", "contract", "nsz"})
-_compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
 
 
 @_compile
@@ -38,9 +38,16 @@ def fold(sums, begin, m, scale, cells):
     """cells[I, c] = scale * sum of sums[c, row] over the rows of points in the coarse row I; sums of all ranks' rows, the
     first of which is `begin`."""
     cells[:] = 0.0
+    count = sums.shape[1]
     for c in range(sums.shape[0]):
-        for row in range(sums.shape[1]):
-            cells[(begin + row) // m, c] += scale * sums[c, row]
+        row = 0
+        while row < count:
+            end = min(((begin + row) // m + 1) * m - begin, count)
+            total = 0.0
+            for i in range(row, end):
+                total += sums[c, i]
+            cells[(begin + row) // m, c] = scale * total
+            row = end
 
 
 @_compile
@@ -91,20 +98,22 @@ def add_cells(cells, offset, first, begin, m, d):
             start, end, column = end, end + m, column + 1
 
 
-@_compile_maxima
+@_compile
 def roughness(r, k, cells, offset, first, begin, m, rows):
-    """rows[0]: the largest |r - number of its cell| over points that interact (K != 0), row by row."""
+    """rows[0]: the largest |r - number of its cell| over points that interact (K != 0), row by row; found by the order of
+    bits, as in `_told_of`."""
     for row in range(offset.size - 1):
         here = cells[(begin + row) // m]
         start, stop = offset[row], offset[row + 1]
         column = first[row] // m
         end = start + (column + 1) * m - first[row]
-        largest = 0.0
+        largest = np.int64(0)
         while start < stop:
+            value = here[column]
             for i in range(np.uint64(start), np.uint64(min(end, stop))):
-                largest = max(largest, abs(r[i] - here[column]) if k[i] != 0.0 else 0.0)
+                largest = max(largest, np.float64(abs(r[i] - value) if k[i] != 0.0 else 0.0).view(np.int64))
             start, end, column = end, end + m, column + 1
-        rows[0, row] = largest
+        rows[0, row] = np.int64(largest).view(np.float64)
 
 
 @_compile
@@ -125,41 +134,52 @@ def survey(z, d, r, k, p, y, first, offset, rows):
         rows[2, row] = along
 
 
-@_compile_maxima
+@numba.njit(inline="always")
+def _told_of(r, s, k, begin, end):
+    """Sum of r, and the largest |s| over points that interact (K != 0), from begin to before end."""
+    imbalance, size = 0.0, np.int64(0)
+    for i in range(begin, end):
+        imbalance += r[i]
+    # Numbers without a sign are in the order of their bits, of which the largest is found many at a time.
+    for i in range(begin, end):
+        size = max(size, np.float64(abs(s[i]) if k[i] != 0.0 else 0.0).view(np.int64))
+    return imbalance, np.int64(size).view(np.float64)
+
+
+# One vector is written in a loop: with more, there are too many that might overlap for it to be vectorised.
+@_compile
 def begin_and_advance(alpha, p, y, k, s, t, r, offset, rows):
     """s = alpha p;  t = alpha y;  r -= alpha (y + K p).
 
     rows[0] of r;  rows[1]: the largest |s| over points that interact (K != 0), row by row.
     """
+    alpha = p.dtype.type(alpha)
     for row in range(offset.size - 1):
-        imbalance, size = 0.0, 0.0
-        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            move, load = alpha * p[i], alpha * y[i]
-            s[i] = move
-            t[i] = load
-            r[i] -= load + k[i] * move
-            size = max(size, abs(move) if k[i] != 0.0 else 0.0)
-        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            imbalance += r[i]
-        rows[0, row] = imbalance
-        rows[1, row] = size
+        begin, end = np.uint64(offset[row]), np.uint64(offset[row + 1])
+        for i in range(begin, end):
+            s[i] = alpha * p[i]
+        for i in range(begin, end):
+            t[i] = alpha * y[i]
+        for i in range(begin, end):
+            r[i] -= t[i] + k[i] * s[i]
+        rows[0, row], rows[1, row] = _told_of(r, s, k, begin, end)
 
 
-@_compile_maxima
+@_compile
 def turn_and_advance(z, d, beta, alpha, k, p, y, s, t, r, offset, rows):
     """p = z + beta p;  y = d + beta y;  s += alpha p;  t += alpha y;  r -= alpha (y + K p). rows: as of
     `begin_and_advance`."""
+    alpha, beta = p.dtype.type(alpha), p.dtype.type(beta)
     for row in range(offset.size - 1):
-        imbalance, size = 0.0, 0.0
-        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            a, b = z[i] + beta * p[i], d[i] + beta * y[i]
-            p[i] = a
-            y[i] = b
-            s[i] += alpha * a
-            t[i] += alpha * b
-            r[i] -= alpha * (b + k[i] * a)
-            size = max(size, abs(s[i]) if k[i] != 0.0 else 0.0)
-        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            imbalance += r[i]
-        rows[0, row] = imbalance
-        rows[1, row] = size
+        begin, end = np.uint64(offset[row]), np.uint64(offset[row + 1])
+        for i in range(begin, end):
+            p[i] = z[i] + beta * p[i]
+        for i in range(begin, end):
+            y[i] = d[i] + beta * y[i]
+        for i in range(begin, end):
+            s[i] += alpha * p[i]
+        for i in range(begin, end):
+            t[i] += alpha * y[i]
+        for i in range(begin, end):
+            r[i] -= alpha * (y[i] + k[i] * p[i])
+        rows[0, row], rows[1, row] = _told_of(r, s, k, begin, end)
