@@ -175,3 +175,13 @@ def test_three_iterations_find_saddles_that_one_would_pass(monkeypatch):
     assert lowest[0] > -0.01 and lowest[1] < -0.02
     # The search is cheap: without most of it, the run takes hardly less than two thirds.
     assert pairs[0] < 1.6 * pairs[1]
+
+
+def test_an_elastic_scene_starts_in_contact_by_the_same_descent():
+    changes = ["drive.clearance=-3 um", "drive.preload=100 mN"]
+    elastic = assemble(load_scene("tri-tack", ["grid.n=128", "rheology.model=elastic", *changes]), MPI.COMM_SELF)
+    slow = assemble(scene("tri-tack", 128, *changes), MPI.COMM_SELF)
+    forces = [simulation.scheme.start(simulation.state) for simulation in (elastic, slow)]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-3)
+    # Newton's method took 141.
+    assert elastic.scheme.pairs <= 45
