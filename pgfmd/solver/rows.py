@@ -13,6 +13,10 @@ from . import mirrored_kernels
 from . import transform_kernels as kernels
 
 
+_APART = 16
+"""Numbers between the coefficients of one row and of the next."""
+
+
 class RealRows:
     """Each row by a transform from real to complex numbers. lines: of transform.real_lines."""
 
@@ -66,8 +70,9 @@ class MirroredRows:
     def __init__(self, points, lines, columns: int, cosine: np.ndarray, sine: np.ndarray):
         self._points, (self._line, self._transform, self._transform_back) = points, lines
         self.most, real = 2 * self._line.shape[0], self._line.real.dtype
-        # With an odd half the last column has no neighbour but a column of zeros.
-        self._parts = np.zeros((self.most, 2 * columns), real)
+        # With an odd half the last column has no neighbour but a column of zeros. Rows whose distance is a power of two would
+        # push each other out of the cache.
+        self._parts = np.zeros((self.most, 2 * columns + _APART), real)
         self.hat, self._line_parts = self._parts.view(self._line.dtype), self._line.view(real)
         self._cosine, self._sine = cosine, sine
 
