@@ -65,7 +65,7 @@ def measured(case: Case) -> Row | None:
     return Row(
         case.part, case.size, case.scene, "; ".join(case.changes), state.finished, counters.steps, preload.steps,
         simulation.scheme.pairs, preload.pairs, counters.rejected_steps, counters.newton_iterations, counters.jumps,
-        preload.depth, state.place, round(seconds, 3), round(simulation.scheme.transform_seconds, 3),
+        preload.depth, state.place, round(seconds, 3),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ TABLE = Path(__file__).parents[1] / "docs" / "figures" / "forecast.csv"
 @dataclass(frozen=True)
 class Row:
     """What a run took. depth, lift [m]: where the preload was met below the surface, and where the run ended above it;
-    *_in: up to the preload. seconds: of the processor, `inside` of them in transforms."""
+    *_in: up to the preload. seconds: of the processor."""
 
     part: str
     size: str
@@ -31,7 +31,6 @@ class Row:
     depth: float
     lift: float
     seconds: float
-    inside: float
 
 
 def rows_of(path: Path) -> list[Row]:

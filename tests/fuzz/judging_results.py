@@ -253,7 +253,8 @@ def _areas(run: Folder) -> Iterator[Fault]:
     """Each is a number of grid points, and the larger a level, the more of them are below it."""
     counts = {name: run.column(name) / run.cell for name in AREAS}
     for name, points in counts.items():
-        if (np.abs(points - np.round(points)) > 1e-6).any() or points.min() < 0 or points.max() > run.scene.grid.n**2:
+        whole = np.round(points)
+        if (np.abs(points - whole) > 1e-6).any() or whole.min() < 0 or whole.max() > run.scene.grid.n**2:
             yield Fault("curve: an area that is no number of grid points", name)
     order = sorted(zip(run.levels, AREAS, strict=True))
     for (_, lower), (_, upper) in zip(order[:-1], order[1:], strict=True):
