@@ -26,24 +26,6 @@ LONGEST = 600.0
 """Processor time [s] after which a run is given up; it has no row."""
 
 
-class Preload:
-    """An observer that notes what it took to come to the preload."""
-
-    def __init__(self):
-        self.steps = self.pairs = 0
-        self.depth = 0.0
-
-    def next_time(self, simulation) -> float:
-        """No step has to end at a wanted time."""
-        return float("inf")
-
-    def observe(self, simulation, event) -> None:
-        """Notes the counters at the preload."""
-        if event.kind == "preload":
-            state = simulation.state
-            self.steps, self.pairs, self.depth = state.counters.steps, simulation.scheme.pairs, -state.place
-
-
 def measured(case: Case) -> Row | None:
     """The row of a case; None where it takes too long, or fails."""
     from mpi4py import MPI
@@ -51,6 +33,20 @@ def measured(case: Case) -> Row | None:
     from pgfmd.assemble import assemble
     from pgfmd.errors import RunError
     from pgfmd.scene import load_scene
+    from pgfmd.solver.simulation import Observer
+
+    class Preload(Observer):
+        """An observer that notes what it took to come to the preload."""
+
+        def __init__(self):
+            self.steps = self.pairs = 0
+            self.depth = 0.0
+
+        def observe(self, simulation, event) -> None:
+            """Notes the counters at the preload."""
+            if event.kind == "preload":
+                state = simulation.state
+                self.steps, self.pairs, self.depth = state.counters.steps, simulation.scheme.pairs, -state.place
 
     scene = load_scene(case.scene, list(case.changes))
     simulation, preload = assemble(scene, MPI.COMM_SELF), Preload()

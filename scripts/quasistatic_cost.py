@@ -28,6 +28,7 @@ from mpi4py import MPI
 from pgfmd import parts
 from pgfmd.assemble import assemble
 from pgfmd.scene import load_scene
+from pgfmd.solver.simulation import Observer
 from pgfmd.solver.soft_mode import SoftMode
 
 SHARP = 0.001
@@ -38,15 +39,11 @@ CLEARANCES = ("-1 um", "-2 um", "-3 um")
 """Of states from rest: how deep the punch is pressed in."""
 
 
-class Curve:
+class Curve(Observer):
     """Observer that keeps position [m] and force [N] of each step."""
 
     def __init__(self):
         self.rows = []
-
-    def next_time(self, simulation):
-        """None is wanted."""
-        return math.inf
 
     def observe(self, simulation, event):
         """Takes in what has happened."""
@@ -213,7 +210,7 @@ def evaluations(scene, position: float, energy: float) -> str:
     return str(int(np.argmax(low)) + 1) if low.any() else "-"
 
 
-class Curvatures:
+class Curvatures(Observer):
     """Observer that keeps the lowest curvature at the end of each step, of the whole matrix."""
 
     def __init__(self, simulation):
@@ -223,10 +220,6 @@ class Curvatures:
             unit[:], unit[i] = 0.0, 1.0
             self.scheme.solver.convolve(unit, dense[i])
         self.root, self.lowest = np.linalg.cholesky(dense), []
-
-    def next_time(self, simulation):
-        """None is wanted."""
-        return math.inf
 
     def observe(self, simulation, event):
         """Takes in what has happened."""

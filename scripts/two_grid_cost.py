@@ -16,13 +16,12 @@ from __future__ import annotations
 import argparse
 import time
 
-import numpy as np
 from mpi4py import MPI
 
 from pgfmd import coarsening
 from pgfmd.assemble import assemble
-from pgfmd.benchmark.curve_errors import Curve, errors
-from pgfmd.benchmark.work_precision import Recorder
+from pgfmd.benchmark.curve_errors import errors
+from pgfmd.output.recorder import Recorder
 from pgfmd.runner import warm_up
 from pgfmd.scene import load_scene
 
@@ -35,13 +34,9 @@ def test(scene: str, changes: list[str], factor: int):
     coarsening.FACTORS = factors
     simulation.observers.append(recorder)
     began = time.process_time()
-    state = simulation.run()
+    simulation.run()
     took = time.process_time() - began
-    curve = Curve(
-        *(np.array(column) for column in (recorder.time, recorder.force, recorder.area)),
-        made.drive.preload, -state.pull_off_force, state.energies.work_of_separation,
-    )  # fmt: skip
-    return curve, simulation, took
+    return recorder.loop(simulation), simulation, took
 
 
 def print_rows(scene: str, n: int, changes: list[str], factors: list[int], accuracy: str | None) -> None:
@@ -53,7 +48,7 @@ def print_rows(scene: str, n: int, changes: list[str], factors: list[int], accur
         curve, simulation, took = test(scene, changes, factor)
         reference = curve if reference is None else reference
         first = took if first is None else first
-        state, away = simulation.state, errors(curve, reference)
+        state, away = simulation.state, errors(curve, reference, simulation.drive.preload)
         coarse = simulation.scheme.solver.cg.coarse_pairs if factor else ""
         print(
             f"| {scene.removesuffix('-tack')}, n = {n} | {f'{factor} x {factor}' if factor else 'none'} | "

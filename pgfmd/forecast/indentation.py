@@ -56,12 +56,17 @@ def depth_at_preload(scene) -> float:
     return min(depth, deepest_indentation(scene))
 
 
-def _heights(scene) -> np.ndarray:
-    """Heights [m] of the face above its lowest point, at a sample of its points."""
+def _heights(scene) -> np.ndarray | None:
+    """Heights [m] of the face above its lowest point, at a sample of its points; None for a map that can't be read any
+    more."""
     x = np.linspace(-scene.punch.radius, scene.punch.radius, SAMPLES + 1)
     x, y = np.meshgrid(x, x)
     inside = np.hypot(x, y) <= scene.punch.radius
-    heights = topography_of(scene.punch).heights(x[inside], y[inside])
+    try:
+        heights = topography_of(scene.punch).heights(x[inside], y[inside])
+    except (OSError, ValueError):
+        # Of a run whose progress is asked for: its map may have moved.
+        return None
     return heights - heights.min()
 
 

@@ -98,7 +98,7 @@ def force_figure(results: Results) -> Any:
 
 def _marks(loop: Loop, found: Measures) -> Iterator[tuple[str, str, float, float]]:
     """Text, marker, indentation [m] and force [N] of what is marked on the curve: the numbers of `run.json`, where
-    there is one (results/measures.py)."""
+    there is one (results/curve.py)."""
     if found.preload is not None and found.preload > 0.0:
         yield f"preload  {signed(1e3 * found.preload)} mN", "^", loop.indentation[loop.preload_row], found.preload
     markers = {"pull-off": "v", "snap-in": "o"}

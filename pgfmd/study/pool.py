@@ -34,8 +34,12 @@ KILL_AFTER = 15.0
 """Time [s] from a second Ctrl-C until what is left is killed."""
 TICK = 0.05
 OUT_OF_TIME = "stopped by the limit of time"
-LAUNCHERS = ("OMPI_COMM_", "PMIX_", "PMI_")
-"""Variables that a launcher gives to what it starts, and that a launcher within it must not see."""
+LAUNCHERS = (
+    "OMPI_COMM_", "PMIX_", "PMI_", "OMPI_APP_CTX_", "ORTE_", "OMPI_MCA_ess", "OMPI_MCA_orte_ess_", "OMPI_MCA_orte_launch",
+    "OMPI_MCA_orte_precondition_transports", "OMPI_MCA_pmix",
+)  # fmt: skip
+"""How variables begin that a launcher, or a process that has begun with MPI by itself, gives to what it starts, and that a
+launcher within it must not see."""
 _SET_DEATH_SIGNAL = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
 

@@ -65,7 +65,7 @@ def test_plausible_scenes_can_be_run(tmp_path):
 
 
 def test_every_key_and_every_choice_is_drawn():
-    made = [make(SEED, index, kind).scene for kind in ("check", "relate") for index in range(400)]
+    made = [make(SEED, index, kind).scene for kind in ("check", "relate") for index in range(600)]
     values = {dotted: [] for dotted in KEYS}
     for scene in made:
         for section, keys in scene.items():

@@ -292,7 +292,7 @@ def test_snapshots_are_what_xarray_reads(comm, folder, parallel, surface, engine
                 expected = np.where(inside(), block(name, frame), np.nan)
                 np.testing.assert_array_equal(data[name][frame], expected)
         spacing = LENGTH / N
-        np.testing.assert_allclose(data["x"], (np.arange(START, START + NB) + 0.5) * spacing - LENGTH / 2, rtol=1e-15)
+        np.testing.assert_allclose(data["x"], (np.arange(START, START + NB) + 0.5 - N / 2) * spacing, rtol=1e-15)
         assert {"x", "y", "time", "punch_position", "force", "label"} <= set(data["gap"].coords)
         np.testing.assert_array_equal(data["time"], [0, 0.5, 1])
         np.testing.assert_array_equal(data["punch_position"], [0, -1e-6, -2e-6])

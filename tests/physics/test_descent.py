@@ -7,8 +7,9 @@ from mpi4py import MPI
 
 from pgfmd.assemble import assemble
 from pgfmd.scene import load_scene
-from pgfmd.solver import descent_kernels, kernels
+from pgfmd.solver import contact_kernels, descent_kernels
 from pgfmd.solver.descent import FLAT, Descent, newton_step
+from pgfmd.solver.simulation import Observer
 from pgfmd.solver.soft_mode import SoftMode
 
 
@@ -56,7 +57,7 @@ def test_a_probe_is_the_surface_moved():
         solver.height, position, u, w, b, z, dz, c, p, dp, history, compliance, law, offset, *results[0], rows
     )
     move, turn = b * z + c * p, b * dz + c * dp
-    kernels.evaluate(
+    contact_kernels.evaluate(
         solver.height, position, u, w, move, turn, 1.0, compliance, history, compliance, law, offset, *results[1], expected
     )
     np.testing.assert_allclose(results[0], results[1], rtol=1e-9, atol=1e-9 * np.abs(results[1]).max())
@@ -102,10 +103,7 @@ def test_a_symmetric_punch_lets_go_as_a_whole():
     simulation = assemble(scene("flat-punch", 32), MPI.COMM_SELF)
     lopsided = []
 
-    class Watch:
-        def next_time(self, simulation):
-            return np.inf
-
+    class Watch(Observer):
         def observe(self, simulation, event):
             whole = simulation.points.to_rows(simulation.state.displacement, 0.0)
             lopsided.append(max(np.abs(whole - whole[::-1]).max(), np.abs(whole - whole[:, ::-1]).max()))
@@ -134,7 +132,7 @@ def test_a_loop_takes_two_thirds_of_the_transforms_of_newtons_method():
     assert -state.pull_off_force == pytest.approx(3.1714e-3, rel=3e-3)
 
 
-class DenseCurvature:
+class DenseCurvature(Observer):
     """Observer that keeps the lowest curvature at the end of each step, of the whole matrix."""
 
     def __init__(self, simulation):
@@ -144,9 +142,6 @@ class DenseCurvature:
             unit[:], unit[i] = 0.0, 1.0
             self.scheme.solver.convolve(unit, dense[i])
         self.root, self.lowest = np.linalg.cholesky(dense), []
-
-    def next_time(self, simulation):
-        return np.inf
 
     def observe(self, simulation, event):
         state, law = simulation.state, self.scheme.law

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from pgfmd import coarsening
 from pgfmd.assemble import assemble
 from pgfmd.commands.check import report
-from pgfmd.forecast.estimate import effort_of
+from pgfmd.forecast.effort import effort_of
 from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.scene import load_scene
