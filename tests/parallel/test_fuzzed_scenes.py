@@ -13,7 +13,7 @@ from pgfmd.scene.reading import parse_scene
 
 pytestmark = pytest.mark.mpi
 
-SCENES = (5, 12)
+SCENES = (9, 12, 27, 31)
 """Scenes of seed 3 that are run within a second."""
 
 
