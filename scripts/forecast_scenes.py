@@ -77,12 +77,16 @@ def _corrugated(scene: str, low: float, high: float) -> Iterator[Case]:
         (256, elements(20)), (256, speed(5), elements(5)), (128, speed(25), elements(20)),
         (256, speed(25), "substrate.boundary=free"), (128, speed(1e4)), (192, speed(100)),
     ])  # fmt: skip
+    # From 1000 points a side on with a coarser grid.
     yield from _of(scene, FIT, REDUCED, [
-        (1024, speed(1)), (2048, speed(25)), (512, speed(0.5)), (512, speed(5)), (512, accuracy(0.03)), (512, accuracy(0.003)),
-        (512, speed(25), elements(5)), (512, speed(1000)), (640, speed(2), preload(high)), (512, "substrate.boundary=free", speed(25)),
+        (512, speed(0.5)), (512, speed(5)), (1024, speed(0.5)), (1024, speed(1)), (1024, speed(5)), (1024, speed(1000)),
+        (1024, accuracy(0.03)), (1024, preload(low)), (1024, speed(25), elements(5)), (1536, speed(10)), (2048, speed(25)),
     ])  # fmt: skip
-    yield from _of(scene, JUDGE, REDUCED, [(1024, speed(5)), (1024, speed(25), elements(5)), (512, accuracy(0.001))])
-    yield from _of(scene, JUDGE, FULL, [(2048, speed(10)), (2048, speed(1)), (2048, speed(5), elements(20))])
+    yield from _of(scene, JUDGE, REDUCED, [
+        (1024, speed(2)), (1024, speed(10), elements(5)), (1024, speed(25), preload(high)), (1280, speed(5)), (512, accuracy(0.001)),
+        (2048, speed(10)), (2048, speed(1)),
+    ])  # fmt: skip
+    yield from _of(scene, JUDGE, FULL, [(2048, speed(5), elements(20)), (1024, accuracy(0.003))])
 
 
 def _flat() -> Iterator[Case]:
@@ -95,7 +99,10 @@ def _flat() -> Iterator[Case]:
         (256, speed(2)), (512, speed(25)), (1024, speed(10)), (256, speed(5), accuracy(0.003)), (256, preload(2)),
         (256, elements(20)), (128, speed(1e4)), (192, speed(1), "substrate.boundary=periodic"),
     ])  # fmt: skip
-    yield from _of("flat-punch", JUDGE, REDUCED, [(1024, speed(1)), (2048, speed(25))])
+    yield from _of("flat-punch", FIT, REDUCED, [
+        (1024, speed(0.5)), (1024, speed(25)), (2048, speed(10)), (1024, elements(5)), (1024, accuracy(0.003)),
+    ])  # fmt: skip
+    yield from _of("flat-punch", JUDGE, REDUCED, [(1024, speed(1)), (1024, speed(5)), (2048, speed(25))])
 
 
 def _sphere() -> Iterator[Case]:
