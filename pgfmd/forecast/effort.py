@@ -27,12 +27,12 @@ from pgfmd.parts import automatic_range, inertia_of_scene, law_of, quasistatic_c
 from pgfmd.run_ahead import coarse_scenes
 from pgfmd.symmetry import expected
 
-from .estimate import depth_of, pair_cost, pair_seconds
+from .estimate import depth_of, guessed_seconds, pair_cost, pair_seconds
 from .fitted import FITTED, Numbers
 from .indentation import depth_at_preload, pull_off_height
 
-OUTSIDE = 2.0 / 3.0
-"""Time outside the transforms, relative to that of pairs in double precision, which are about 60 % of a run."""
+EXPLICIT_COST = 1.2
+"""Time of an explicit step relative to that of two pairs (estimate.pair_seconds): its pair has all rows."""
 JUMP_FACTOR = 0.38
 """A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
 EXPLICIT_SPREAD, FLAT_SPREAD = 1.5, 2.0
@@ -48,7 +48,7 @@ COARSEST, FINEST = 0.1, 1e-4
 class Effort:
     """Expected steps and transform pairs of a run, right within a factor of `spread`, in 19 of 20 scenes.
 
-    pair_seconds: of a pair in double precision. cost: of the run's pairs, relative to that. approach: how many of the steps
+    pair_seconds: of a pair on this machine, about. cost: of the run for each pair, relative to that. approach: how many of the steps
     and of the pairs are made before the preload. unlike: what makes the spread larger than that of the fit, empty for
     nothing. kind: of the scene.
     """
@@ -65,7 +65,7 @@ class Effort:
     @property
     def seconds(self) -> float:
         """Wall time on one rank of this machine."""
-        return self.pairs * self.pair_seconds * (self.cost + OUTSIDE)
+        return guessed_seconds(self.pairs, self.pair_seconds, self.cost)
 
 
 @dataclass(frozen=True)
@@ -227,4 +227,4 @@ def _explicit_effort(scene) -> Effort:
     steps = (into + out) / step
     spread = FLAT_SPREAD if scene.punch.pattern == "flat" else EXPLICIT_SPREAD
     # All rows, where the fused transform has those under the punch.
-    return Effort(steps, steps, 2.0 * pair_seconds(scene), 1.0, spread, (into / step, into / step))
+    return Effort(steps, steps, 2.0 * pair_seconds(scene), EXPLICIT_COST, spread, (into / step, into / step))

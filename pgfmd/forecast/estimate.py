@@ -21,10 +21,14 @@ OWN_BYTES, FILE_BYTES = 110e6, 138e6
 share (scripts/memory.py at n = 64)."""
 PROGRAM_BYTES = OWN_BYTES + FILE_BYTES
 """What a single rank needs beside its fields."""
+FUSED_PAIR, OUTSIDE = 0.55, 0.2
+"""Time of a transform pair in double precision, and of what a run does beside it, relative to `pair_seconds`."""
 SINGLE_PAIR = 0.63
 """Time of a transform pair in single precision, relative to one in double: 0.54 to 0.75 for n = 192 to 2048."""
+CALLS = 2.5e-4
+"""What else a pair takes [s], however small the grid: the calls of its parts."""
 CELLS = 1.0 / 3.0
-"""Time that a coarser grid takes for each pair on all points, relative to one in double precision."""
+"""Time that a coarser grid takes for each pair on all points, relative to `pair_seconds`."""
 
 
 @dataclass(frozen=True)
@@ -179,10 +183,15 @@ def depth_of(scene, stiffening: float = 1.0) -> float:
 
 
 def pair_cost(scene) -> float:
-    """Time of a run's transform pairs relative to pairs in double precision; in mixed precision nearly all are single. With
-    what a coarser grid takes for each."""
+    """Time of a run for each of its transform pairs, relative to `pair_seconds`; in mixed precision nearly all are single.
+    With what a coarser grid takes for each."""
     cells = CELLS if coarsening.expected(scene).factor else 0.0
-    return cells + (1.0 if scene.solver.precision == "double" else SINGLE_PAIR)
+    return OUTSIDE + cells + FUSED_PAIR * (1.0 if scene.solver.precision == "double" else SINGLE_PAIR)
+
+
+def guessed_seconds(pairs: float, seconds: float, cost: float) -> float:
+    """Wall time [s] of so many pairs on one rank of this machine, a rough guess. seconds: `pair_seconds`; cost: `pair_cost`."""
+    return pairs * (seconds * cost + CALLS)
 
 
 def pair_seconds(scene) -> float:
