@@ -122,6 +122,8 @@ class Study:
         lines = [
             *implicit("inertialess", size.accuracies),
             *implicit("inertialess, first order", size.first_order, "solver.order=1"),
+            # The defaults of version 0.1.
+            *implicit("inertialess, all points", size.accuracies, "solver.symmetry=none", "solver.precision=double"),
             *implicit("inertialess, mixed precision", size.accuracies, "solver.precision=mixed"),
             *implicit("inertialess, single precision", size.accuracies, "solver.precision=single"),
             *explicit("gfmd, ω dt = π/10", size.paper, [PAPER]),

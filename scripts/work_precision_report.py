@@ -30,6 +30,7 @@ BLUE, SKY, GREEN, RED, ORANGE, PURPLE, GREY, BLACK = (
 LOOKS = {
     "inertialess": (BLUE, "o", "-"),
     "inertialess, first order": (SKY, "v", "-"),
+    "inertialess, all points": (GREY, "D", "--"),
     "inertialess, mixed precision": (GREEN, "s", "-"),
     "inertialess, single precision": (BLACK, "x", "--"),
     "inertialess, N = 5": (BLUE, "p", ":"),

@@ -105,7 +105,8 @@ def told_of(missing: list[Entry], total: int) -> str:
     names = ", ".join(f"`{entry.owner}`" for entry in missing)
     if len(missing) > 4:
         names = f"{len(missing)} of {total} runs"
-    return f"{names}; expected: {pairs:.1g} transform pairs, {time} on one rank, within a factor of 3"
+    spread = max(each.spread for each in efforts)
+    return f"{names}; expected: {pairs:.1g} transform pairs, {time} on one rank, within a factor of {spread:.2g}"
 
 
 def draw(name: str, pool: Pool, out: Path, finished: set[str], folder: Path) -> bool:
