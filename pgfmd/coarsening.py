@@ -19,6 +19,10 @@ LEAST_SIDE = 1000
 save it."""
 
 
+MOST_CELLS = 1024
+"""Cells a side: each rank has them all, which on hundreds of ranks must not be more than its own points."""
+
+
 @dataclass(frozen=True)
 class Coarsening:
     """factor: points along a side of a cell; 0, with the reason, where there is no coarser grid."""
@@ -46,5 +50,7 @@ def expected(scene) -> Coarsening:
     # An even number of cells, as half of them may stand for all.
     for factor in FACTORS:
         if n % (2 * factor) == 0:
+            if n // factor > MOST_CELLS:
+                return Coarsening(0, f"it would have more than {MOST_CELLS} cells a side, all of them on each rank")
             return Coarsening(factor)
     return Coarsening(0, f"grid.n is no multiple of {', '.join(str(2 * factor) for factor in sorted(FACTORS))}")

@@ -36,15 +36,26 @@ if TYPE_CHECKING:
 class Step:
     """The present state of a simulation, as a callback of `simulate` sees it. SI units.
 
-    kind: "start", "step", or "jump"; number: of steps so far. The arrays are made when they are asked for: collective
-    where several ranks work together, each of which has its own rows.
+    kind: "start", "step", or "jump"; number: of steps so far. The arrays are made when they are first asked for, within the
+    callback: afterwards the state has moved on. Collective where several ranks work together, each of which has its own rows.
     """
 
     def __init__(self, simulation: Simulation, kind: str):
-        self._simulation, self.kind = simulation, kind
+        self._present: Simulation | None = simulation
+        self.kind = kind
         self.number = simulation.state.counters.steps
         self.row: CurveRow = curve_row(simulation)
         self.stopped = False
+
+    @property
+    def _simulation(self) -> Simulation:
+        if self._present is None:
+            raise RuntimeError(f"step {self.number}: its arrays are those of a state that has moved on; take them within the function")
+        return self._present
+
+    def pass_by(self) -> None:
+        """The state moves on: arrays that were not asked for can't be had any more."""
+        self._present = None
 
     @property
     def time(self) -> float:
@@ -93,12 +104,12 @@ class Step:
 
     @cached_property
     def traction(self) -> np.ndarray:
-        """Traction on the elastomer [Pa], positive where it pulls up, (rows, columns)."""
+        """Traction on the elastomer [Pa], positive where it pulls up, (rows, columns), NaN beyond the punch."""
         return self._rows(self._simulation.state.traction)
 
     @cached_property
     def surface(self) -> np.ndarray:
-        """Displacement of the elastomer's surface [m], positive upward, (rows, columns)."""
+        """Displacement of the elastomer's surface [m], positive upward, (rows, columns), NaN beyond the punch."""
         simulation = self._simulation
         # Seen from the machine, the surface hangs on its spring, as the punch does.
         return self._rows(simulation.state.displacement) + simulation.scheme.machine_compliance * self.force
@@ -178,6 +189,7 @@ class _Keeper(Observer):
         if self._each and event.kind in STEPS:
             step = Step(simulation, event.kind)
             self._each(step)
+            step.pass_by()
             self.stopped = self.stopped or step.stopped
 
     def interrupts(self) -> bool:
@@ -207,7 +219,7 @@ def simulate(
         comm: an mpi4py communicator; may be left out by a process that is alone.
 
     Ctrl-C ends the simulation between two iterations. In a notebook, or another interactive session, what was found
-    until then is returned; elsewhere KeyboardInterrupt is raised.
+    until then is returned; elsewhere, and before the first step, KeyboardInterrupt is raised.
 
     Raises:
         SceneError: if the scene can't be; LaunchError: if several ranks were started, and no `comm` is given;
@@ -227,6 +239,8 @@ def simulate(
             simulation.run(attend=lambda _: keeper.has_to_stop(), interrupt=keeper.interrupts)
         except Interrupted:
             raise KeyboardInterrupt("interrupted before the first step") from None
+        # It may have come after the last step, too.
+        keeper.has_to_stop()
     if keeper.interrupted:
         _tell_of_interruption(simulation, comm)
     return Recording(scene, recorder, fields, record_of(simulation, scene, comm, history))

@@ -179,11 +179,13 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         dotted = "substrate.compliance_file" if own else "grid.n"
         problems.append(Problem(dotted, own or scene.grid.n, "a usable compliance", str(error)))
     problems += _overlap_problems(scene) + _time_problems(scene)
-    # Rows are shared out, and in the middle of a transform the columns of its half spectrum.
-    columns = transform_side(scene, nb) // 2 + 1
-    most = min(nb, columns)
+    # Rows are shared out, in pairs but by explicit steps, and in the middle of a transform the columns of its half spectrum.
+    columns, rows, word = transform_side(scene, nb) // 2 + 1, (nb + 1) // 2, "pairs of rows of points"
+    if scene.solver.scheme == "gfmd":
+        rows, word = nb, "rows of points"
+    most = min(rows, columns)
     if ranks > most:
-        what = f"{nb} rows of points" if nb <= columns else f"{columns} columns of waves"
+        what = f"{rows} {word}" if rows <= columns else f"{columns} columns of waves"
         expected = f"work for each of the {ranks} ranks, but there are only {what}"
         problems.append(Problem("grid.n", scene.grid.n, expected, f"use at most {most} ranks, or raise grid.n"))
     if scene.solver.scheme == "gfmd" and not problems:

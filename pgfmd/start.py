@@ -49,6 +49,8 @@ def run(
         SceneError: if the scene can't be; ResultError: if the folder can't be used; RunError: if a step can't be solved;
         LaunchError: if MPI can't be had, or several processes were started, and no `comm` is given.
     """
+    if comm is not None and ranks != 1:
+        raise ValueError("run: ranks starts processes of its own, comm names those that are there; give one of them")
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     if comm is None and ranks > 1:
         _on_ranks(scene, Path(directory), ranks, fresh, allow, checkpoint_every, say)

@@ -133,10 +133,12 @@ def faults_of(table: Table, pieces: Iterable[Mapping[str, Any]]) -> Iterator[Col
     rows = 0
     last: dict[str, Any] = {}
     for piece in pieces:
+        lacking = [entry for entry in table.columns if entry.after]
+        # Of an earlier version all of them are missing.
+        earlier = bool(lacking) and all(np.isnan(np.asarray(piece[entry.title])).all() for entry in lacking)
         for entry in table.columns:
             values = np.asarray(piece[entry.title])
-            if entry.after and entry.kind is float and np.isnan(values).all():
-                # Of an earlier version.
+            if earlier and entry in lacking:
                 continue
             for what, wrong in _wrong(entry, values, last.get(entry.title)):
                 if wrong.any():

@@ -103,14 +103,14 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     else:
         elements = series_of(scene.rheology).elements
         counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, rough)
-        # With a coarser grid, another work vector of Newton's; that grid itself is 64 times smaller.
-        counts = counts[0], counts[1] + (rough if coarsening.expected(scene).factor else 0.0)
+        # With a coarser grid, other work vectors of Newton's (two_grid.py).
+        counts = counts[0], counts[1] + (3.0 * rough if coarsening.expected(scene).factor else 0.0)
     # With patches, the traction before each step: jumps are placed by it.
     counts = counts[0], counts[1] + scene.output.patches
     most = largest_share(points, ranks)
     state, rest = (size * most * count for count in counts)
     halves = 2.0 * rows * columns
-    transform = (multiplier + halves) * (size + (4.0 if precision == "mixed" else 0.0))
+    transform = (multiplier + halves) * (size + (4.0 if precision == "mixed" else 0.0)) + _cells_bytes(scene, size * rough)
     heights = _map_bytes(scene.punch)
     solver = size * (2.0 + 7.0 * rough) * most
     if periodic:
@@ -125,6 +125,17 @@ def memory_of(scene, ranks: int = 1) -> Memory:
         rows, columns, _, multiplier = _transform_of(scene, points.whole, ranks)
         start = max(start, state + rest + transform + 8.0 * (multiplier + 2.0 * rows * columns))
     return Memory(state + rest, transform, state, start, _output_bytes(scene, points, ranks, size))
+
+
+def _cells_bytes(scene, size: float) -> float:
+    """The coarser grid of a run (two_grid.py), which each rank has whole. size: of a number [bytes]."""
+    factor = coarsening.expected(scene).factor
+    if not factor:
+        return 0.0
+    coarse = scene.model_copy(update={"grid": scene.grid.model_copy(update={"n": scene.grid.n // factor})})
+    points = points_of(coarse, expected(scene).mirror)
+    rows, columns, _, multiplier = _transform_of(coarse, points, 1)
+    return size * (multiplier + 2.0 * rows * columns + 7.0 * largest_share(points, 1))
 
 
 def _output_bytes(scene, points: PunchPoints, ranks: int, size: float) -> float:

@@ -9,6 +9,7 @@ import math
 import os
 import platform
 import re
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -57,10 +58,13 @@ class Profile:
         """The most ranks that were measured; of more, nothing is known."""
         return max(self.start)
 
-    def best_ranks(self, problem: Problem, pairs: float, cores: int | None = None) -> int:
-        """The fewest ranks that are `NEARLY` the fastest, out of one to the most that were measured, or to `cores`."""
+    def best_ranks(
+        self, problem: Problem, pairs: float, cores: int | None = None, more: Callable[[int], float] = lambda ranks: 0.0
+    ) -> int:  # fmt: skip
+        """The fewest ranks that are `NEARLY` the fastest, out of one to the most that were measured, or to `cores`. more: what
+        else the run takes [s] on so many ranks."""
         most = min(cores or self.most_ranks, self.most_ranks, problem.most_ranks)
-        seconds = {ranks: self.run_seconds(problem, pairs, ranks) for ranks in range(1, most + 1)}
+        seconds = {ranks: self.run_seconds(problem, pairs, ranks) + more(ranks) for ranks in range(1, most + 1)}
         fastest = min(seconds.values())
         return min(ranks for ranks, taken in seconds.items() if taken <= NEARLY * fastest)
 

@@ -74,20 +74,24 @@ def _not_measured(scene, profile: Profile) -> str:
 
 def _by_profile(scene, profile: Profile, effort: Effort, ahead: list, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
     problem, pairs, usable = problem_of(scene), effort.pairs, min(cores(), profile.most_ranks)
-    best, cells = profile.best_ranks(problem, pairs, usable), _cells_of(scene)
+    cells, others = _cells_of(scene), [(problem_of(coarse), wanted) for coarse, wanted in ahead]
+
+    def more(count: int) -> float:
+        """What the coarser grid takes, and what is run ahead."""
+        taken = 0.0
+        if cells and cells.kind in profile.costs:
+            taken += BESIDE * (profile.run_seconds(problem, pairs, count) - profile.start_seconds(count))
+            taken += profile.run_seconds(cells, CELL_PAIRS * pairs, 1) - profile.start_seconds(1)
+        for other, wanted in others:
+            if other.kind in profile.costs:
+                used = min(count, other.most_ranks)
+                taken += profile.run_seconds(other, wanted, used) - profile.start_seconds(used)
+        return taken
 
     def seconds(count: int) -> float:
-        """Of the run with its coarser grid, and of what is run ahead of it."""
-        own = profile.run_seconds(problem, pairs, count)
-        if cells and cells.kind in profile.costs:
-            own += BESIDE * (own - profile.start_seconds(count))
-            own += profile.run_seconds(cells, CELL_PAIRS * pairs, 1) - profile.start_seconds(1)
-        others = [(problem_of(coarse), wanted) for coarse, wanted in ahead]
-        return own + sum(
-            profile.run_seconds(other, wanted, min(count, other.most_ranks)) - profile.start_seconds(count)
-            for other, wanted in others if other.kind in profile.costs
-        )  # fmt: skip
+        return profile.run_seconds(problem, pairs, count) + more(count)
 
+    best = profile.best_ranks(problem, pairs, usable, more)
     fastest = seconds(best)
     note = f"as measured here on {profile.measured}; as good as the number of pairs"
     most = f"the best number of ranks for it on this machine, out of 1 to {usable}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 
 from pgfmd.assemble import assemble
@@ -10,6 +11,7 @@ from pgfmd.forecast.effort import told_of_ahead
 from pgfmd.parts import transform_side
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.solver.interruption import Interrupted
+from pgfmd.solver.node import Node
 from pgfmd.symmetry import points_of
 
 from .observers import Progress
@@ -41,14 +43,21 @@ def _shared(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:
     """What `_run` gives, on every rank, of those ranks that the coarse grids have rows and columns for."""
     most = min(_most_ranks(one) for one in coarse)
     if comm.size <= most:
-        return _run(coarse, comm, say, keeper)
+        found = _run(coarse, comm, say, keeper)
+        if comm.size > 1:
+            # The run has no use for what they shared.
+            gc.collect()
+            Node.of(comm).trim()
+        return found
     some, outcome = comm.Split(0 if comm.rank < most else 1, comm.rank), None
     try:
         if comm.rank < most:
             outcome = _run(coarse, some, say, keeper)
     except (Interrupted, RunError) as error:
-        outcome = error
+        # Without the frames that it has come from, which hold the simulation.
+        outcome = error.with_traceback(None)
     finally:
+        Node.leave(some)
         some.Free()
     outcome = comm.bcast(outcome, 0)
     if isinstance(outcome, Exception):
@@ -57,9 +66,9 @@ def _shared(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:
 
 
 def _most_ranks(scene) -> int:
-    """So many ranks can have a row and a column of a scene's transforms each."""
+    """So many ranks can have a pair of rows and a column of a scene's transforms each."""
     nb = points_of(scene, "").nb
-    return min(nb, transform_side(scene, nb) // 2 + 1)
+    return min((nb + 1) // 2, transform_side(scene, nb) // 2 + 1)
 
 
 def _run(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:

@@ -53,6 +53,10 @@ class _Place:
         return self.adhesive + self.rise
 
 
+LEAST_SCALE = 1e-9
+"""Part of a move below which numbers that are not finite are not the move's fault."""
+
+
 class Descent:
     """Moves surfaces downhill, on the work vectors of a NewtonSolver, whose `traction` and `curvature` are those of the
     solution afterwards. Keeps nothing from one solve to the next."""
@@ -82,9 +86,9 @@ class Descent:
             if not math.isfinite(here.adhesive):
                 break
             norm, start = self._steepest(here)
-            if norm[0] <= 0.0:
-                # Nothing is out of balance.
-                converged = True
+            if not norm[0] > 0.0:
+                # Nothing is out of balance; or the numbers have gone.
+                converged = norm[0] <= 0.0
                 break
             slack = solver._slack_of(here.adhesive)
             there, step, bent, used = self._lower(norm, start, trust, slack, 1e-3 * tolerance)
@@ -178,6 +182,8 @@ class Descent:
         scale = 1.0
         while True:
             there = self._probe(_further(way, scale, more))
+            if not math.isfinite(there.size + there.potential) and scale < LEAST_SCALE:
+                return there, 0.0
             if there.size > trust * (1.0 + 1e-9):
                 if way != (0.0, 0.0):
                     return there, 0.0

@@ -7,6 +7,7 @@ split of the ranks into nodes.
 
 from __future__ import annotations
 
+import gc
 import math
 import time
 import weakref
@@ -141,6 +142,34 @@ class Node:
             else:
                 kept.append(piece)
         self._pieces = kept
+
+    @classmethod
+    def leave(cls, comm) -> None:
+        """Gives back what is shared on a communicator that is to be freed, but what an object still holds. Collective.
+
+        MPI itself would give windows back at its end, in an order that differs between ranks of which only some have had
+        this communicator: they would wait for each other for ever.
+        """
+        node = comm.Get_attr(cls._key) if cls._key is not None else None
+        if node is None:
+            return
+        # Of objects that refer to each other, Python has not let go yet.
+        gc.collect()
+        node.trim()
+        flags = getattr(node, "_flags", None)
+        if flags is not None and node.local.size > 1:
+            node._mine.release()
+            for other in node._others:
+                other.release()
+            flags.window.Unlock_all()
+            flags.buffers.clear()
+            flags.window.Free()
+            node.held -= flags.sizes[node.local.rank]
+            node._flags = None
+        for part in (node.leaders, node.local):
+            if part != _mpi().COMM_NULL:
+                part.Free()
+        comm.Delete_attr(cls._key)
 
     def _allocate(self, sizes: list[int]) -> _Piece | None:
         """New memory of these sizes [bytes], one a rank of the node; None, on all of them, where there is none."""

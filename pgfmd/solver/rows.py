@@ -80,6 +80,8 @@ class MirroredRows:
         """Rows of a point vector to coefficients."""
         mirrored_kernels.scatter_pairs(vector, self._points.offset, row, count, scale, self._line_parts)
         self._transform()
+        # What is behind the last coefficient goes into the columns beside it, and must be nothing: ranks have other rows.
+        self._parts[:, self._line.shape[1] :] = 0.0
         mirrored_kernels.separate(self._line_parts, self._cosine, self._sine, self._parts)
 
     def backward(self, row: int, count: int, vector: np.ndarray) -> None:

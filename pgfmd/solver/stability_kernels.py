@@ -16,6 +16,8 @@ _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
 _scrambled = numba.njit(inline="always")(scrambled)
 SEED_STRIDE = np.uint64(0xD1B54A32D192ED03)
 """An odd number, by which seeds lie apart."""
+SOFTENED = 1e-6
+"""Of the law's stiffness: by how much a point must have softened to count, as single precision rounds."""
 
 
 @_compile_sums
@@ -47,14 +49,17 @@ def noise(first_point, seed, k, out):
 @_compile
 def softened(first_point, seed, height, position, u, law, k, out):
     """out = by how much the interface has softened at each point since the surface was u and the punch at `position`,
-    max(K(d + z - u) - k, 0), more or less by up to a half. law: as in kernels.evaluate."""
+    max(K(d + z - u) - k, 0), more or less by up to a half; 0 for what may be rounding. law: as in
+    contact_kernels.evaluate."""
     stiffness, reach, attractive = law
+    least = SOFTENED * stiffness
     limit = reach if attractive > 0.0 else 0.0
     for i in range(out.size):
         gap = position + height[i] - u[i]
         y = min(max(gap / reach, 0.0), 1.0) - 0.5
         before = -stiffness * (y * _sine_of(y * y)) if gap < limit else 0.0
-        out[i] = max(before - k[i], 0.0) * (1.0 + 0.5 * _hashed(first_point + i, seed))
+        change = before - k[i]
+        out[i] = change * (1.0 + 0.5 * _hashed(first_point + i, seed)) if change > least else 0.0
 
 
 @_compile_sums

@@ -202,11 +202,16 @@ class TwoGrid(ConjugateGradients):
             cg.r[:] = cells.at_points(means)
             cg.operator(cg.r, cg.z, compliance)
             kernels.largest_in_rows(cg.z, cg.curvature, cg.points.offset, cg._rows)
-            left = rough + float(cg._rows[0].max()) / self.law.range
+            left = rough + self._largest(float(cg._rows[0].max()) / self.law.range)
             if left < small and self._balance(compliance, small - left, 0.5 * unbalanced, imbalance):
                 return True
-        left = self._solve_coarse(*limits) + rough
+        left = self._largest(self._solve_coarse(*limits)) + rough
         return left < small and self._balance(compliance, small - left, 0.5 * unbalanced, imbalance)
+
+    def _largest(self, found: float) -> float:
+        """What the ranks decide by, of a number that each has found on all cells: libraries on other processors may round in
+        other ways. Collective."""
+        return self.points.maximum_of(found)
 
     def _balance(self, compliance: float, most: float, unbalanced: float, imbalance: float) -> bool:
         """Whether the force is balanced, or can be by an even load that moves the surface by less than `most` ranges; then

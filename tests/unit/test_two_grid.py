@@ -213,4 +213,4 @@ def test_a_coarser_grid_is_used_where_it_was_measured_to_be_cheaper(factor, reas
 
 def test_fewer_pairs_are_expected():
     two, one = (effort_of(load_scene("tri-tack", ["grid.n=1024", f"solver.coarse_grid={kind}"])) for kind in ("auto", "none"))
-    assert two.steps == one.steps and two.pairs < 0.6 * one.pairs and two.seconds < one.seconds
+    assert 0.8 < two.steps / one.steps < 1.2 and two.pairs < 0.6 * one.pairs and two.seconds < one.seconds
