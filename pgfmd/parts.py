@@ -180,14 +180,15 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         problems.append(Problem(dotted, own or scene.grid.n, "a usable compliance", str(error)))
     problems += _overlap_problems(scene) + _time_problems(scene)
     # Rows are shared out, in pairs but by explicit steps, and in the middle of a transform the columns of its half spectrum.
-    columns, rows, word = transform_side(scene, nb) // 2 + 1, (nb + 1) // 2, "pairs of rows of points"
+    columns, rows, rows_told = transform_side(scene, nb) // 2 + 1, (nb + 1) // 2, "pairs of rows of points"
     if scene.solver.scheme == "gfmd":
-        rows, word = nb, "rows of points"
+        rows, rows_told = nb, "rows of points"
     most = min(rows, columns)
     if ranks > most:
-        what = f"{rows} {word}" if rows <= columns else f"{columns} columns of waves"
-        expected = f"work for each of the {ranks} ranks, but there are only {what}"
-        problems.append(Problem("grid.n", scene.grid.n, expected, f"use at most {most} ranks, or raise grid.n"))
+        what = f"the number of {rows_told}" if rows <= columns else "the number of columns of waves"
+        expected = f"work for each of the {ranks} ranks, but there is work for {most} only, by {what}"
+        cure = f"use {'one rank' if most == 1 else f'at most {most} ranks'}, or raise grid.n"
+        problems.append(Problem("grid.n", scene.grid.n, expected, cure))
     if scene.solver.scheme == "gfmd" and not problems:
         problems += _inertia_problems(scene)
     if problems:

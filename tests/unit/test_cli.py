@@ -94,8 +94,8 @@ def test_check_writes_warnings_on_one_line_each(tmp_path):
 
 def test_check_knows_the_planned_ranks(tmp_path):
     done = pgfmd_command(["check", "tri-tack", "grid.n=32", "--ranks", "17"], tmp_path)
-    assert done.returncode == 2 and "use at most 16 ranks" in done.stderr
-    assert pgfmd_command(["check", "tri-tack", "grid.n=32", "--ranks", "16"], tmp_path).returncode == 0
+    assert done.returncode == 2 and "use at most 8 ranks" in done.stderr
+    assert pgfmd_command(["check", "tri-tack", "grid.n=32", "--ranks", "8"], tmp_path).returncode == 0
 
 
 def test_plot_prints_the_pictures(tmp_path):
