@@ -46,7 +46,8 @@ def curvature(runs: Runs) -> Drawing:
         load = next(iter(found.values())).preload if found else 0
         force_axes(axis, f"{title}, {load:g} mN")
         zoom(axis, found.values())
-        axis.legend(fontsize=7)
+        if found:
+            axis.legend(fontsize=7)
     rims = ", ".join(f"{1e6 * 375e-6**2 / (2e-3 * r):.2g} µm ({r} mm)" for r in (200, 100, 50, 20))
     notes = "; ".join(f"{title}: {settings_of(run)}" for study, title in patterns.items() if (run := runs.one(study)))
     caption = f"Way back at 1 µm/s for radii of the macroscopic curvature; it lifts the rim by {rims}. {notes}."
