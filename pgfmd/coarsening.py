@@ -17,8 +17,6 @@ pairs are needed."""
 LEAST_SIDE = 1000
 """Points a side of the transform from which on it is clearly cheaper: below, a pair costs hardly more than what it takes to
 save it."""
-
-
 MOST_CELLS = 1024
 """Cells a side: each rank has them all, which on hundreds of ranks must not be more than its own points."""
 
@@ -54,3 +52,11 @@ def expected(scene) -> Coarsening:
                 return Coarsening(0, f"it would have more than {MOST_CELLS} cells a side, all of them on each rank")
             return Coarsening(factor)
     return Coarsening(0, f"grid.n is no multiple of {', '.join(str(2 * factor) for factor in sorted(FACTORS))}")
+
+
+def scene_of_cells(scene):
+    """The scene on the coarser grid that its run uses; None without one."""
+    factor = expected(scene).factor
+    if not factor:
+        return None
+    return scene.model_copy(update={"grid": scene.grid.model_copy(update={"n": scene.grid.n // factor})})

@@ -142,6 +142,13 @@ def transform_side(scene, nb: int, whole_cell: bool = False, mirror: str = "") -
     return next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True)
 
 
+def shared_out(scene, nb: int) -> tuple[int, int]:
+    """What the ranks of a run share out: rows of points, in pairs but by explicit steps, and in the middle of a transform the
+    columns of its half spectrum. nb: rows of the punch's block."""
+    rows = nb if scene.solver.scheme == "gfmd" else (nb + 1) // 2
+    return rows, transform_side(scene, nb) // 2 + 1
+
+
 def confirm(scene, source: str, ranks: int = 1) -> None:
     """Look at what only the files that a scene names, and the number of ranks, can tell.
 
@@ -179,14 +186,12 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         dotted = "substrate.compliance_file" if own else "grid.n"
         problems.append(Problem(dotted, own or scene.grid.n, "a usable compliance", str(error)))
     problems += _overlap_problems(scene) + _time_problems(scene)
-    # Rows are shared out, in pairs but by explicit steps, and in the middle of a transform the columns of its half spectrum.
-    columns, rows, rows_told = transform_side(scene, nb) // 2 + 1, (nb + 1) // 2, "pairs of rows of points"
-    if scene.solver.scheme == "gfmd":
-        rows, rows_told = nb, "rows of points"
+    rows, columns = shared_out(scene, nb)
     most = min(rows, columns)
     if ranks > most:
-        what = f"the number of {rows_told}" if rows <= columns else "the number of columns of waves"
-        expected = f"work for each of the {ranks} ranks, but there is work for {most} only, by {what}"
+        told = "rows of points" if scene.solver.scheme == "gfmd" else "pairs of rows of points"
+        what = told if rows <= columns else "columns of waves"
+        expected = f"work for each of the {ranks} ranks, but there is work for {most} only, by the number of {what}"
         cure = f"use {'one rank' if most == 1 else f'at most {most} ranks'}, or raise grid.n"
         problems.append(Problem("grid.n", scene.grid.n, expected, cure))
     if scene.solver.scheme == "gfmd" and not problems:

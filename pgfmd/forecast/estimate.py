@@ -129,10 +129,9 @@ def memory_of(scene, ranks: int = 1) -> Memory:
 
 def _cells_bytes(scene, size: float) -> float:
     """The coarser grid of a run (two_grid.py), which each rank has whole. size: of a number [bytes]."""
-    factor = coarsening.expected(scene).factor
-    if not factor:
+    coarse = coarsening.scene_of_cells(scene)
+    if coarse is None:
         return 0.0
-    coarse = scene.model_copy(update={"grid": scene.grid.model_copy(update={"n": scene.grid.n // factor})})
     points = points_of(coarse, expected(scene).mirror)
     rows, columns, _, multiplier = _transform_of(coarse, points, 1)
     return size * (multiplier + 2.0 * rows * columns + 7.0 * largest_share(points, 1))

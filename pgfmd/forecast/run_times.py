@@ -54,15 +54,6 @@ def problem_of(scene, mirror: str | None = None) -> Problem:
     return Problem.of(points, transform_side(scene, points.nb, mirror=points.mirror), scene.solver.precision)
 
 
-def _cells_of(scene) -> Problem | None:
-    """The coarser grid of a run; None without one."""
-    factor = coarsening.expected(scene).factor
-    if not factor:
-        return None
-    grid = scene.grid.model_copy(update={"n": scene.grid.n // factor})
-    return problem_of(scene.model_copy(update={"grid": grid}))
-
-
 def _not_measured(scene, profile: Profile) -> str:
     """Why a profile tells nothing of such a scene; empty where it does."""
     if scene.solver.scheme == "gfmd":
@@ -74,7 +65,8 @@ def _not_measured(scene, profile: Profile) -> str:
 
 def _by_profile(scene, profile: Profile, effort: Effort, ahead: list, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
     problem, pairs, usable = problem_of(scene), effort.pairs, min(cores(), profile.most_ranks)
-    cells, others = _cells_of(scene), [(problem_of(coarse), wanted) for coarse, wanted in ahead]
+    coarser = coarsening.scene_of_cells(scene)
+    cells, others = coarser and problem_of(coarser), [(problem_of(coarse), wanted) for coarse, wanted in ahead]
 
     def more(count: int) -> float:
         """What the coarser grid takes, and what is run ahead."""

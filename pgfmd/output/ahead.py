@@ -8,7 +8,7 @@ import time
 from pgfmd.assemble import assemble
 from pgfmd.errors import RunError
 from pgfmd.forecast.effort import told_of_ahead
-from pgfmd.parts import transform_side
+from pgfmd.parts import shared_out
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.solver.interruption import Interrupted
 from pgfmd.solver.node import Node
@@ -27,7 +27,8 @@ def run_ahead(scene, comm, say, keeper=None) -> list[tuple[float, str]]:
     if not coarse:
         return []
     tell = say if comm.rank == 0 else (lambda line: None)
-    tell(f"run ahead to place the snapshots before the preload: about {', '.join(told_of_ahead(scene))}")
+    if comm.rank == 0:
+        tell(f"run ahead to place the snapshots before the preload: about {', '.join(told_of_ahead(scene))}")
     began = time.perf_counter()
     found, pairs = _shared(coarse, comm, say, keeper)
     if len(found) < len(coarse):
@@ -67,8 +68,7 @@ def _shared(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:
 
 def _most_ranks(scene) -> int:
     """So many ranks can have a pair of rows and a column of a scene's transforms each."""
-    nb = points_of(scene, "").nb
-    return min((nb + 1) // 2, transform_side(scene, nb) // 2 + 1)
+    return min(shared_out(scene, points_of(scene, "").nb))
 
 
 def _run(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:
