@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-import make_scene_reference  # noqa: E402
-import plain_docstrings  # noqa: E402
+import make_scene_reference
+import plain_docstrings
 
 project = "pgfmd"
 author = "The pgfmd developers"
-copyright = "2026, The pgfmd developers"  # noqa: A001
+copyright = "2026, The pgfmd developers"
 release = version = importlib.metadata.version("pgfmd")
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]

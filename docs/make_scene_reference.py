@@ -1,7 +1,7 @@
 """Writes the reference page of the scene's keys, docs/reference/scene.md, from the models.
 
-    python docs/make_scene_reference.py           writes the page
-    python docs/make_scene_reference.py -         prints it
+python docs/make_scene_reference.py           writes the page
+python docs/make_scene_reference.py -         prints it
 """
 
 from __future__ import annotations

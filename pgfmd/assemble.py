@@ -13,10 +13,10 @@ from .solver.conjugate_gradients import ConjugateGradients
 from .solver.controller import Controller, StepLimits
 from .solver.far_field import far_weights
 from .solver.grid import Grid, PunchPoints
+from .solver.mirrored_transform import MirroredConvolution
 from .solver.multiplier import FEW, free_multiplier, periodic_multiplier
 from .solver.newton import NewtonSolver
 from .solver.simulation import Simulation
-from .solver.mirrored_transform import MirroredConvolution
 from .solver.transform import Convolution, Plane
 
 STEP_SHARE = 0.7

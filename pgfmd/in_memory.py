@@ -50,7 +50,9 @@ class Step:
     @property
     def _simulation(self) -> Simulation:
         if self._present is None:
-            raise RuntimeError(f"step {self.number}: its arrays are those of a state that has moved on; take them within the function")
+            raise RuntimeError(
+                f"step {self.number}: its arrays are those of a state that has moved on; take them within the function"
+            )
         return self._present
 
     def pass_by(self) -> None:

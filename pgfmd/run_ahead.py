@@ -102,7 +102,9 @@ def _with(scene, n: int, reach: float):
     )  # fmt: skip
     if scene.solver.precision == "single":
         return coarse
-    return coarse.model_copy(update={"solver": coarse.solver.model_copy(update={"precision": best_precision(coarse).precision})})
+    return coarse.model_copy(
+        update={"solver": coarse.solver.model_copy(update={"precision": best_precision(coarse).precision})}
+    )
 
 
 def met_by(scene, coarse: list[Met]) -> Met:

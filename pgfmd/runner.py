@@ -29,8 +29,8 @@ from .restart.keeper import Keeper, Stopped, Timing
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
 from .solver import compiled
-from .solver.node import Node
 from .solver.interruption import Interrupted
+from .solver.node import Node
 from .solver.simulation import STOPPED_STEPS
 
 LEAST_STEPS = 2
@@ -233,7 +233,9 @@ def _told(simulation, path: Path, changed: list[str], history: History) -> list[
         lines.append(f"changed from here on, as allowed: {', '.join(changed)}")
     others = history.other_versions()
     if others:
-        lines.append(f"warning: other versions than before ({others}): last digits may differ from an uninterrupted run")
+        lines.append(
+            f"warning: other versions than before ({others}): last digits may differ from an uninterrupted run"
+        )
     return lines
 
 

@@ -47,7 +47,11 @@ def measured(comm, scene_name: str, overrides: list[str]) -> tuple[dict[str, flo
         "energy residual (% of the work)": 100.0 * energies.largest_residual / abs(energies.work),
         "pull-off force (mN)": -1e3 * state.pull_off_force,
     }
-    return numbers, np.column_stack([recorder.curve.column(name) for name in ("time", "displacement", "force")]), scene.drive.preload
+    return (
+        numbers,
+        np.column_stack([recorder.curve.column(name) for name in ("time", "displacement", "force")]),
+        scene.drive.preload,
+    )
 
 
 def force_error(rows: np.ndarray, reference: np.ndarray, preload: float) -> float:

@@ -76,7 +76,10 @@ def run(sizes: tuple[str, ...], workers: int, again: bool) -> None:
         jobs = {pool.submit(measured, case): case for case in todo}
         for count, job in enumerate(as_completed(jobs), 1):
             row = job.result()
-            print(f"{count}/{len(todo)} {jobs[job].label}: {f'{row.pairs} pairs, {row.seconds} s' if row else 'no row'}", flush=True)
+            print(
+                f"{count}/{len(todo)} {jobs[job].label}: {f'{row.pairs} pairs, {row.seconds} s' if row else 'no row'}",
+                flush=True,
+            )
             if row and row.finished:
                 rows.append(row)
                 write(TABLE, rows)

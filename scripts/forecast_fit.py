@@ -9,10 +9,9 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import least_squares
-
 from forecast_scenes import FIT
 from forecast_table import TABLE, Row, rows_of
+from scipy.optimize import least_squares
 
 from pgfmd.forecast.effort import counts_of, kind_of, ways_of
 from pgfmd.forecast.fitted import FITTED, Numbers

@@ -69,11 +69,16 @@ def _line(kind: str, name: str, chosen: list[Judged], spread: str) -> str:
 
 def outliers(found: list[Judged]) -> str:
     """Scenes that are off by more than is wanted."""
-    lines = ["| scene | changes | | pairs | foretold / counted | told within |", "| --- | --- | --- | --- | --- | --- |"]
+    lines = [
+        "| scene | changes | | pairs | foretold / counted | told within |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for one in found:
         if abs(math.log(one.ratio)) > math.log(GOOD):
             row, name = one.row, "fitted to" if one.row.part == FIT else "judged only"
-            lines.append(f"| {row.scene} | {row.changes} | {name} | {row.pairs} | {one.ratio:.2f} | {one.told.spread:.2g} |")
+            lines.append(
+                f"| {row.scene} | {row.changes} | {name} | {row.pairs} | {one.ratio:.2f} | {one.told.spread:.2g} |"
+            )
     return "\n".join(lines) if len(lines) > 2 else "None."
 
 

@@ -156,8 +156,18 @@ def _without_time() -> Iterator[Case]:
     ])  # fmt: skip
     # As stiff at once as the other scenes are.
     at_once = ("rheology.model=single", "rheology.modulus_ratio=250", "rheology.relaxation_time=1 ms")
-    yield from _of("hertz", FIT, REDUCED, [(n, STICKY, at_once, INSTANTANEOUS, accuracy(a)) for n, a in ((64, 0.01), (128, 0.03), (256, 0.1))])
-    yield from _of("hertz", JUDGE, REDUCED, [(96, STICKY, at_once, INSTANTANEOUS, accuracy(0.02)), (192, STICKY, at_once, INSTANTANEOUS)])
+    yield from _of(
+        "hertz",
+        FIT,
+        REDUCED,
+        [(n, STICKY, at_once, INSTANTANEOUS, accuracy(a)) for n, a in ((64, 0.01), (128, 0.03), (256, 0.1))],
+    )
+    yield from _of(
+        "hertz",
+        JUDGE,
+        REDUCED,
+        [(96, STICKY, at_once, INSTANTANEOUS, accuracy(0.02)), (192, STICKY, at_once, INSTANTANEOUS)],
+    )
     for scene in ("tri-tack", "hex-tack", "flat-punch"):
         yield from _of(scene, FIT, REDUCED, [(96, INSTANTANEOUS), (256, INSTANTANEOUS, accuracy(0.1))])
         yield from _of(scene, JUDGE, REDUCED, [(192, INSTANTANEOUS, accuracy(0.03)), (128, preload(10), INSTANTANEOUS)])
@@ -166,9 +176,21 @@ def _without_time() -> Iterator[Case]:
 def _explicit() -> Iterator[Case]:
     """The paper's scheme, at speeds at which it ends."""
     gfmd = "solver.scheme=gfmd"
-    yield from _of("tri-tack", JUDGE, REDUCED, [(128, gfmd, speed(500)), (64, gfmd, speed(200), preload(10)), (128, gfmd, speed(1000), elements(5))])
+    yield from _of(
+        "tri-tack",
+        JUDGE,
+        REDUCED,
+        [(128, gfmd, speed(500)), (64, gfmd, speed(200), preload(10)), (128, gfmd, speed(1000), elements(5))],
+    )
     yield from _of("hex-tack", JUDGE, REDUCED, [(128, gfmd, speed(500)), (64, gfmd, speed(100), preload(2))])
     yield from _of("flat-punch", JUDGE, REDUCED, [(128, gfmd, speed(500), "substrate.boundary=periodic")])
 
 
-CASES = (*_corrugated("tri-tack", 10, 80), *_corrugated("hex-tack", 2, 30), *_flat(), *_sphere(), *_without_time(), *_explicit())
+CASES = (
+    *_corrugated("tri-tack", 10, 80),
+    *_corrugated("hex-tack", 2, 30),
+    *_flat(),
+    *_sphere(),
+    *_without_time(),
+    *_explicit(),
+)

@@ -47,7 +47,11 @@ def write(path: Path, rows: list[Row]) -> None:
     places = {(case.scene, "; ".join(case.changes)): place for place, case in enumerate(CASES)}
     known = [row for row in rows if (row.scene, row.changes) in places]
     known.sort(key=lambda row: places[row.scene, row.changes])
-    known = [replace(row, part=case.part, size=case.size) for row in known for case in [CASES[places[row.scene, row.changes]]]]
+    known = [
+        replace(row, part=case.part, size=case.size)
+        for row in known
+        for case in [CASES[places[row.scene, row.changes]]]
+    ]
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
         table.writeheader()

@@ -123,7 +123,9 @@ def main() -> None:
         for _ in range(given.repeats):
             found = run(scene, comm, watch)
             inside = watch.seconds[TRANSFORM] / found["steps"]
-            say(f"outside the transforms {100.0 * (1.0 - inside):.1f} % of {found['steps']:.2f} s, {found['pairs']} pairs")
+            say(
+                f"outside the transforms {100.0 * (1.0 - inside):.1f} % of {found['steps']:.2f} s, {found['pairs']} pairs"
+            )
         watch = watched(clock, True)
         found = run(scene, comm, watch)
         report(watch, found, given.least, say)

@@ -32,8 +32,8 @@ from precision_scenes import CASES, COSTS, OWN, PRECISIONS, SCATTERS, SPREAD, Ca
 
 from pgfmd.assemble import assemble
 from pgfmd.benchmark.curve_errors import errors, rms_difference
-from pgfmd.output.recorder import Recorder
 from pgfmd.errors import PgfmdError
+from pgfmd.output.recorder import Recorder
 from pgfmd.results.curve import Loop
 from pgfmd.results.uncertainty import LEAST_LOOP
 from pgfmd.scene import load_scene, scene_from_mapping
@@ -55,7 +55,6 @@ class Outcome:
     steps: int
     seconds: float
     ended: str
-
 
     @property
     def at_stake(self) -> float:

@@ -57,7 +57,11 @@ class Table:
             csv.DictWriter(file, self.columns, lineterminator="\n").writerow(short)
 
 
-GROUPS = {"viscoelastic": "", "elastic, with jumps": "rheology.model=elastic", "quasi-static": "solver.scheme=quasistatic"}
+GROUPS = {
+    "viscoelastic": "",
+    "elastic, with jumps": "rheology.model=elastic",
+    "quasi-static": "solver.scheme=quasistatic",
+}
 """Lines of the summary, and the override that makes a scene belong there."""
 MEASURES = {"force": "force curve", "pull_off": "pull-off force", "loop": "loop", "residual": "audit"}
 
@@ -95,7 +99,9 @@ def summary(rows: list[Row]) -> str:
         }
         cells = [f"{statistics.geometric_mean(ratios[name]):.2f}" for name in ratios]
         near = sum(abs(ratio - 1.0) < 0.1 for ratio in ratios["force"])
-        lines.append(f"| {group} | {len(mine)} | {' | '.join(cells)} | {near} of {len(mine)}, {max(ratios['force']):.2f} |")
+        lines.append(
+            f"| {group} | {len(mine)} | {' | '.join(cells)} | {near} of {len(mine)}, {max(ratios['force']):.2f} |"
+        )
     return "\n".join(lines)
 
 

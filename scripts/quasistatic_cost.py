@@ -80,12 +80,17 @@ def row(label: str, scene: str, n: int, changes: list[str]) -> str:
 
 def runs(chosen) -> None:
     """The scheme, and the elastic scene by the default scheme."""
-    print("| n | scheme, accuracy | steps | jumps | pairs | loop (nJ) | released (nJ) | residual (%) | pull-off (mN) | s |")
+    print(
+        "| n | scheme, accuracy | steps | jumps | pairs | loop (nJ) | released (nJ) | residual (%) | pull-off (mN) | s |"
+    )
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for n in chosen.n:
         for accuracy in chosen.accuracy:
             changes = [f"drive.preload={chosen.preload}", f"solver.accuracy={accuracy}"]
-            for label, scheme in (("quasistatic", ["solver.scheme=quasistatic"]), ("elastic", ["rheology.model=elastic"])):
+            for label, scheme in (
+                ("quasistatic", ["solver.scheme=quasistatic"]),
+                ("elastic", ["rheology.model=elastic"]),
+            ):
                 print(row(f"{label}, {accuracy}", chosen.scene, n, [*changes, *scheme]), flush=True)
 
 

@@ -44,7 +44,9 @@ def main() -> None:
     parser.add_argument("--n", type=int, nargs="+", default=[512, 1024, 2048], help="grid points a side")
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 3], help="numbers of ranks")
     parser.add_argument("--rounds", type=int, default=3, help="for speed (default: %(default)s)")
-    parser.add_argument("--whole", action="store_true", help="for speed: the whole programme on large grids, too (minutes)")
+    parser.add_argument(
+        "--whole", action="store_true", help="for speed: the whole programme on large grids, too (minutes)"
+    )
     parser.add_argument("--busy", action="store_true", help="for speed: a process that computes on each core")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="further changes of the scene")
     parser.add_argument("--page", action="store_true", help="write the tables into docs/ranks.md")
@@ -78,7 +80,9 @@ def speed(options: argparse.Namespace) -> None:
             best = [min(taken) for taken in times.values()]
             ratios = [f"{later / earlier:.2f}" for earlier, later in pairwise(best)]
             words = ", ".join(change.partition(".")[2].replace("=", " ").replace(" um", " µm") for change in test)
-            rows.append([f"n = {n}, {words}", stepped(n, options.set), *(f"{seconds:.2f} s" for seconds in best), *ratios])
+            rows.append(
+                [f"n = {n}, {words}", stepped(n, options.set), *(f"{seconds:.2f} s" for seconds in best), *ratios]
+            )
     finally:
         for other in others:
             other.kill()
@@ -122,7 +126,18 @@ def _busy() -> subprocess.Popen:
 def _run(n: int, ranks: int, changes: list[str]) -> float:
     """Time [s] of a whole run with these changes, from the command to its end."""
     folder = tempfile.mkdtemp(prefix="pgfmd-ranks-")
-    command = [sys.executable, "-P", "-m", "pgfmd.cli", "run", "tri-tack", f"grid.n={n}", *changes, "--out", f"{folder}/run"]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "pgfmd.cli",
+        "run",
+        "tri-tack",
+        f"grid.n={n}",
+        *changes,
+        "--out",
+        f"{folder}/run",
+    ]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
     # Without compiled modules, a start compiles all of pgfmd's sources each time, on each rank.
@@ -154,7 +169,10 @@ def shares(options: argparse.Namespace) -> None:
     tables = []
     for n in options.n:
         found = {ranks: _profile(n, ranks, options.set) for ranks in options.ranks}
-        head = [f"n = {n}, {stepped(n, options.set)} points, {found[options.ranks[0]]['pairs']} pairs", *(f"{k} rank{'s' * (k > 1)} (s)" for k in found)]
+        head = [
+            f"n = {n}, {stepped(n, options.set)} points, {found[options.ranks[0]]['pairs']} pairs",
+            *(f"{k} rank{'s' * (k > 1)} (s)" for k in found),
+        ]
         head, rows = [*head, *(f"{k} (%)" for k in found)], []
         for part in (*PARTS, "whole"):
             seconds = [each[part] for each in found.values()]
@@ -166,13 +184,21 @@ def shares(options: argparse.Namespace) -> None:
         print(f"\n{tables[-1]}", flush=True)
     if options.page:
         rows = [[part, *(f"{value:.2f}" for value in values)] for part, values in BEFORE.items()]
-        blocks = {"after": "\n\n".join(filter(None, [*tables, options.load])), "before": table(["n = 2048, 220 pairs", "1 rank (s)", "2 ranks (s)"], rows)}
+        blocks = {
+            "after": "\n\n".join(filter(None, [*tables, options.load])),
+            "before": table(["n = 2048, 220 pairs", "1 rank (s)", "2 ranks (s)"], rows),
+        }
         fill(PAGE, "shares", blocks.__getitem__)
 
 
 def _profile(n: int, ranks: int, changes: list[str]) -> dict[str, float]:
     """Where the time of a run's first rank goes (ranks_shares.py)."""
-    command = [sys.executable, str(Path(__file__).with_name("ranks_shares.py")), f"{time.time():.6f}", *scene_of(n, changes)]
+    command = [
+        sys.executable,
+        str(Path(__file__).with_name("ranks_shares.py")),
+        f"{time.time():.6f}",
+        *scene_of(n, changes),
+    ]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)[0]
@@ -208,10 +234,16 @@ def latency(comm) -> None:
             times.append(time.perf_counter() - began)
         return 1e6 * np.array(times)
 
-    for name, action in (("meeting", node.meet), ("Barrier", comm.Barrier), ("Allreduce", lambda: comm.Allreduce(number, total))):
+    for name, action in (
+        ("meeting", node.meet),
+        ("Barrier", comm.Barrier),
+        ("Allreduce", lambda: comm.Allreduce(number, total)),
+    ):
         taken = timed(action)
         if comm.rank == 0:
-            print(f"{name:10s} median {np.median(taken):7.2f} us, mean {taken.mean():7.2f} us, largest {taken.max():8.1f} us")
+            print(
+                f"{name:10s} median {np.median(taken):7.2f} us, mean {taken.mean():7.2f} us, largest {taken.max():8.1f} us"
+            )
 
 
 if __name__ == "__main__":

@@ -12,7 +12,15 @@ import numpy as np
 
 from pgfmd.benchmark import ranks as bench
 from pgfmd.forecast.scaling import (
-    PARTS, SUMS, Costs, Network, Problem, pair_seconds, total_seconds, traffic_of_pair, traffic_of_sum,
+    PARTS,
+    SUMS,
+    Costs,
+    Network,
+    Problem,
+    pair_seconds,
+    total_seconds,
+    traffic_of_pair,
+    traffic_of_sum,
 )  # fmt: skip
 
 LARGE, CORES = (4096, 8192, 16384, 32768), (16, 64, 256, 1024, 4096)
@@ -28,11 +36,32 @@ ROW_WORK = 0.6
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `model`."""
     parser.add_argument("--per-node", type=int, default=64, help="ranks on a node of the model (default: %(default)s)")
-    parser.add_argument("--latency", type=float, default=1.5, metavar="US", help="of a message between nodes (default: %(default)s us)")
-    parser.add_argument("--message", type=float, default=0.3, metavar="US", help="a rank's own time for a message (default: %(default)s us)")
-    parser.add_argument("--bandwidth", type=float, default=12.0, metavar="GB/S", help="of a node (default: %(default)s GB/s)")
-    parser.add_argument("--look", type=float, default=0.1, metavar="US", help="of a meeting, for each further rank of a node (default: %(default)s us)")
-    parser.add_argument("--crowding", type=float, default=None, help="work on a full node takes so many times as long; as with the most ranks measured")
+    parser.add_argument(
+        "--latency", type=float, default=1.5, metavar="US", help="of a message between nodes (default: %(default)s us)"
+    )
+    parser.add_argument(
+        "--message",
+        type=float,
+        default=0.3,
+        metavar="US",
+        help="a rank's own time for a message (default: %(default)s us)",
+    )
+    parser.add_argument(
+        "--bandwidth", type=float, default=12.0, metavar="GB/S", help="of a node (default: %(default)s GB/s)"
+    )
+    parser.add_argument(
+        "--look",
+        type=float,
+        default=0.1,
+        metavar="US",
+        help="of a meeting, for each further rank of a node (default: %(default)s us)",
+    )
+    parser.add_argument(
+        "--crowding",
+        type=float,
+        default=None,
+        help="work on a full node takes so many times as long; as with the most ranks measured",
+    )
 
 
 def blocks(options: argparse.Namespace) -> dict[str, str]:
@@ -121,14 +150,18 @@ def _costs(profile) -> str:
 
 def _fit(records: list[dict], profile) -> str:
     rows = []
-    for record in sorted(records, key=lambda record: (record["precision"], record["n"], record["mirror"], record["ranks"])):
+    for record in sorted(
+        records, key=lambda record: (record["precision"], record["n"], record["mirror"], record["ranks"])
+    ):
         # What is measured on several ranks, too.
         if record["n"] == bench.TINY or bench.WITNESSES[record["precision"]] != record["mirror"]:
             continue
         problem = bench.forced(record["n"], record["precision"], record["mirror"])
         expected = total_seconds(problem, record["ranks"], profile.costs[problem.kind], sums=record["sums"])
         model = f"{1e3 * expected:.3g}" if record["ranks"] <= profile.cores else f"({1e3 * expected:.3g})"
-        rows.append([problem.kind, record["n"], record["ranks"], f"{record['sums']:.2f}", f"{1e3 * record['pair']:.3g}", model])
+        rows.append(
+            [problem.kind, record["n"], record["ranks"], f"{record['sums']:.2f}", f"{1e3 * record['pair']:.3g}", model]
+        )
     text = table(["points", "n", "ranks", "sums a pair", "measured (ms)", "model (ms)"], rows)
     if any(record["ranks"] > profile.cores for record in records):
         text += f"\n\nIn brackets: more ranks than the {profile.cores} cores of this machine, of which the model knows nothing."
@@ -154,7 +187,11 @@ def _traffic(sizes: list[int], model: Model) -> str:
 
 
 def _assumptions(options: argparse.Namespace, model: Model) -> str:
-    crowding = f"taken to be {options.crowding:g} times as long" if options.crowding else "taken to be as measured with the most ranks"
+    crowding = (
+        f"taken to be {options.crowding:g} times as long"
+        if options.crowding
+        else "taken to be as measured with the most ranks"
+    )
     return (
         f"For {model.stepped}. Assumed, not measured: {options.per_node} ranks a node; {options.latency:g} µs for a message between nodes, "
         f"{options.message:g} µs of a rank's own time for each, {options.bandwidth:g} GB/s a node; {options.look:g} µs more for a meeting with "
@@ -229,7 +266,9 @@ def pencil_seconds(problem: Problem, ranks: int, costs: Costs, per_node: int, ne
     parts["sums"] = pair_seconds(problem, min(ranks, problem.most_ranks), costs, per_node, network)["sums"]
     # Ranks of a row of blocks are on one node where it has so many.
     inside = min(1.0, per_node / across)
-    of_rows, of_columns = (problem.itemsize * count * problem.columns / ranks for count in (problem.rows, problem.length))
+    of_rows, of_columns = (
+        problem.itemsize * count * problem.columns / ranks for count in (problem.rows, problem.length)
+    )
     sent = 2.0 * of_rows * (1.0 - inside) + 2.0 * of_columns * (1.0 - 1.0 / down)
     messages = 2 * (across - 1) * (inside < 1.0) + 2 * (down - 1)
     if ranks <= per_node:
@@ -255,7 +294,9 @@ def _by(problem: Problem, ranks: int, row: float) -> tuple[np.ndarray, np.ndarra
     together = 2 if problem.mirror else 1
     places = np.append(np.arange(0, problem.rows, together), problem.rows)
     work = problem.ends[places] + row * np.diff(problem.ends).max() * places
-    edges = places[np.rint(np.interp(np.arange(ranks + 1) / ranks * work[-1], work, np.arange(places.size))).astype(int)]
+    edges = places[
+        np.rint(np.interp(np.arange(ranks + 1) / ranks * work[-1], work, np.arange(places.size))).astype(int)
+    ]
     return np.diff(edges), problem.shares(ranks)[1], np.diff(problem.ends[edges])
 
 
@@ -265,7 +306,11 @@ def _balance(model: Model) -> str:
         problem = model.problem(n)
         if ranks > problem.most_ranks:
             continue
-        shares = {"rows": problem.shares(ranks), "points": _by(problem, ranks, 0.0), "work": _by(problem, ranks, ROW_WORK)}
+        shares = {
+            "rows": problem.shares(ranks),
+            "points": _by(problem, ranks, 0.0),
+            "work": _by(problem, ranks, ROW_WORK),
+        }
         seconds = {by: sum(pair_seconds(*model.of(problem, ranks), found).values()) for by, found in shares.items()}
         fair = problem.rows / ranks, problem.ends[-1] / ranks
         cells = [f"{found[0].max() / fair[0]:.2f}, {found[2].max() / fair[1]:.2f}" for found in shares.values()]
@@ -293,5 +338,8 @@ def _overlap(model: Model) -> str:
 def busy() -> str:
     """A word on other load of the machine; empty where it is idle."""
     load = os.getloadavg()[0]
-    return f"The machine was busy (load {load:.1f}) when this was measured: these numbers are provisional." if load > 0.5 else ""
-
+    return (
+        f"The machine was busy (load {load:.1f}) when this was measured: these numbers are provisional."
+        if load > 0.5
+        else ""
+    )

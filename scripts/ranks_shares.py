@@ -1,6 +1,6 @@
 """Where the time of a whole run goes on 1 and 2 ranks: for scripts/ranks.py, which starts this on some ranks.
 
-    python scripts/ranks_shares.py SECONDS tri-tack grid.n=1024        prints JSON from rank 0; SECONDS: when it was started
+python scripts/ranks_shares.py SECONDS tri-tack grid.n=1024        prints JSON from rank 0; SECONDS: when it was started
 """
 
 from __future__ import annotations
@@ -75,8 +75,16 @@ def profile(comm, scene: list[str], folder: str, began: float) -> dict[str, floa
     spent["transforms of columns"] = sum(calls["_convolve_columns"])
     spent["transforms of rows"] = sum(calls["_rows_forward"]) + sum(calls["_rows_backward"])
     spent["waits in transposes"] = watch.outside
-    spent["waits for sums"] = max(0.0, now.get("waited", 0.0) - marks["before"] - watch.outside) if comm.size > 1 else 0.0
-    inside = ("transforms of columns", "transforms of rows", "waits in transposes", "waits for sums", "curve, snapshots, checkpoints")
+    spent["waits for sums"] = (
+        max(0.0, now.get("waited", 0.0) - marks["before"] - watch.outside) if comm.size > 1 else 0.0
+    )
+    inside = (
+        "transforms of columns",
+        "transforms of rows",
+        "waits in transposes",
+        "waits for sums",
+        "curve, snapshots, checkpoints",
+    )
     spent["pointwise and the rest"] = marks["steps"] - sum(spent[part] for part in inside)
     spent["end"] = whole - marks["steps"] - spent["start: kernels"] - spent["start: fields and plans"]
     pairs = now["pairs"]

@@ -30,7 +30,13 @@ REACHES = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 """sqrt(2 R rho), within which a sphere is lower than the range, in grid spacings."""
 PLACES = ((0.5, 0.5), (0.0, 0.0), (0.25, 0.25), (0.5, 0.0))
 """Where the sphere's axis is, in spacings from a grid point."""
-CONTACTS = ((32, 1.0, 1.0, 4e-3), (32, 0.3, 1.0, 4e-3), (32, 1.0, 10.0, 20e-3), (64, 1.0, 10.0, 20e-3), (64, 5.0, 100.0, 40e-3))
+CONTACTS = (
+    (32, 1.0, 1.0, 4e-3),
+    (32, 0.3, 1.0, 4e-3),
+    (32, 1.0, 10.0, 20e-3),
+    (64, 1.0, 10.0, 20e-3),
+    (64, 5.0, 100.0, 40e-3),
+)
 """Grid points a side, range factor, E(infinity)/E(0) and preload [N] of a sphere without attraction."""
 FILMS = ((0.495, "bonded"), (0.495, "sliding"), (0.3, "bonded"))
 THICKNESSES = (1 / 32, 1 / 8, 1 / 4, 1 / 2, 1.0, 4.0)
@@ -64,7 +70,10 @@ def elastic_pull_off(n: int, reach: float) -> float:
 
 
 def pull_off() -> str:
-    lines = ["| grid points of the summit | rigid, at worst (%) | elastic, automatic range (%) |", "| --- | --- | --- |"]
+    lines = [
+        "| grid points of the summit | rigid, at worst (%) | elastic, automatic range (%) |",
+        "| --- | --- | --- |",
+    ]
     for reach in REACHES:
         worst = max((rigid_error(reach, place) for place in PLACES), key=abs)
         error = elastic_pull_off(COARSE, reach) / elastic_pull_off(FINE, reach) - 1.0 if reach > 0.25 else math.nan
@@ -82,7 +91,11 @@ def overlap() -> str:
     for n, factor, ratio, load in CONTACTS:
         rheology = ["rheology.model=single", f"rheology.modulus_ratio={ratio}", "rheology.relaxation_time=1000 s"]
         found = run(
-            "hertz", f"grid.n={n}", f"adhesion.range_factor={factor}", f"drive.preload={load} N", *(rheology if ratio > 1 else [])
+            "hertz",
+            f"grid.n={n}",
+            f"adhesion.range_factor={factor}",
+            f"drive.preload={load} N",
+            *(rheology if ratio > 1 else []),
         )
         exact = float(hertz.indentation(load, SPHERE, ratio * CONTACT_MODULUS))
         error = -found.recorder.preload_position / exact - 1.0
@@ -107,7 +120,9 @@ def film() -> str:
                 for boundary in ("periodic", "free")
             ]  # fmt: skip
             measured = runs[0].contact_stiffness() / runs[1].contact_stiffness()
-            lines.append(f"| {base}, $\\nu = {ratio}$ | {share:.3g} | {measured:.2f} | {image_stiffness(runs[0].scene):.2f} |")
+            lines.append(
+                f"| {base}, $\\nu = {ratio}$ | {share:.3g} | {measured:.2f} | {image_stiffness(runs[0].scene):.2f} |"
+            )
     return "\n".join(lines)
 
 

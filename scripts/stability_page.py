@@ -1,7 +1,7 @@
 """Puts the table of scripts/stability.py into docs/stability.md.
 
-    python scripts/stability.py --csv docs/figures/stability.csv
-    python scripts/stability_page.py
+python scripts/stability.py --csv docs/figures/stability.csv
+python scripts/stability_page.py
 """
 
 from __future__ import annotations
@@ -21,11 +21,18 @@ def lines(rows: list[dict[str, str]]) -> list[str]:
     for row in rows:
         if row["axis"] != axis:
             axis = row["axis"]
-            table += ["", f"## {axis.capitalize()}", "", "| scene | settings | outcome | steps | pairs | jumps | residual |"]
+            table += [
+                "",
+                f"## {axis.capitalize()}",
+                "",
+                "| scene | settings | outcome | steps | pairs | jumps | residual |",
+            ]
             table += ["| --- | --- | --- | --- | --- | --- | --- |"]
         settings = row["settings"].replace("rheology.model=geometric ", "") or "as shipped"
         ran = row["verdict"] in ("ok", "stopped")
-        numbers = [row["steps"], row["pairs"], row["jumps"], f"{100 * float(row['residual']):.2g} %"] if ran else [""] * 4
+        numbers = (
+            [row["steps"], row["pairs"], row["jumps"], f"{100 * float(row['residual']):.2g} %"] if ran else [""] * 4
+        )
         outcome = row["finished"] if ran else f"{row['verdict']}: {cause(row['finished'])}"
         table.append(f"| {row['scene']} | `{settings}` | {outcome} | " + " | ".join(numbers) + " |")
     return [*table, ""]

@@ -1,6 +1,6 @@
 """Writes the tables of columns on the page "Files of a run" anew, from their declarations (pgfmd/files/tables.py).
 
-    python scripts/tables_page.py
+python scripts/tables_page.py
 """
 
 from __future__ import annotations

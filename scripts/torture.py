@@ -32,9 +32,9 @@ os.environ.setdefault("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
 os.environ.setdefault("OMPI_MCA_rmaps_base_oversubscribe", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from pgfmd.files.storage import CHECKPOINT_FILE, CHECKPOINT_FILES, CURVE_FILE, RUN_FILE  # noqa: E402
-from pgfmd.restart.checkpoint_layout import Damaged, examine  # noqa: E402
-from pgfmd.restart.sameness import differences  # noqa: E402
+from pgfmd.files.storage import CHECKPOINT_FILE, CHECKPOINT_FILES, CURVE_FILE, RUN_FILE
+from pgfmd.restart.checkpoint_layout import Damaged, examine
+from pgfmd.restart.sameness import differences
 
 SCENE = ("tri-tack", "grid.n=48", "solver.accuracy=1e-3", "drive.preload=10 mN",
          'output.snapshots=["2 s", "4 s", "1.1 t_pl"]')  # fmt: skip

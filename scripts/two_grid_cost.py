@@ -69,7 +69,9 @@ def main() -> None:
     chosen = options.parse_args()
     warm_up("inertialess", "double")
     warm_up("inertialess", "mixed")
-    print("| test | cells | pairs | on cells | steps (refused) | processor time | ratio | force curve | pull-off force |")
+    print(
+        "| test | cells | pairs | on cells | steps (refused) | processor time | ratio | force curve | pull-off force |"
+    )
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for n in chosen.n:
         for scene in chosen.scene:

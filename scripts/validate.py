@@ -20,7 +20,7 @@ import numpy as np
 # The package also puts the runs of tests/physics on the path.
 from validation.choice import chosen  # isort: skip
 
-from runs import (  # noqa: E402
+from runs import (
     CONTACT_MODULUS,
     RADIUS,
     RIGID,
@@ -31,7 +31,7 @@ from runs import (  # noqa: E402
     run,
 )
 
-from pgfmd.reference import flat_punch, hertz, jkr, maugis, power_law, tabor, wavy  # noqa: E402
+from pgfmd.reference import flat_punch, hertz, jkr, maugis, power_law, tabor, wavy
 
 SPHERE = 10e-3
 SLOW, FAST = 1e-8, 10.0

@@ -184,9 +184,7 @@ class Study:
         *grids, finest = self.size.range
         base = (self.size.slower, "solver.accuracy=1e-3", "drive.clearance=2.5 um")
         reach = {n: 1e6 * load_scene(SCENE, [f"grid.n={n}"]).adhesion.range for n in grids}
-        lines = [
-            Setting("ρ automatic", f"n = {n}, ρ = {reach[n]:.3g} µm", reach[n], (f"grid.n={n}",)) for n in grids
-        ]
+        lines = [Setting("ρ automatic", f"n = {n}, ρ = {reach[n]:.3g} µm", reach[n], (f"grid.n={n}",)) for n in grids]
         yield from self._measured(base, lines, lambda: self._curve(*base, f"grid.n={finest}"), known)
 
     def elements(self, known) -> Iterator[Row]:

@@ -66,9 +66,7 @@ def corrected_simulation(loop: Loop, cell_stiffness: float) -> Loop:
     return loop.pushed_in_by(loop.force / cell_stiffness)
 
 
-def corrected_experiment(
-    loop: Loop, machine_stiffness: float = np.inf, cell_stiffness: float = np.inf
-) -> Loop:
+def corrected_experiment(loop: Loop, machine_stiffness: float = np.inf, cell_stiffness: float = np.inf) -> Loop:
     """A measured loop without the machine's compliance, u_ind - F/k_M, and, to lay it over an uncorrected run of a
     periodic cell, without the cell's, - F/k_cc.
 

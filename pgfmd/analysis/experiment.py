@@ -36,9 +36,7 @@ CURES = {",": "decimal commas need semicolons between the columns"}
 """What else may be wrong with rows that are longer than the header, by the mark between their columns."""
 
 
-def read_experiment(
-    path: str | Path, positive_displacement: str = "in", positive_force: str = "compression"
-) -> Loop:
+def read_experiment(path: str | Path, positive_displacement: str = "in", positive_force: str = "compression") -> Loop:
     """A measured curve as a loop, its rows in the order of the file; split at the largest force.
 
     Args:

@@ -53,7 +53,9 @@ def counts_to_measure(most: int) -> list[int]:
     return sorted({1, most} | {2**power for power in range(1, most.bit_length()) if 2**power <= most})
 
 
-def survey(sizes: Sequence[int], counts: Sequence[int], say: Callable[[str], None] = lambda line: None) -> tuple[Profile, list[dict]]:
+def survey(
+    sizes: Sequence[int], counts: Sequence[int], say: Callable[[str], None] = lambda line: None
+) -> tuple[Profile, list[dict]]:
     """The profile of this machine, and what was measured: a record for each number of ranks and size. counts: numbers of
     ranks, one first. Trouble where ranks can't be started."""
     path, records, start = launcher(), [], {}

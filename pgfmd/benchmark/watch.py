@@ -54,7 +54,7 @@ class Watch:
     def usual(self) -> dict[str, float]:
         """Seconds of the rows and of the columns of a pair: the median of each operator, which counts as often as it was
         called."""
-        total = {name: 0.0 for name in PARTS}
+        total = dict.fromkeys(PARTS, 0.0)
         for calls in self.each:
             for name, taken in calls.items():
                 total[name] += len(taken) * statistics.median(taken) if taken else 0.0

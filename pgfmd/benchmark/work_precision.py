@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-
 from pgfmd.errors import RunError, SceneError
 from pgfmd.output.recorder import Recorder
 from pgfmd.results.curve import Loop

@@ -100,7 +100,9 @@ def characterise(
     _confirm_temperatures(path, sweeps, reference_temperature, wlf)
     if vertical and wlf is None and len(sweeps) == 1:
         cure = "leave out --vertical-shift, or give --wlf C1,C2 and --reference-temperature"
-        raise MeasurementError(f"{path}: expected sweeps at several temperatures for a vertical shift, found one; {cure}")
+        raise MeasurementError(
+            f"{path}: expected sweeps at several temperatures for a vertical shift, found one; {cure}"
+        )
     try:
         shift = None
         if wlf is not None:

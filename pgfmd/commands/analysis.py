@@ -99,9 +99,9 @@ def compare(
     positive_force: Annotated[
         Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")
     ] = Pressing.compression,
-    out: Annotated[
-        Path, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")
-    ] = Path("comparison.png"),
+    out: Annotated[Path, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = Path(
+        "comparison.png"
+    ),
 ) -> None:
     """Lay curves of runs, and a measured one, over each other: a table and a picture.
 

@@ -75,7 +75,9 @@ TESTS = (100, 1000, 10_000)
 
 @app.command()
 def ranks(
-    n: Annotated[list[int] | None, typer.Argument(metavar="[N]...", min=64, help="Points a side, 256 512 1024 2048.")] = None,
+    n: Annotated[
+        list[int] | None, typer.Argument(metavar="[N]...", min=64, help="Points a side, 256 512 1024 2048.")
+    ] = None,
     most: Annotated[int | None, typer.Option("--most", min=1, help="Most ranks that are tried; all cores.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -89,7 +91,9 @@ def ranks(
     if launch.launched()[0] > 1:
         raise launch.LaunchError("bench ranks: start it without mpirun, it starts its own ranks")
     if os.getloadavg()[0] > BUSY:
-        launch.complain("warning: this machine is busy, and what is measured now will be too slow; measure it when it is idle")
+        launch.complain(
+            "warning: this machine is busy, and what is measured now will be too slow; measure it when it is idle"
+        )
     sizes = sorted(set(n or SIZES))
     counts = counts_to_measure(min(most or cores(), cores())) if launcher() else [1]
     try:
@@ -118,14 +122,20 @@ def _show_ranks(profile, records, counts) -> None:
     for count in counts:
         longer = [100 * (profile.costs[kind].crowd(count) - 1) for kind in ("double whole", "mixed half")]
         print(f"{count:6d} {profile.start[count]:8.2f} {longer[0]:44.0f} % {longer[1]:14.0f} %")
-    print(f"\n{'points':>15} {'n':>6} {'ranks':>6} {'pair ms':>9} {'model ms':>9}   a pair of transforms with all that goes with it")
-    for record in sorted(records, key=lambda record: (record["precision"], record["mirror"], record["n"], record["ranks"])):
+    print(
+        f"\n{'points':>15} {'n':>6} {'ranks':>6} {'pair ms':>9} {'model ms':>9}   a pair of transforms with all that goes with it"
+    )
+    for record in sorted(
+        records, key=lambda record: (record["precision"], record["mirror"], record["n"], record["ranks"])
+    ):
         if record["n"] != TINY:
             problem = forced(record["n"], record["precision"], record["mirror"])
             expected = total_seconds(problem, record["ranks"], profile.costs[problem.kind], sums=record["sums"])
             numbers = f"{1e3 * record['pair']:9.3g} {1e3 * expected:9.3g}"
             print(f"{problem.kind:>15} {record['n']:6d} {record['ranks']:6d} {numbers}")
-    print(f"\n{'':>15} ranks that tri-tack deserves with so many pairs, as a run steps it by default, and its time on them")
+    print(
+        f"\n{'':>15} ranks that tri-tack deserves with so many pairs, as a run steps it by default, and its time on them"
+    )
     print(f"{'points':>15} {'n':>6} " + " ".join(f"{pairs:>16d}" for pairs in TESTS))
     for n in profile.costs["double whole"].sizes:
         problem, cells = usual(n), []

@@ -198,7 +198,11 @@ def _expected(name: str, value: float, effort: Effort) -> Line:
     """An estimate; where it may be far off, the range that it is in."""
     if effort.spread <= TELLING_SPREAD:
         return Line(name, _rounded(value), "", f"an estimate, within a factor of {effort.spread:.2g}")
-    why = f"no better is known of scenes with {effort.unlike}" if effort.unlike else f"no better is known of {effort.kind} scenes"
+    why = (
+        f"no better is known of scenes with {effort.unlike}"
+        if effort.unlike
+        else f"no better is known of {effort.kind} scenes"
+    )
     return Line(name, f"{_rounded(value / effort.spread)} to {_rounded(value * effort.spread)}", "", why)
 
 

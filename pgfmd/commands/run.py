@@ -46,7 +46,9 @@ def run(
     changes: Changes = None,
     out: Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the results.")] = None,
     overrides: Overrides = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Start anew; old results are kept in DIR/previous-1 ...")] = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Start anew; old results are kept in DIR/previous-1 ...")
+    ] = False,
     allow: Annotated[
         list[str] | None,
         typer.Option("--allow", metavar="KEY", help="A key, or a section, that may have changed since the run began."),

@@ -44,9 +44,7 @@ def rows_on_root(comm, rows: np.ndarray, first: int) -> Iterator[tuple[int, np.n
             yield begin + start, piece
 
 
-def write_together(
-    what: str, calls: Iterator[tuple[h5py.Dataset, np.ndarray, tuple[int, ...]]]
-) -> ResultError | None:
+def write_together(what: str, calls: Iterator[tuple[h5py.Dataset, np.ndarray, tuple[int, ...]]]) -> ResultError | None:
     """Collective writes through MPI-IO, as many on every rank; returns what went wrong on this rank first.
 
     calls: dataset, this rank's piece of it (lines, width), which may be empty, and the place of its first element.

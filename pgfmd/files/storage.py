@@ -116,9 +116,7 @@ def set_aside(directory: Path) -> Path | None:
     old = [directory / name for name in RESULTS if os.path.lexists(directory / name)]
     if not old:
         return None
-    target = next(
-        folder for k in range(1, 10**6) if not os.path.lexists(folder := directory / f"previous-{k}")
-    )
+    target = next(folder for k in range(1, 10**6) if not os.path.lexists(folder := directory / f"previous-{k}"))
     target.mkdir()
     for file in (*old, *sorted(directory.glob("*.png"))):
         file.rename(target / file.name)

@@ -185,7 +185,9 @@ def _jumps(scene) -> Iterator[str]:
     # With inertia, the surface takes its time.
     if scene.solver.scheme != "gfmd" and scene.adhesion.law == "cosine" and series.kappa_inf < least:
         state = "quasi-static" if scene.solver.scheme == "quasistatic" else "elastic"
-        what = f"kappa_inf = {series.kappa_inf:.4g} is below {least:.3g}" if series.elements else f"the scene is {state}"
+        what = (
+            f"kappa_inf = {series.kappa_inf:.4g} is below {least:.3g}" if series.elements else f"the scene is {state}"
+        )
         yield (
             f"jumps: {what} (flat punches: 0.38 n at the automatic range), so the surface may jump in zero time; "
             "jumps are listed in events.csv with the energy they release"

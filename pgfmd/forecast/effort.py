@@ -183,8 +183,12 @@ def _work_of_pair(scene) -> float:
 
 def counts_of(way: Way, numbers: Numbers) -> tuple[float, float]:
     """Steps and pairs of a way."""
-    least, rate, pairs_rate = (pair[0 if way.inward else 1] for pair in (numbers.least, numbers.rate, numbers.pairs_rate))
-    steps = (1e-2 / way.accuracy) ** numbers.refinement * (least + rate * way.length**numbers.travel * way.slow**numbers.slow)
+    least, rate, pairs_rate = (
+        pair[0 if way.inward else 1] for pair in (numbers.least, numbers.rate, numbers.pairs_rate)
+    )
+    steps = (1e-2 / way.accuracy) ** numbers.refinement * (
+        least + rate * way.length**numbers.travel * way.slow**numbers.slow
+    )
     root = math.sqrt(1.0 + way.creep(way.time / steps) * way.stiffness**numbers.stiff)
     return steps, steps * (numbers.pairs_least + pairs_rate * root)
 

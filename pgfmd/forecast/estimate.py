@@ -110,7 +110,9 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     most = largest_share(points, ranks)
     state, rest = (size * most * count for count in counts)
     halves = 2.0 * rows * columns
-    transform = (multiplier + halves) * (size + (4.0 if precision == "mixed" else 0.0)) + _cells_bytes(scene, size * rough)
+    transform = (multiplier + halves) * (size + (4.0 if precision == "mixed" else 0.0)) + _cells_bytes(
+        scene, size * rough
+    )
     heights = _map_bytes(scene.punch)
     solver = size * (2.0 + 7.0 * rough) * most
     if periodic:

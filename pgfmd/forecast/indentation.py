@@ -75,7 +75,9 @@ def _depth_with(scene, stiffening: float, heights: np.ndarray | None) -> float:
     punch, load, law = scene.punch, scene.drive.preload, law_of(scene.adhesion)
     if punch.pattern == "sphere" and law.attractive:
         contact = punch.curvature_radius, stiffening * modulus_of(scene), law.work_of_adhesion
-        return max(float(jkr.indentation(jkr.contact_radius_at_force(load, *contact), *contact)), SHALLOWEST * law.range)
+        return max(
+            float(jkr.indentation(jkr.contact_radius_at_force(load, *contact), *contact)), SHALLOWEST * law.range
+        )
     if heights is None:
         return depth_of(scene, stiffening)
     modulus, area = stiffening * modulus_of(scene), math.pi * punch.radius**2

@@ -141,7 +141,15 @@ def _is_sound(profile: Profile) -> bool:
     for costs in profile.costs.values():
         tables = (costs.row, costs.column, costs.points, costs.point)
         numbers = [*costs.sizes, *costs.crowding, *(number for table in tables for number in table)]
-        numbers += [costs.pair_overhead, costs.sum_overhead, costs.adding, costs.sums, costs.meeting, costs.look, costs.shared]
+        numbers += [
+            costs.pair_overhead,
+            costs.sum_overhead,
+            costs.adding,
+            costs.sums,
+            costs.meeting,
+            costs.look,
+            costs.shared,
+        ]
         lengths = {len(table) for table in (costs.sizes, *tables)}
         if len(lengths) > 1 or 0 in lengths or not all(0.0 <= number < math.inf for number in numbers):
             return False

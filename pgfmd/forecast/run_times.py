@@ -63,7 +63,9 @@ def _not_measured(scene, profile: Profile) -> str:
     return ""
 
 
-def _by_profile(scene, profile: Profile, effort: Effort, ahead: list, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
+def _by_profile(
+    scene, profile: Profile, effort: Effort, ahead: list, ranks: int
+) -> tuple[list[tuple[int, float, str]], list[str]]:
     problem, pairs, usable = problem_of(scene), effort.pairs, min(cores(), profile.most_ranks)
     coarser = coarsening.scene_of_cells(scene)
     cells, others = coarser and problem_of(coarser), [(problem_of(coarse), wanted) for coarse, wanted in ahead]
@@ -98,7 +100,11 @@ def _by_profile(scene, profile: Profile, effort: Effort, ahead: list, ranks: int
     taken = seconds(ranks)
     times = [(ranks, taken, note), (best, fastest, most)]
     if taken > WORTH_TELLING * fastest:
-        return times, [f"{ranks_of(best)} would take about {fastest / taken:.2g} times as long as {ranks_of(ranks)} here"]
+        return times, [
+            f"{ranks_of(best)} would take about {fastest / taken:.2g} times as long as {ranks_of(ranks)} here"
+        ]
     if best < ranks:
-        return times, [f"{ranks_of(best)} would take hardly longer than {ranks_of(ranks)} here, and leave cores to others"]
+        return times, [
+            f"{ranks_of(best)} would take hardly longer than {ranks_of(ranks)} here, and leave cores to others"
+        ]
     return times, []

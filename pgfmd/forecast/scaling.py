@@ -218,7 +218,9 @@ def pair_seconds(
     return dict(zip(PARTS, found, strict=True))
 
 
-def _between_nodes(problem: Problem, shares, pair: Traffic, per_node: int, network: Network) -> tuple[float, float, float]:
+def _between_nodes(
+    problem: Problem, shares, pair: Traffic, per_node: int, network: Network
+) -> tuple[float, float, float]:
     """Seconds of a sum, and of a pair's messages by latency and by bandwidth, that nodes take."""
     rows, columns, _ = shares
     count = -(-rows.size // per_node)
@@ -226,7 +228,9 @@ def _between_nodes(problem: Problem, shares, pair: Traffic, per_node: int, netwo
         return 0.0, 0.0, 0.0
     # What a node sends, there and back; it receives as much at the same time.
     rows_here, columns_here = rows[:per_node].sum(), columns[:per_node].sum()
-    sent = float(problem.itemsize) * (rows_here * (columns.sum() - columns_here) + columns_here * (rows.sum() - rows_here))
+    sent = float(problem.itemsize) * (
+        rows_here * (columns.sum() - columns_here) + columns_here * (rows.sum() - rows_here)
+    )
     bytes_of_sum = 8.0 * KINDS * problem.rows * (count - 1) / count
     of_sum = math.ceil(math.log2(count)) * network.latency + bytes_of_sum / network.bandwidth
     return of_sum, pair.messages * network.message + 2.0 * network.latency, sent / network.bandwidth

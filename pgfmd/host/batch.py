@@ -82,8 +82,13 @@ def asked(*command: str, **more: str) -> subprocess.CompletedProcess | None:
     plain = {name: value for name, value in os.environ.items() if not name.startswith("SQUEUE_")}
     try:
         return subprocess.run(
-            command, env=plain | more, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace",
-            timeout=ANSWER_WITHIN
+            command,
+            env=plain | more,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=ANSWER_WITHIN,
         )
     except (OSError, ValueError, subprocess.SubprocessError):
         return None

@@ -59,7 +59,9 @@ def say(line: str) -> None:
         say(ascii(line)[1:-1])
     except (OSError, ValueError) as problem:
         _give_up("stdout")
-        complain(f"warning: standard output can't be written ({reason(problem)}): this goes on without further words there")
+        complain(
+            f"warning: standard output can't be written ({reason(problem)}): this goes on without further words there"
+        )
 
 
 def complain(message: object) -> None:

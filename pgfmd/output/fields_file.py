@@ -125,9 +125,7 @@ class FieldsFile:
             size = fields_layout.reserve(self.path, self._layout.frame_bytes + BOOKKEEPING_BYTES)
             fields_layout.remember(self.path, self._layout, size)
             fields_layout.resize(self.path, self._layout, frame + 1)
-            fields_layout.describe(
-                self.path, frame, label, sums, time=time, punch_position=displacement, force=force
-            )
+            fields_layout.describe(self.path, frame, label, sums, time=time, punch_position=displacement, force=force)
 
         on_root(self._comm, what, make_room)
         write = self._write_together if self.parallel else self._write_gathered
@@ -171,7 +169,9 @@ class FieldsFile:
     def _fields(self, gap: Rows, traction: Rows, displacement: Rows, surface) -> dict[str, Callable]:
         """name -> what makes (rows of this rank, first row) of it."""
         rows = dict(zip(BLOCK_FIELDS, (gap, traction, displacement), strict=True))
-        fields = {name: lambda values=values: (self._punch_rows(values), self._rows[0]) for name, values in rows.items()}
+        fields = {
+            name: lambda values=values: (self._punch_rows(values), self._rows[0]) for name, values in rows.items()
+        }
         if self._layout.surface:
             fields[SURFACE_FIELD] = lambda: surface if surface is not None else (np.empty(0), 0)
         return fields

@@ -13,9 +13,8 @@ from pgfmd.files.tables import JOINS, LEAVES, PatchRow, SiteRow
 from pgfmd.physics.contact_sites import KINDS
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.solver.patches import patches_of
-from pgfmd.solver.sites import SitePoints
-
 from pgfmd.solver.simulation import Observer
+from pgfmd.solver.sites import SitePoints
 
 if TYPE_CHECKING:
     from pgfmd.solver.simulation import Event, Simulation

@@ -25,9 +25,7 @@ LAWS = {"cosine": True, "repulsive": False}
 """Names of the laws, and whether they attract."""
 
 
-def range_of_adhesion(
-    work_of_adhesion: float, contact_modulus: float, range_factor: float, q_ref: float
-) -> float:
+def range_of_adhesion(work_of_adhesion: float, contact_modulus: float, range_factor: float, q_ref: float) -> float:
     """The range rho [m] at which the law's largest stiffness is `range_factor * q_ref * contact_modulus`.
 
     work_of_adhesion [J/m^2], contact_modulus [Pa], q_ref [rad/m]. Source: the rule of the paper's "Modeling adhesion",

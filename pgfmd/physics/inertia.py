@@ -77,6 +77,6 @@ def instability(inertia: Inertia, stiffness: float, kappa_inf: float) -> str:
     largest = 0.99 * inertia.step * STABLE / number
     return (
         f"omega dt sqrt(1 + K_0 G0/kappa_inf) is {number:.3g}: the step {inertia.step:.3g} s would make contacts "
-        f"explode. Set solver.gfmd.omega = \"{inertia.frequency:.6g} rad/s\" and solver.gfmd.dt = \"{largest:.3g} s\", "
+        f'explode. Set solver.gfmd.omega = "{inertia.frequency:.6g} rad/s" and solver.gfmd.dt = "{largest:.3g} s", '
         "or raise steps_per_tau, lower omega, or raise adhesion.range"
     )

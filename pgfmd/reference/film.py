@@ -46,9 +46,7 @@ def _functions(zeta: float, top: float) -> NDArray:
     return np.array(rows)
 
 
-def compliance(
-    wave_number: float, thickness: float, youngs_modulus: float, poisson_ratio: float, base: str
-) -> float:
+def compliance(wave_number: float, thickness: float, youngs_modulus: float, poisson_ratio: float, base: str) -> float:
     """Static compliance (m/Pa) at a wave number q > 0 (rad/m); base "bonded" or "sliding".
 
     Rounding grows for long waves, to about 1e-12 at q h = 0.01 (5e-10 where bonded and nu = 1/2), and as 1e-16 q h for

@@ -48,7 +48,9 @@ def pressure(
     return np.where(r <= a, 2 * a * contact_modulus / (np.pi * radius) * root - edge, 0.0)
 
 
-def compressed_radius(contact_radius: ArrayLike, radius: float, contact_modulus: float, work_of_adhesion: float) -> NDArray:
+def compressed_radius(
+    contact_radius: ArrayLike, radius: float, contact_modulus: float, work_of_adhesion: float
+) -> NDArray:
     """Radius (m) within which the contact is pressed, where p = 0: r^2 = a^2 (1 - sqrt(pi w R^2/(2 E* a^3))).
 
     The ring from there to a is pulled. 0 where all of the contact is.

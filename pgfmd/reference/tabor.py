@@ -19,16 +19,12 @@ def power_law(
     return float(radius**beta * (work_of_adhesion / contact_modulus) ** (1 - beta) / range_of_adhesion)
 
 
-def asperity(
-    radius: float, contact_modulus: float, work_of_adhesion: float, range_of_adhesion: float
-) -> float:
+def asperity(radius: float, contact_modulus: float, work_of_adhesion: float, range_of_adhesion: float) -> float:
     """Tabor parameter of a parabolic summit with curvature radius R (m)."""
     return power_law(radius, contact_modulus, work_of_adhesion, range_of_adhesion, 2)
 
 
-def flat_punch(
-    punch_radius: float, contact_modulus: float, work_of_adhesion: float, range_of_adhesion: float
-) -> float:
+def flat_punch(punch_radius: float, contact_modulus: float, work_of_adhesion: float, range_of_adhesion: float) -> float:
     """Tabor parameter of a flat punch of radius a (m)."""
     return power_law(punch_radius, contact_modulus, work_of_adhesion, range_of_adhesion, np.inf)
 

@@ -56,8 +56,6 @@ def force(
     return 4 / 3 * contact_modulus * np.sqrt(radius) * (velocity * pushed) ** 1.5 * ratio
 
 
-def contact_radius(
-    time: ArrayLike, velocity: float, radius: float, approach_time: float = np.inf
-) -> NDArray:
+def contact_radius(time: ArrayLike, velocity: float, radius: float, approach_time: float = np.inf) -> NDArray:
     """Contact radius sqrt(R delta) (m) of the same programme; it knows nothing of the rheology."""
     return np.sqrt(radius * velocity * np.clip(np.asarray(time, dtype=float), 0, approach_time))

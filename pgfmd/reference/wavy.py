@@ -21,9 +21,7 @@ def full_contact_pressure(amplitude: float, wave_number: float, contact_modulus:
     return contact_modulus * wave_number * amplitude / 2
 
 
-def contact_fraction(
-    mean_pressure: ArrayLike, amplitude: float, wave_number: float, contact_modulus: float
-) -> NDArray:
+def contact_fraction(mean_pressure: ArrayLike, amplitude: float, wave_number: float, contact_modulus: float) -> NDArray:
     """Contact fraction c in [0, 1] without adhesion at a mean pressure (Pa)."""
     ratio = np.asarray(mean_pressure, dtype=float) / full_contact_pressure(amplitude, wave_number, contact_modulus)
     return 2 / np.pi * np.arcsin(np.sqrt(np.clip(ratio, 0, 1)))

@@ -53,8 +53,8 @@ class Status:
     time_s: float | None = None
     steps: int | None = None
     displacement_m: float | None = None
-    force_N: float | None = None  # noqa: N815
-    preload_N: float | None = None  # noqa: N815
+    force_N: float | None = None
+    preload_N: float | None = None
     row_age_s: float | None = None
     checkpoint: dict[str, Any] | None = None
     wall_s: float | None = None

@@ -255,7 +255,7 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
 def _strange(file: h5py.File, layout: Layout, frames: int) -> list[str]:
     """Variables that are not what the file's own attributes and number of snapshots make them."""
     shapes = {name: (frames, side, side) for name, (_, _, side, _) in layout.arrays.items()}
-    shapes |= {name: (frames,) for name in (*SNAPSHOT_NUMBERS, *map(checksum_of, (*layout.arrays, NUMBERS)))}
+    shapes |= dict.fromkeys((*SNAPSHOT_NUMBERS, *map(checksum_of, (*layout.arrays, NUMBERS))), (frames,))
     # Of an earlier version: one text a snapshot.
     shapes["label"] = (frames, LABEL_BYTES) if file["label"].ndim == 2 else (frames,)
     found = [name for name, shape in shapes.items() if file[name].shape != shape]

@@ -229,7 +229,9 @@ def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
     if _modulus_ratio(draft) * SINGLE_ROUNDING > SINGLE_SHARE * accuracy:
         most = SINGLE_SHARE * accuracy / SINGLE_ROUNDING
         name = "rheology.kappa" if draft["rheology.model"] == "prony" else "rheology.modulus_ratio"
-        yield draft.problem(name, f"E(infinity)/E(0) of at most {most:.3g} at this accuracy in single precision", _MIXED)
+        yield draft.problem(
+            name, f"E(infinity)/E(0) of at most {most:.3g} at this accuracy in single precision", _MIXED
+        )
 
 
 def springs_are_not_single(draft: Draft) -> Iterator[Problem]:

@@ -169,7 +169,8 @@ class Drive(Section):
     )
     dwell: float = quantity("time", "time for which the displacement is held after the turn", 0.0, at_least=0.0)
     control: Literal["displacement", "load"] = key(
-        "what the machine controls: `displacement`, or `load`, by a very soft spring; `quasistatic` only", "displacement"
+        "what the machine controls: `displacement`, or `load`, by a very soft spring; `quasistatic` only",
+        "displacement",
     )
     machine_stiffness: float = quantity(
         "stiffness", "stiffness of the machine's spring between drive and punch; `quasistatic` only", math.inf,
@@ -296,7 +297,9 @@ class Scene(Section):
         rows = [f"<caption>{html.escape(self.title)}</caption>"] if self.title else []
         for name, values in self.tables().items():
             rows.append(f'<tr><th colspan="2" style="text-align:left">{name}</th></tr>')
-            rows += [f"<tr><td>{key}</td><td>{html.escape(toml_text(value))}</td></tr>" for key, value in values.items()]
+            rows += [
+                f"<tr><td>{key}</td><td>{html.escape(toml_text(value))}</td></tr>" for key, value in values.items()
+            ]
         return f"<table>{''.join(rows)}</table>"
 
     __str__ = __repr__

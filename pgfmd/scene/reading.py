@@ -166,9 +166,7 @@ def _resolve(title: str, draft: Draft) -> Scene:
             "base": (substrate.base or "bonded") if math.isfinite(substrate.thickness) else None,
         },
     }
-    resolved = {
-        name.replace(".", "_"): part.model_copy(update=automatic.get(name, {})) for name, part in parts.items()
-    }
+    resolved = {name.replace(".", "_"): part.model_copy(update=automatic.get(name, {})) for name, part in parts.items()}
     scene = Scene.model_construct(title=title, **resolved)
     if scene.solver.precision != "auto":
         return scene

@@ -13,6 +13,7 @@ PRECISIONS = ("auto", "double", "mixed", "single")
 INSTEAD_OF_OMEGA_AND_DT = ("omega_tau", "steps_per_tau", "fast_pull")
 """The keys of [solver.gfmd] that omega and dt, given both, leave without a use."""
 
+
 class GfmdKeys(Section):
     """The inertia and the step of the scheme `gfmd`; no other scheme reads them."""
 
@@ -54,10 +55,13 @@ class Solver(Section):
     )
     accuracy: float = number(
         "relative error allowed in one step of `inertialess` or `quasistatic`; `gfmd` has [solver.gfmd]",
-        1e-2, at_least=1e-8, at_most=0.3,
+        1e-2,
+        at_least=1e-8,
+        at_most=0.3,
     )
     order: Literal[2, 1] = key(
-        "order of the steps of `inertialess`: 2 (two stages, SDIRK2) or 1 (implicit Euler); `gfmd` is always of order 2", 2
+        "order of the steps of `inertialess`: 2 (two stages, SDIRK2) or 1 (implicit Euler); `gfmd` is always of order 2",
+        2,
     )
     precision: Literal["auto", "double", "mixed", "single"] = key(
         "`double`; `mixed`: single within conjugate gradients, double in all that lasts; `single`: all fields; `auto`: "

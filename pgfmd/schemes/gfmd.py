@@ -32,7 +32,16 @@ class Gfmd:
     cure = "Try a shorter step: a smaller solver.gfmd.dt, or more steps_per_tau."
 
     def __init__(
-        self, points, plane, compliance, height, law, series: PronySeries, inertia: Inertia, audit: bool, near_gap: float
+        self,
+        points,
+        plane,
+        compliance,
+        height,
+        law,
+        series: PronySeries,
+        inertia: Inertia,
+        audit: bool,
+        near_gap: float,
     ):
         self.points, self.plane, self.height, self.law = points, plane, height, law
         self.series, self.inertia, self.audit = series, inertia, audit

@@ -166,7 +166,9 @@ class Inertialess(PathFollowing):
             state.energies.elastic, viscous = self._audit.energies(state, weights, self._u, self._f, keep=True)
             state.energies.viscous += viscous
         else:
-            retardation_kernels.advance_branches(state.branches, weights.decay, self._f, weights.gain, self.tableau.stages)
+            retardation_kernels.advance_branches(
+                state.branches, weights.decay, self._f, weights.gain, self.tableau.stages
+            )
         self._move_on(state, trial)
 
     def _tolerance(self, state: State, sharp: bool, jump: bool) -> float:

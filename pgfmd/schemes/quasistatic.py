@@ -202,7 +202,9 @@ class Quasistatic(PathFollowing):
         )
         if outcome.left_over and not self.machine_compliance:
             # Rounding has stopped it short of balance. Newton's corrections, each of many moves, are rounded only once.
-            more = self.solver.solve(position, self._none, self.compliance, u, w, tolerance, jump, largest_force=largest)
+            more = self.solver.solve(
+                position, self._none, self.compliance, u, w, tolerance, jump, largest_force=largest
+            )
             outcome = outcome.followed_by(more)
         self._after_solve(position, outcome)
         return outcome

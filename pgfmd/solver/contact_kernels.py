@@ -12,7 +12,6 @@ import numpy as np
 
 from .kernels import _compile_maxima, _compile_sums, bits_of, number_of
 
-
 # Cohesion and the incremental potential ------------------------------------------------------------------------------
 _COSINE = tuple((-1) ** k * math.pi ** (2 * k) / math.factorial(2 * k) for k in range(12))
 _SINE = tuple((-1) ** k * math.pi ** (2 * k + 1) / math.factorial(2 * k + 1) for k in range(12))
@@ -27,7 +26,7 @@ def _horner(coefficients: tuple[float, ...], variable: str) -> str:
 
 
 def _compiled_polynomial(coefficients: tuple[float, ...]):
-    return numba.njit(inline="always")(eval(f"lambda q: {_horner(coefficients, 'q')}"))  # noqa: S307
+    return numba.njit(inline="always")(eval(f"lambda q: {_horner(coefficients, 'q')}"))
 
 
 # cos(pi y) and sin(pi y)/y as functions of y^2, |y| <= 1/2, by their Taylor series to rounding: no branch, no call.

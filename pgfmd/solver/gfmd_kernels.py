@@ -63,9 +63,7 @@ def touch(plane, top, left, first, height, position, law, levels, offset, u, f, 
             pull += traction
             closest = min(closest, gap)
         # Apart from the sums above: those would be added up in another order beside them.
-        rows[0, row], rows[1, row], rows[2, row] = count_below(
-            height, position, u, start, offset[row + 1], levels
-        )
+        rows[0, row], rows[1, row], rows[2, row] = count_below(height, position, u, start, offset[row + 1], levels)
         rows[3, row] = energy
         rows[4, row] = pull
         rows[5, row] = -closest
@@ -73,7 +71,22 @@ def touch(plane, top, left, first, height, position, law, levels, offset, u, f, 
 
 @_compile
 def advance_modes(
-    buffer, compliance, u, v, branches, weights, rates, keep, kick, step, decay, old_gain, new_gain, stiffness, fold, sums
+    buffer,
+    compliance,
+    u,
+    v,
+    branches,
+    weights,
+    rates,
+    keep,
+    kick,
+    step,
+    decay,
+    old_gain,
+    new_gain,
+    stiffness,
+    fold,
+    sums,
 ):
     """One step of every mode; `buffer` holds the traction and is given the new u, both (n, 2 columns).
 

@@ -199,7 +199,9 @@ class PunchPoints:
             if here.size and (np.diff(here) == 1).all():
                 parts.append(values[self.offset[here[0]] : self.offset[here[-1] + 1]])
             else:
-                parts.append(np.concatenate([values[:0], *(values[self.offset[row] : self.offset[row + 1]] for row in here)]))
+                parts.append(
+                    np.concatenate([values[:0], *(values[self.offset[row] : self.offset[row + 1]] for row in here)])
+                )
         if self.comm.size == 1:
             return parts
         from mpi4py import MPI

@@ -29,7 +29,6 @@ SLIDES, MOST_SLIDE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), 4.0
 and again, up to the last number, as long as that leads down."""
 
 
-
 @dataclass(frozen=True)
 class Outcome:
     """How a solve ended: whether it converged, its iterations, the force on the punch [N], by how much Phi fell, and

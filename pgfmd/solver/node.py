@@ -246,7 +246,9 @@ class RowExchange:
             if self.node.local.rank == 0:
                 self.node.gathers += 1
                 gathered = np.empty((len(self._there), kinds))
-                self.node.leaders.Allgatherv(np.ascontiguousarray(rows[:, self._here].T), [gathered, self._counts * kinds])
+                self.node.leaders.Allgatherv(
+                    np.ascontiguousarray(rows[:, self._here].T), [gathered, self._counts * kinds]
+                )
                 rows[:, self._there] = gathered.T
             if self.node.local.size > 1:
                 self.node.meet()

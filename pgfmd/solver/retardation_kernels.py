@@ -166,7 +166,7 @@ def _images(psi, branch_weight, stage_weight, compliance, first, last, begin, en
 def advance_branches_and_energy(
     phi, psi, f, first, last, branch_weight, stage_weight, compliance, decay, gain, rate_decay, rate_gain, quadrature,
     compliances, keep, offset, rows
-):
+):  # fmt: skip
     """`advance_branches` for phi and for psi = G0 phi, with the energies that they store and dissipate. No transform: the
     images g_i = G0 f_i of the stages follow from their surfaces u_i, `first` and `last`, the same for one stage.
 

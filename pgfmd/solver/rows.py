@@ -12,7 +12,6 @@ import numpy as np
 from . import mirrored_kernels
 from . import transform_kernels as kernels
 
-
 _APART = 16
 """Numbers between the coefficients of one row and of the next."""
 

@@ -136,7 +136,9 @@ class Convolution(Pruned):
 
     def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
         super().__init__(points, n, effort, dtype)
-        assert min((points.nb + 1) // 2, self.spectrum.width) >= self.comm.size, "more ranks than pairs of rows, or columns"
+        assert min((points.nb + 1) // 2, self.spectrum.width) >= self.comm.size, (
+            "more ranks than pairs of rows, or columns"
+        )
         self.multiplier = np.empty((self.spectrum.column_count, self.spectrum.width), self.dtype)
         make_multiplier(self.spectrum, self.multiplier)
         # G at q = 0, the same on every rank.

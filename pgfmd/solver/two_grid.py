@@ -91,7 +91,9 @@ class Cells:
         between.roughness(r, k, cells, self.points.offset, self._first, self._begin, self.m, rows)
         return float(self.points.all_rows(rows[:1]).max())
 
-    def turn(self, r: np.ndarray, k: np.ndarray, s_c: np.ndarray, t_c: np.ndarray, means: np.ndarray, d: np.ndarray) -> None:
+    def turn(
+        self, r: np.ndarray, k: np.ndarray, s_c: np.ndarray, t_c: np.ndarray, means: np.ndarray, d: np.ndarray
+    ) -> None:
         """d = r - K P s_c, and what makes the mean of d over each cell t_c; means: of r. Collective."""
         points, rim, mirror = self.points, self._rim, self.coarse.mirror
         rim[self._inner] = s_c
@@ -235,4 +237,6 @@ class TwoGrid(ConjugateGradients):
         cg.r[:] = self._cells.at_points(self._means)
         total = float(cg.r.sum(dtype=np.float64)) * cg.points.images
         # A force out of balance is a sum over points: over cells it is m^2 times smaller.
-        return cg.correct(compliance, COARSE_SHARE * tolerance, BALANCE_SHARE * unbalanced / self._cells.m**2, trust, total)[1]
+        return cg.correct(
+            compliance, COARSE_SHARE * tolerance, BALANCE_SHARE * unbalanced / self._cells.m**2, trust, total
+        )[1]

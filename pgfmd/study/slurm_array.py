@@ -133,7 +133,9 @@ def _split(options: str) -> list[str]:
 def _submitted(command: list[str]) -> str:
     """The number of the array's job."""
     try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", timeout=120)
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", timeout=120
+        )
     except (OSError, subprocess.SubprocessError) as error:
         raise SlurmError(f"sbatch: {error}") from None
     if done.returncode:

@@ -18,8 +18,8 @@ from pgfmd.errors import PgfmdError, Problem
 from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene.draft import MISSING
-from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.given import parse_toml
+from pgfmd.scene.model import SECTIONS
 
 from .values import label_of_value
 

@@ -22,21 +22,21 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from marked_page import fill  # noqa: E402
-from matplotlib import rc_context  # noqa: E402
+from marked_page import fill
+from matplotlib import rc_context
 
-from paper import ROOT, page  # noqa: E402
-from paper.drawing import settings_of  # noqa: E402
-from paper.pool import SIZES, Entry, Pool, Run  # noqa: E402
-from paper.registry import FIGURES, STUDIES  # noqa: E402
-from pgfmd.commands.study import say  # noqa: E402
-from pgfmd.errors import PgfmdError, SceneError  # noqa: E402
-from pgfmd.files.storage import RUN_FILE, SCENE_FILE  # noqa: E402
-from pgfmd.forecast.effort import effort_of  # noqa: E402
-from pgfmd.plots.drawing import STYLE  # noqa: E402
-from pgfmd.scene import load_scene  # noqa: E402
-from pgfmd.study.campaign import Campaign, Unfinished, Wishes  # noqa: E402
-from pgfmd.study.standing import COMPLETE  # noqa: E402
+from paper import ROOT, page
+from paper.drawing import settings_of
+from paper.pool import SIZES, Entry, Pool, Run
+from paper.registry import FIGURES, STUDIES
+from pgfmd.commands.study import say
+from pgfmd.errors import PgfmdError, SceneError
+from pgfmd.files.storage import RUN_FILE, SCENE_FILE
+from pgfmd.forecast.effort import effort_of
+from pgfmd.plots.drawing import STYLE
+from pgfmd.scene import load_scene
+from pgfmd.study.campaign import Campaign, Unfinished, Wishes
+from pgfmd.study.standing import COMPLETE
 
 
 def arguments(texts: list[str] | None) -> argparse.Namespace:

@@ -53,7 +53,9 @@ def crack_in_time(quick: bool):
         common = time <= coarse_time[-1]
         apart = (np.interp(time[common], coarse_time, coarse) - fine[common]) / paths[1].radius().max()
         settings = f"n = {sizes[0]} against {sizes[1]}, over the largest radius"
-        lines.append(Line(f"{name} crack: root mean square difference", settings, 0.0, float(np.sqrt(np.mean(apart**2)))))
+        lines.append(
+            Line(f"{name} crack: root mean square difference", settings, 0.0, float(np.sqrt(np.mean(apart**2))))
+        )
     return figure, lines
 
 

@@ -57,7 +57,9 @@ def _strength(tabor: float) -> float:
 def _held(path: Path, phases: tuple[str, ...], tabor: float) -> np.ndarray:
     """The steps of these phases where rings have a stable state."""
     depth, _, _ = _ring_curve(tabor)
-    return np.flatnonzero(path.within(*phases) & (path.contact > 0) & (path.depth > depth[0]) & (path.depth < depth[-1]))
+    return np.flatnonzero(
+        path.within(*phases) & (path.contact > 0) & (path.depth > depth[0]) & (path.depth < depth[-1])
+    )
 
 
 def loops(quick: bool):

@@ -132,7 +132,7 @@ def johnson(quick: bool):
                 [
                     "adhesion.law=cosine", "adhesion.range_factor=0.06", f"grid.n={n}",
                     f"punch.amplitude={amplitude} m",
-                    f"drive.preload={0.2 * closing * CELL:.9g} N", 
+                    f"drive.preload={0.2 * closing * CELL:.9g} N",
                 ],
             ),
             measure=lambda simulation: (

@@ -16,7 +16,6 @@ from pgfmd.host.run_lock import LOCK_FILE, holder
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 
 
-
 @contextmanager
 def running(program, *arguments, ranks=2, ready=True):
     """A program under mpirun, or alone; once it has said "ready". Whatever is left of it at the end is killed."""

@@ -167,7 +167,9 @@ def test_a_limit_of_time_is_kept(tmp_path):
 
 def test_a_limit_that_leaves_no_time_to_step_is_an_error(tmp_path):
     done = finish(tmp_path, 1, "--walltime", "0.1s")
-    assert done.returncode == 3 and "the limit of time (--walltime 0.1s) came after 0 steps of this process" in done.stderr
+    assert (
+        done.returncode == 3 and "the limit of time (--walltime 0.1s) came after 0 steps of this process" in done.stderr
+    )
 
 
 def test_a_second_run_is_refused_and_the_first_unharmed(tmp_path):

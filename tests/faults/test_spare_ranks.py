@@ -51,7 +51,9 @@ def test_they_wait_and_the_results_are_those_of_all_ranks(tmp_path):
 def test_an_error_of_those_that_work_is_told_once_and_ends_all(tmp_path):
     ended = finish(tmp_path / "run", 2, "--walltime", "1ms")
     assert ended.returncode == 3
-    assert ended.stderr.count("came after 0 steps of this process") == 1 and "rank" not in ended.stderr.split("-----")[0]
+    assert (
+        ended.stderr.count("came after 0 steps of this process") == 1 and "rank" not in ended.stderr.split("-----")[0]
+    )
 
 
 def test_a_signal_to_all_ranks_leaves_a_checkpoint(tmp_path):

@@ -62,7 +62,7 @@ def run(made: Made, folder: Path, limit: float) -> Finding:
             refused = False
         except SceneError:
             scene, refused = None, True
-        except Exception:  # noqa: BLE001
+        except Exception:
             # The run has died of the same, and has told it.
             scene, refused = None, code == SceneError.exit_code
         faults = judge_folder(Path("results"), scene, code, said)

@@ -47,7 +47,9 @@ def compared(one: Path, other: Path, *, factor: Factor = same, names: tuple[str,
     is looked at, as far as both folders have it. but: entries of the record that may differ.
     """
     with load(one) as first, load(other) as second:
-        faults = [fault for table in tables.TABLES if table.name in names for fault in _table(table, first, second, factor)]
+        faults = [
+            fault for table in tables.TABLES if table.name in names for fault in _table(table, first, second, factor)
+        ]
         if record:
             faults += _records(one, other, factor, ABOUT_THE_PROCESS + but)
         if fields:
@@ -163,7 +165,9 @@ def within_uncertainty(one: Path, other: Path) -> list[Fault]:
         elif value is not None:
             allowed = _uncertainty(name, first) + _uncertainty(name, second)
             if not abs(value - found) <= allowed:
-                faults.append(Fault(f"further apart than both may be off: {name}", f"{value!r}, {found!r}, {allowed:.3g}"))
+                faults.append(
+                    Fault(f"further apart than both may be off: {name}", f"{value!r}, {found!r}, {allowed:.3g}")
+                )
     return faults
 
 

@@ -74,7 +74,7 @@ def judge_check(text: str, folder: Path, limit: float | None = None) -> Verdict:
                 _judge(text, folder, verdict)
         except Hung as error:
             verdict.faults.append(Fault("hangs", f"more than {limit:g} s, {of_exception(error).label}"))
-        except Exception as error:  # noqa: BLE001
+        except Exception as error:
             verdict.faults.append(of_exception(error))
     verdict.faults += of_warnings(caught)
     spent = time.process_time() - began

@@ -139,7 +139,7 @@ def judge_folder(path: Path, scene, code: int, said: str) -> list[Fault]:
     for rule in RULES:
         try:
             faults += rule(folder)
-        except Exception as error:  # noqa: BLE001
+        except Exception as error:
             one = of_exception(error)
             faults.append(Fault(f"{rule.__name__}: {one.label}", one.text))
     return faults

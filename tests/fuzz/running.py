@@ -107,7 +107,7 @@ def _be_child(action: Callable[[], tuple[str, list[Fault]]], folder: Path) -> No
         temporary.write_text(json.dumps(report), encoding="utf-8")
         temporary.rename(folder / "report.json")
         code = 0
-    except BaseException:  # noqa: BLE001
+    except BaseException:
         traceback.print_exc()
     finally:
         sys.stdout.flush()
@@ -129,7 +129,7 @@ def pgfmd(*arguments: str) -> tuple[int, str]:
         main(list(arguments))
     except SystemExit as end:
         code = end.code
-    except BaseException:  # noqa: BLE001
+    except BaseException:
         traceback.print_exc()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -34,7 +34,15 @@ SEED, CHECKS = 3, 160
 RUNS = {1: "finished", 7: "refused"}
 """Scenes of SEED that are run, with what comes of them."""
 RELATED = {
-    2: "resolved", 4: "series", 5: "units", 13: "mirror", 15: "every", 17: "symmetry", 19: "resume", 22: "outputs", 45: "precision",
+    2: "resolved",
+    4: "series",
+    5: "units",
+    13: "mirror",
+    15: "every",
+    17: "symmetry",
+    19: "resume",
+    22: "outputs",
+    45: "precision",
 }
 """A scene of SEED for every relation, each of which costs a second or two. `ranks` is in tests/parallel."""
 

@@ -112,13 +112,15 @@ def test_a_run_is_the_same_on_any_number_of_ranks(name):
 def test_snapshots_hold_the_whole_surface(tmp_path_factory):
     comm = MPI.COMM_WORLD
     folder = comm.bcast(str(tmp_path_factory.mktemp("gfmd")) if comm.rank == 0 else None)
-    overrides = [*SCENES["one element"][1], "output.surface=true", "output.every=50", "output.snapshots=[\"1.1 t_pl\"]"]
+    overrides = [*SCENES["one element"][1], "output.surface=true", "output.every=50", 'output.snapshots=["1.1 t_pl"]']
     record = run_scene(load_scene("tri-tack", ["solver.scheme=gfmd", *overrides]), comm, folder, lambda line: None)
     if comm.rank == 0:
         assert record["scheme"] == "gfmd" and record["steps"] == record["transform_pairs"]
         with load(folder) as results:
             assert {"preload", "1.1 t_pl", "largest tension"} <= set(results.labels)
-            surface, displacement = (np.asarray(results.fields[name]) for name in ("surface_displacement", "displacement"))
+            surface, displacement = (
+                np.asarray(results.fields[name]) for name in ("surface_displacement", "displacement")
+            )
             assert len(results.curve) < record["steps"] / 40
         start = (surface.shape[1] - displacement.shape[1]) // 2
         block = surface[:, start : start + displacement.shape[1], start : start + displacement.shape[2]]

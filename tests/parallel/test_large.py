@@ -189,9 +189,16 @@ def test_far_weights_have_the_same_bits_on_any_number_of_ranks(comm, n):
 
 @pytest.mark.parametrize(
     ("pattern", "precision", "symmetry"),
-    [("triangular", "double", "auto"), ("triangular", "mixed", "auto"), ("flat", "mixed", "auto"), ("flat", "mixed", "none")],
+    [
+        ("triangular", "double", "auto"),
+        ("triangular", "mixed", "auto"),
+        ("flat", "mixed", "auto"),
+        ("flat", "mixed", "none"),
+    ],
 )
-def test_steps_allocate_what_is_foretold_of_the_whole_a_half_or_a_quarter(comm, pattern, precision, symmetry, monkeypatch):
+def test_steps_allocate_what_is_foretold_of_the_whole_a_half_or_a_quarter(
+    comm, pattern, precision, symmetry, monkeypatch
+):
     changes = [f"punch.pattern={pattern}", f"solver.precision={precision}", f"solver.symmetry={symmetry}"]
     scene = load_scene("tri-tack", ["grid.n=640", *changes])
     monkeypatch.setattr("pgfmd.solver.transform._LARGEST_BATCH", 1)

@@ -492,7 +492,9 @@ def test_snapshots_that_are_over_are_not_asked_for_again(comm, folder, stopping_
     """Stopped on the very step of a snapshot, and gone on with other ones of the same time."""
     first, then = 'output.snapshots=["1.1 t_pl"]', 'output.snapshots=["1.1 t_pl", "1.2 t_pl"]'
     record = run("one element", comm, folder / "whole", first)
-    times = [0.0] + [float(line.split(",")[0]) for line in (folder / "whole" / "curve.csv").read_text().splitlines()[1:]]
+    times = [0.0] + [
+        float(line.split(",")[0]) for line in (folder / "whole" / "curve.csv").read_text().splitlines()[1:]
+    ]
     due = next(row for row in (folder / "whole" / "events.csv").read_text().splitlines() if ",preload," in row)
     begin = float(due.split(",")[0]) - record["time_to_preload_s"]
     wanted = begin + 1.1 * record["time_to_preload_s"]

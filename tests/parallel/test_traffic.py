@@ -88,13 +88,23 @@ def test_what_is_measured_counts_as_the_model_does(monkeypatch):
     comm = MPI.COMM_WORLD
     records = ranks.measure(comm, [ranks.TINY, 64])
     found = [(record["precision"], record["mirror"], record["n"]) for record in records]
-    parts = [(precision, mirror) for precision, one in ranks.WITNESSES.items() for mirror in (ranks.MIRRORS if comm.size == 1 else (one,))]
+    parts = [
+        (precision, mirror)
+        for precision, one in ranks.WITNESSES.items()
+        for mirror in (ranks.MIRRORS if comm.size == 1 else (one,))
+    ]
     assert found == [(*part, n) for part in parts for n in (ranks.TINY, 64)]
     for record in records:
         problem = ranks.forced(record["n"], record["precision"], record["mirror"])
-        assert (record["ranks"], record["row_count"], record["column_count"]) == (comm.size, problem.rows, problem.columns)
+        assert (record["ranks"], record["row_count"], record["column_count"]) == (
+            comm.size,
+            problem.rows,
+            problem.columns,
+        )
         assert record["points"] == problem.ends[-1] and record["pairs"] >= ranks.FEWEST
-        assert record["sums"] >= 1.0 and all(record[part] > 0.0 for part in ("pair", "rows", "columns", "pass", "crowding"))
+        assert record["sums"] >= 1.0 and all(
+            record[part] > 0.0 for part in ("pair", "rows", "columns", "pass", "crowding")
+        )
         if comm.size > 1 and len(Node.of(comm).ranks) == comm.size:
             # A meeting there, one back, and one a sum.
             assert record["meetings"] == pytest.approx(2.0 + record["sums"])

@@ -45,7 +45,11 @@ class _Programme:
     """Phases one after the other; F(t) of the whole programme, from dense output."""
 
     def __init__(self, scene, size: int):
-        self.punch, self.law, self.series = punch_of(scene), parts.law_of(scene.adhesion), parts.series_of(scene.rheology)
+        self.punch, self.law, self.series = (
+            punch_of(scene),
+            parts.law_of(scene.adhesion),
+            parts.series_of(scene.rheology),
+        )
         self.preload = scene.drive.preload
         self.pieces = []
         self.preload_time = math.nan
@@ -66,7 +70,11 @@ class _Programme:
             return self.force(place(t), y) - self.preload
 
         excess.terminal, excess.direction = True, 1.0
-        last = phase.duration if math.isfinite(phase.duration) else 3.0 * (abs(position) + 10 * self.law.range) / phase.fastest
+        last = (
+            phase.duration
+            if math.isfinite(phase.duration)
+            else 3.0 * (abs(position) + 10 * self.law.range) / phase.fastest
+        )
         result = solve_ivp(
             lambda t, y: self.rate(place(t), y), (start, start + last), state, method=self.method, rtol=RTOL,
             atol=RTOL * self.scale, dense_output=True, events=excess if phase.ends_with == PRELOAD else None,

@@ -62,9 +62,7 @@ def test_a_flat_punch_under_tension_is_in_contact_until_it_lets_go():
     """It pulls everywhere: nothing overlaps. Only the rim, as wide as the range makes it, opens before."""
     rims = []
     for n in (32, 64, 128):
-        simulation, force, contact, overlap, _, _, back = areas(
-            "flat-punch", "rheology.model=elastic", f"grid.n={n}"
-        )
+        simulation, force, contact, overlap, _, _, back = areas("flat-punch", "rheology.model=elastic", f"grid.n={n}")
         whole = simulation.points.total * simulation.points.grid.cell_area
         pulled = back & (force < 0.0) & (contact > 0.0)
         assert pulled.sum() > 3 and not overlap[pulled].any()

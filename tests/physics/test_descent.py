@@ -35,7 +35,11 @@ def test_the_step_in_two_unknowns_is_that_of_lapacks_modes():
     # A last move that is none, or a multiple of the other direction.
     for p in (0.0, -0.7):
         step, fall, lowest = newton_step((2.0, 2.0 * p, 2.0 * p * p), (6.0, 6.0 * p, 6.0 * p * p), (1.0, p), 1e-8)
-        assert step == pytest.approx((1.0 / 8.0, 0.0)) and fall == pytest.approx(1.0 / 16.0) and lowest == pytest.approx(4.0)
+        assert (
+            step == pytest.approx((1.0 / 8.0, 0.0))
+            and fall == pytest.approx(1.0 / 16.0)
+            and lowest == pytest.approx(4.0)
+        )
 
 
 def three(matrix):
@@ -58,7 +62,20 @@ def test_a_probe_is_the_surface_moved():
     )
     move, turn = b * z + c * p, b * dz + c * dp
     contact_kernels.evaluate(
-        solver.height, position, u, w, move, turn, 1.0, compliance, history, compliance, law, offset, *results[1], expected
+        solver.height,
+        position,
+        u,
+        w,
+        move,
+        turn,
+        1.0,
+        compliance,
+        history,
+        compliance,
+        law,
+        offset,
+        *results[1],
+        expected,
     )
     np.testing.assert_allclose(results[0], results[1], rtol=1e-9, atol=1e-9 * np.abs(results[1]).max())
     totals, (_, k, r) = rows.sum(axis=1), results[1]

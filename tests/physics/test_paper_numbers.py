@@ -94,7 +94,7 @@ def test_summit_radii(pattern, ours):
 
 
 def test_saddles_lie_behind_the_summits():
-    """"Saddle points are almost as high as the peaks in the hexagonal lattice"."""
+    """ "Saddle points are almost as high as the peaks in the hexagonal lattice"."""
     assert corrugation.saddle_height("tri", AMPLITUDE["tri"]) == pytest.approx(16 / 9 * 4e-6, rel=1e-14, abs=0)
     assert corrugation.saddle_height("hex", AMPLITUDE["hex"]) == pytest.approx(2 / 9 * 9.2e-6, rel=1e-14, abs=0)
     assert corrugation.saddle_height("hex", 9.2e-6) < 0.12 * 2 * 9.2e-6
@@ -116,7 +116,7 @@ def test_theoretical_strength():
 
 
 def test_ideal_punch_needs_twice_the_work_of_adhesion_at_any_modulus():
-    """"The work of separation approaches 2 gamma A at very small and very large velocities"."""
+    """ "The work of separation approaches 2 gamma A at very small and very large velocities"."""
     area = np.pi * PUNCH_RADIUS**2
     for modulus in (CONTACT_MODULUS, 1000 * CONTACT_MODULUS):
         force = flat_punch.pull_off_force(PUNCH_RADIUS, modulus, WORK_OF_ADHESION)

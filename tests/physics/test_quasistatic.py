@@ -101,7 +101,9 @@ class WholePlane:
         gamma, rho = self.law.work_of_adhesion, self.law.range
         attractive = 1.0 if self.law.attractive else 0.0
         phase = np.pi * np.clip(gap, 0.0, rho) / rho
-        energy = -0.5 * gamma * attractive * (1 + np.cos(phase)) + 0.25 * gamma * (np.pi * np.minimum(gap, 0) / rho) ** 2
+        energy = (
+            -0.5 * gamma * attractive * (1 + np.cos(phase)) + 0.25 * gamma * (np.pi * np.minimum(gap, 0) / rho) ** 2
+        )
         slope = 0.5 * gamma * attractive * np.pi / rho * np.sin(phase)
         return energy, slope + 0.5 * gamma * (np.pi / rho) ** 2 * np.minimum(gap, 0.0)
 
@@ -266,7 +268,9 @@ def test_each_minimum_has_no_lower_place_beside_it():
         def observe(self, simulation, event):
             state = simulation.state
             gap = state.position + scheme.height - state.displacement
-            bend = law.stiffness * np.where(gap < 0, 1.0, np.where(gap < law.range, np.cos(np.pi * gap / law.range), 0.0))
+            bend = law.stiffness * np.where(
+                gap < 0, 1.0, np.where(gap < law.range, np.cos(np.pi * gap / law.range), 0.0)
+            )
             lowest.append(1.0 + np.linalg.eigvalsh(root.T @ (bend[:, None] * root))[0])
             inside = law.stiffness * law.range / np.pi * np.sin(np.pi * np.clip(gap, 0.0, law.range) / law.range)
             traction.append(np.abs(state.traction - np.where(gap < 0, law.stiffness * gap, inside)).max())
@@ -386,7 +390,9 @@ def test_the_instantaneous_body_is_a_stiffer_one():
     hard, other = run(load_scene("flat-punch", [*common, "drive.preload=1 mN", "solver.modulus=instantaneous"]))
     kappa = parts.series_of(load_scene("flat-punch", common).rheology).kappa_inf
     # The same body with another modulus.
-    changed, third = run(load_scene("flat-punch", [*common, "drive.preload=1 mN", f"substrate.youngs_modulus={2 * kappa} MPa"]))
+    changed, third = run(
+        load_scene("flat-punch", [*common, "drive.preload=1 mN", f"substrate.youngs_modulus={2 * kappa} MPa"])
+    )
     deepest = [-min(row[0] for row in each.rows) for each in (path, other, third)]
     assert deepest[1] == pytest.approx(deepest[2], rel=1e-3) and deepest[0] > 2.0 * deepest[1]
 

@@ -65,7 +65,9 @@ def test_the_machine_is_taken_off_and_both_ways_differ_alike():
     ideal = some_loop()
     machine, cell = 38.1e3, 3e3
     measured = ideal.pushed_in_by(ideal.force / machine)
-    np.testing.assert_allclose(corrected_experiment(measured, machine).displacement, ideal.displacement, rtol=0, atol=1e-18)
+    np.testing.assert_allclose(
+        corrected_experiment(measured, machine).displacement, ideal.displacement, rtol=0, atol=1e-18
+    )
     # A run in the cell needs F/k_cc less indentation than the ideal one; either correction brings both together.
     run = ideal.pushed_in_by(-ideal.force / cell)
     for way in ("experiment", "simulation"):

@@ -75,11 +75,13 @@ def test_a_curve_of_pgfmd_itself_is_a_measurement_too(tmp_path):
         ("displacement (um),force (mN)", [(0, 0), (1, 1)], "at least 4 rows of numbers, found 2"),
         ("displacement (um),force (mN)", [(1, 1)] * 6, "found neither"),
         (
-            "displacement (um),force (mN),time (s)", [(0, 1, 2), (2, 3, 3), (1, 1, 2.5), (0, 0, 9)],
+            "displacement (um),force (mN),time (s)",
+            [(0, 1, 2), (2, 3, 3), (1, 1, 2.5), (0, 0, 9)],
             "line 4: time = '2.5': expected a time that does not fall, it was '3' in line 3; bring the rows",
         ),
         (
-            "time (s),displacement (um),force (mN)", [("0,00", "10,1", "20,0"), ("0,10", "10,2", "20,5")] * 2,
+            "time (s),displacement (um),force (mN)",
+            [("0,00", "10,1", "20,0"), ("0,10", "10,2", "20,5")] * 2,
             r"line 2: expected 3 cells as in the header, found 6 \('0,00,10,1,20,0'\); decimal commas need semicolons",
         ),
         ("displacement (um),force (mN),", [(0, 1), (2, 3), (1, 1, "x"), (0, 0)], "line 4: expected 2 cells .* found 3"),

@@ -126,10 +126,16 @@ def test_keys_of_gfmd_that_no_other_scheme_reads_are_said():
 def test_what_gfmd_costs_and_adds_is_told():
     text = warnings_of("tri-tack", "solver.scheme=gfmd", "grid.n=256")
     assert "output.every" in text and "max_steps" in text
-    assert "max_steps" not in warnings_of("tri-tack", "solver.scheme=gfmd", "solver.max_steps=5000000", "output.every=100")
+    assert "max_steps" not in warnings_of(
+        "tri-tack", "solver.scheme=gfmd", "solver.max_steps=5000000", "output.every=100"
+    )
     # 2 kappa_inf/omega over kappa_1 tau_1, with omega tau = 2 pi: 250/(249 pi).
     assert "32 %" in remarks_of("tri-tack", "solver.scheme=gfmd")
-    lines = {line.name: line.value for lines in report(load_scene("tri-tack", ["solver.scheme=gfmd"])).sections.values() for line in lines}
+    lines = {
+        line.name: line.value
+        for lines in report(load_scene("tri-tack", ["solver.scheme=gfmd"])).sections.values()
+        for line in lines
+    }
     assert lines["viscosity that the inertia adds"] == pytest.approx(250 / (249 * math.pi))
     assert lines["stability number"] < 2.0
 

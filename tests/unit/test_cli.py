@@ -15,7 +15,7 @@ from pgfmd.host import launch
 from pgfmd.scene import load_scene, shipped_scenes, shipped_text
 
 sys.path.insert(0, str(Path(__file__).parent))
-from synthetic_results import write_results  # noqa: E402
+from synthetic_results import write_results
 
 HEAVY = ("mpi4py.MPI", "numba", "h5py", "matplotlib")
 LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")

@@ -118,10 +118,7 @@ def test_compare_says_which_curves_count_what(folders, tmp_path):
     new, old = folders / "new" / "preload-1mN", folders / "old" / "preload-2mN"
     both = told(new, old)
     assert "contact area at the preload" in both and "overlap area at the preload" in both
-    assert (
-        "preload-2mN: run by version 0.1 of pgfmd, which counted overlap (gap < 0), not contact; the areas"
-        in both
-    )
+    assert "preload-2mN: run by version 0.1 of pgfmd, which counted overlap (gap < 0), not contact; the areas" in both
     assert "overlap" not in told(new)
     alone = told(old)
     assert "contact area" not in alone and "not contact; the areas" not in alone and "not contact" in alone

@@ -28,7 +28,7 @@ def lightness(grey):
 def test_greys_are_told_apart_in_print(greys):
     steps = np.diff([*map(lightness, greys), 100.0])
     # Half a scale of ten from dark to white apart, and the lightest still seen on paper.
-    assert steps[:-1].min() > 24.0 and 4.0 < steps[-1]
+    assert steps[:-1].min() > 24.0 and steps[-1] > 4.0
 
 
 @pytest.mark.parametrize(

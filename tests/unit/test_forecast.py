@@ -20,8 +20,8 @@ from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.scene import load_scene
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from forecast_scenes import CASES, FIT, JUDGE  # noqa: E402
-from forecast_table import TABLE, rows_of  # noqa: E402
+from forecast_scenes import CASES, FIT, JUDGE
+from forecast_table import TABLE, rows_of
 
 EARLY = 'output.snapshots=["0.5 t_pl"]'
 
@@ -88,7 +88,10 @@ def test_many_elements_cost_as_one_in_the_middle_of_their_spectrum():
 def test_the_kind_follows_from_what_jumps():
     scene = load_scene("tri-tack", ["solver.scheme=quasistatic", "solver.modulus=instantaneous", "grid.n=64"])
     assert jump_threshold(scene) < 250 and kind_of(scene) == "smooth"
-    assert kind_of(load_scene("tri-tack", ["solver.scheme=quasistatic", "solver.modulus=instantaneous", "grid.n=1024"])) == "quasi-static"
+    assert (
+        kind_of(load_scene("tri-tack", ["solver.scheme=quasistatic", "solver.modulus=instantaneous", "grid.n=1024"]))
+        == "quasi-static"
+    )
     assert kind_of(load_scene("flat-punch", ["rheology.model=elastic"])) == "flat, elastic"
     assert kind_of(load_scene("hertz")) == "repulsive"
 
@@ -185,7 +188,9 @@ def test_coarse_approaches_are_on_a_grid_that_carries_the_scene(changes, grids, 
     # Each starts as far out of reach as the scene.
     away = scene.drive.clearance - (scene.adhesion.range if scene.adhesion.law == "cosine" else 0.0)
     for one in found:
-        assert one.drive.clearance - (one.adhesion.range if one.adhesion.law == "cosine" else 0.0) == pytest.approx(away)
+        assert one.drive.clearance - (one.adhesion.range if one.adhesion.law == "cosine" else 0.0) == pytest.approx(
+            away
+        )
         assert not one.output.energy and not one.output.snapshots
 
 
@@ -198,7 +203,7 @@ def test_places_in_proportion_to_the_range_are_found_exactly():
 
     found = met_by(scene, [place(2.0 * rho), place(2.9 * rho)])
     assert (found.contact, found.preload) == pytest.approx((0.7 * rho, -3e-6 - 1.1 * rho), rel=1e-12)
-    (time, label), = moments(scene, found)
+    ((time, label),) = moments(scene, found)
     middle = 0.5 * (found.contact + found.preload)
     assert label == "0.5 t_pl" and time == pytest.approx((scene.drive.clearance - middle) / 1e-6, rel=1e-12)
 
@@ -206,13 +211,15 @@ def test_places_in_proportion_to_the_range_are_found_exactly():
 def test_coarse_approaches_foretell_the_moments_and_say_so():
     scene = load_scene("tri-tack", ["grid.n=512", "drive.speed=25 um/s", EARLY])
     said = []
-    (time, _), = run_ahead(scene, MPI.COMM_SELF, said.append)
+    ((time, _),) = run_ahead(scene, MPI.COMM_SELF, said.append)
     simulation = assemble(scene, MPI.COMM_SELF)
     simulation.run(only_to_preload=True)
     own = met(simulation)
     share = (scene.drive.clearance - 25e-6 * time - own.contact) / (own.preload - own.contact)
     assert share == pytest.approx(0.5, abs=0.015)
-    assert said[0].startswith("run ahead to place the snapshots before the preload: about 2 coarse approaches, n = 256, ")
+    assert said[0].startswith(
+        "run ahead to place the snapshots before the preload: about 2 coarse approaches, n = 256, "
+    )
     assert "0.5 t_pl at t = " in said[-1] and any(line.startswith("ahead: ") for line in said)
 
 

@@ -136,5 +136,3 @@ def test_one_rank_gathers_nothing():
     assert points.all_rows(local) is local
     np.testing.assert_array_equal(points.total_of(local), local.sum(axis=1))
     assert points.maximum_of(-3.5) == -3.5
-
-

@@ -77,9 +77,7 @@ def test_film_is_a_half_space_to_short_waves_without_overflow(base, poisson_rati
 @pytest.mark.parametrize("poisson_ratio", POISSON_RATIOS)
 def test_film_limits_of_long_waves(poisson_ratio):
     youngs_modulus, thickness, qh = 3.0, 0.2, 1e-8
-    oedometric = (
-        thickness * (1 + poisson_ratio) * (1 - 2 * poisson_ratio) / (youngs_modulus * (1 - poisson_ratio))
-    )
+    oedometric = thickness * (1 + poisson_ratio) * (1 - 2 * poisson_ratio) / (youngs_modulus * (1 - poisson_ratio))
     lateral = thickness * (1 - poisson_ratio**2) / youngs_modulus
     bonded = Film(youngs_modulus, poisson_ratio, thickness, "bonded")
     sliding = Film(youngs_modulus, poisson_ratio, thickness, "sliding")
@@ -103,8 +101,9 @@ def test_film_forms_agree_with_extended_precision_and_with_each_other(base, pois
         ratio = (np.cosh(2 * wide) - 1) / (np.sinh(2 * wide) + 2 * wide)
     np.testing.assert_allclose(ratio_over_x(x, poisson_ratio, base), (ratio / wide).astype(float), rtol=2e-12)
     np.testing.assert_allclose(ratio_over_x(x[x > 0.1], poisson_ratio, base), (ratio / wide)[x > 0.1], rtol=2e-15)
-    np.testing.assert_allclose(1 - x * ratio_over_x(x, poisson_ratio, base), ratio_deficit(x, poisson_ratio, base),
-                               rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        1 - x * ratio_over_x(x, poisson_ratio, base), ratio_deficit(x, poisson_ratio, base), rtol=0, atol=1e-15
+    )
 
 
 def test_table_is_exact_for_a_power_law_and_reads_its_file(tmp_path):
@@ -216,8 +215,12 @@ def test_free_film_is_the_hankel_transform_of_the_difference(base, poisson_ratio
     half_space = FreeHalfSpace(film.contact_modulus)
     for s in (0.0, 0.01, 0.777, 3.0, 11.0):
         point = -quad(
-            lambda x: ratio_deficit(np.float64(x), poisson_ratio, base) * j0(x * s), 1e-300, 30,
-            epsabs=1e-13, epsrel=0, limit=400,
+            lambda x: ratio_deficit(np.float64(x), poisson_ratio, base) * j0(x * s),
+            1e-300,
+            30,
+            epsabs=1e-13,
+            epsrel=0,
+            limit=400,
         )[0]
         difference = film.kernel(0.5 * s, 0.0, spacing) - half_space.kernel(0.5 * s, 0.0, spacing)
         scaled = difference * math.pi * film.contact_modulus * 0.5 / spacing**2

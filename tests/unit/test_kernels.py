@@ -106,7 +106,14 @@ def test_pairs_of_rows_are_packed_separated_joined_and_gathered_back(points, rng
 
 @pytest.mark.parametrize(
     ("rows", "n", "width", "batch"),
-    [((5,), 16, 9, 4), ((4, 3), 7, 4, 4), ((1,), 9, 5, 3), ((2, 0, 4), 13, 1, 1), ((4,), 8, 0, 2), ((2, 2, 4), 16, 13, 7)],
+    [
+        ((5,), 16, 9, 4),
+        ((4, 3), 7, 4, 4),
+        ((1,), 9, 5, 3),
+        ((2, 0, 4), 13, 1, 1),
+        ((4,), 8, 0, 2),
+        ((2, 2, 4), 16, 13, 7),
+    ],
 )
 def test_rows_become_tiles_columns_are_loaded_from_them_multiplied_and_stored(rows, n, width, batch, rng):
     """Of one rank's columns; rows: of each rank."""

@@ -72,7 +72,11 @@ class Problem:
             return (G / compliance + G @ (stiffness[:, None] * G)) * self.scale / RANGE
 
         found = scipy.optimize.minimize(
-            value, start / self.scale, jac=slope, hess=bend, method="trust-exact",
+            value,
+            start / self.scale,
+            jac=slope,
+            hess=bend,
+            method="trust-exact",
             options={"gtol": 1e-12, "maxiter": 2000},
         )
         x = found.x

@@ -12,8 +12,8 @@ from pgfmd.physics.contact_sites import ContactSites, contact_sites
 from pgfmd.physics.topography import Topography
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.solver.patches import patches_of
-from pgfmd.solver.sites import SitePoints
 from pgfmd.solver.simulation import Event
+from pgfmd.solver.sites import SitePoints
 
 N = 20
 POINTS = PunchPoints(Grid(N, 1.0), None, MPI.COMM_SELF)
@@ -104,7 +104,14 @@ class Still:
     def __init__(self):
         self.height = np.ones(POINTS.size)
         self.scheme, self.state, self.phase = self, self, self
-        self.law, self.name, self.position, self.punch_position, self.time, self.force = LAW, "approach", 0.0, 0.0, 0.0, 0.0
+        self.law, self.name, self.position, self.punch_position, self.time, self.force = (
+            LAW,
+            "approach",
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        )
         self.displacement, self.traction = np.zeros(POINTS.size), np.zeros(POINTS.size)
 
 

@@ -175,8 +175,8 @@ def test_panels_do_not_overlap(tmp_path, snapshots):
             boxes = [axis.get_tightbbox() for axis in figure.axes]
             pairs = [(one, other) for k, one in enumerate(boxes) for other in boxes[:k]]
             assert not any(one.shrunk(0.98, 0.98).overlaps(other) for one, other in pairs)
-            assert all(0 <= box.x0 and box.x1 <= figure.bbox.x1 for box in boxes)
-            assert all(0 <= box.y0 and box.y1 <= figure.bbox.y1 for box in boxes)
+            assert all(box.x0 >= 0 and box.x1 <= figure.bbox.x1 for box in boxes)
+            assert all(box.y0 >= 0 and box.y1 <= figure.bbox.y1 for box in boxes)
 
 
 def test_snapshots_chosen_for_one_page():

@@ -76,7 +76,10 @@ def test_every_problem_is_told(scene):
 
 
 def test_how_a_scene_shows_itself(scene):
-    assert repr(scene) == "<Scene 'Tack test, triangular corrugation', triangular punch, 50 um/s to 1 mN, n = 32, inertialess>"
+    assert (
+        repr(scene)
+        == "<Scene 'Tack test, triangular corrugation', triangular punch, 50 um/s to 1 mN, n = 32, inertialess>"
+    )
     assert "<table>" in scene._repr_html_() and "&quot;5e-05 m/s&quot;" in scene._repr_html_()
     assert "expected transform pairs" in scene.check()
 

@@ -43,7 +43,9 @@ def test_each_block_of_the_page_has_a_table(monkeypatch):
         for n in (bench.TINY, 512, 1024) for count in (1, 2, 3) for precision, mirror in PARTS_STEPPED
     ]  # fmt: skip
     costs = {bench.forced(bench.TINY, *part).kind: COSTS for part in PARTS_STEPPED}
-    monkeypatch.setattr(bench, "survey", lambda *given: (Profile("abacus", 2, "today", {1: 1.0, 2: 1.5}, costs), records))
+    monkeypatch.setattr(
+        bench, "survey", lambda *given: (Profile("abacus", 2, "today", {1: 1.0, 2: 1.5}, costs), records)
+    )
     parser = argparse.ArgumentParser()
     model.arguments(parser)
     options = parser.parse_args(["--bandwidth", "25", "--crowding", "1.5"])

@@ -99,9 +99,7 @@ def test_jkr_inverse_functions():
     found = jkr.contact_radius_at_indentation(indentation, RADIUS, MODULUS, ADHESION)
     np.testing.assert_allclose(found, a, rtol=1e-11)
     assert np.isnan(jkr.contact_radius_at_force(1.001 * under_load.force, RADIUS, MODULUS, ADHESION))
-    assert np.isnan(
-        jkr.contact_radius_at_indentation(1.001 * fixed_grips.indentation, RADIUS, MODULUS, ADHESION)
-    )
+    assert np.isnan(jkr.contact_radius_at_indentation(1.001 * fixed_grips.indentation, RADIUS, MODULUS, ADHESION))
     without = jkr.contact_radius_at_indentation(1e-6, RADIUS, MODULUS, 0.0)
     assert float(without) == pytest.approx(float(hertz.contact_radius(1e-6, RADIUS)), rel=1e-13, abs=0)
 
@@ -221,9 +219,11 @@ def test_power_law_indenters_against_sneddons_integrals(exponent):
         2 * MODULUS * a * load, rel=1e-10, abs=0
     )
     assert slope(1.0) == pytest.approx(
-        a * (power_law.height(a * 1.00001, RADIUS, exponent) - power_law.height(a * 0.99999, RADIUS, exponent))
+        a
+        * (power_law.height(a * 1.00001, RADIUS, exponent) - power_law.height(a * 0.99999, RADIUS, exponent))
         / (2e-5 * a),
-        rel=1e-8, abs=0,
+        rel=1e-8,
+        abs=0,
     )
 
 

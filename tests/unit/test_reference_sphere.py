@@ -144,9 +144,7 @@ def test_rings_do_virtual_work():
     force, depth = np.array([(one.force, one.indentation) for one in found]).T
     work = 0.5 * (force[1:] + force[:-1]) @ np.diff(depth)
     assert work == pytest.approx(energies[-1] - energies[0], rel=3e-3)
-    maugis_pull = maugis.pull_off_force(
-        RADIUS, WORK, maugis.transition_parameter(*ABOUT, WORK / law.range)
-    )
+    maugis_pull = maugis.pull_off_force(RADIUS, WORK, maugis.transition_parameter(*ABOUT, WORK / law.range))
     assert min(solved(a, 1.0).force for a in (190e-6, 200e-6, 210e-6)) == pytest.approx(maugis_pull, rel=0.02)
 
 

@@ -13,7 +13,13 @@ from pgfmd.forecast.contact_advice import overlap
 from pgfmd.forecast.resolution import image_stiffness, overlap_share, summit_points
 from pgfmd.scene import load_scene
 
-WEAK = ("hertz", "grid.n=32", "adhesion.law=cosine", "adhesion.range_factor=0.156", "adhesion.work_of_adhesion=5e-7 J/m^2")
+WEAK = (
+    "hertz",
+    "grid.n=32",
+    "adhesion.law=cosine",
+    "adhesion.range_factor=0.156",
+    "adhesion.work_of_adhesion=5e-7 J/m^2",
+)
 """A sphere whose height over one cell is sixteen times the range of adhesion."""
 FILM = ("flat-punch", "substrate.boundary=periodic", "substrate.poisson_ratio=0.495")
 
@@ -65,7 +71,7 @@ def test_a_map_is_judged_by_its_lowest_summits(tmp_path, monkeypatch, most):
     ball, rough = tmp_path / "ball.npy", tmp_path / "rough.npy"
     np.save(ball, (x**2 + y**2) / 0.02)
     np.save(rough, np.random.default_rng(1).normal(0.0, 2e-6, x.shape))
-    a_map = ["punch.pattern=file", "punch.file_size=[\"1 mm\", \"1 mm\"]", "punch.curvature_radius=inf"]
+    a_map = ["punch.pattern=file", 'punch.file_size=["1 mm", "1 mm"]', "punch.curvature_radius=inf"]
     cell = ("punch.radius=375 um", "grid.n=256", "grid.length=1 mm", "substrate.boundary=periodic")
     sphere = ("hertz", "adhesion.law=cosine", "adhesion.range=0.2 um", *cell)
     by_map = points_of(*sphere, *a_map, f"punch.file={ball}")
@@ -129,7 +135,11 @@ def test_the_cure_of_an_overlap_with_attraction_is_a_shorter_range():
      (1 / 32, "sliding", 0.495, 1.233), (1, "sliding", 0.495, 1.873), (1 / 4, "bonded", 0.3, 1.002), (2, "bonded", 0.3, 0.730)],
 )  # fmt: skip
 def test_images_of_a_film_are_as_strong_as_in_runs(thickness, base, ratio, measured):
-    film = [f"substrate.thickness={thickness * 1.5e-3:.9g} m", f"substrate.base={base}", f"substrate.poisson_ratio={ratio}"]
+    film = [
+        f"substrate.thickness={thickness * 1.5e-3:.9g} m",
+        f"substrate.base={base}",
+        f"substrate.poisson_ratio={ratio}",
+    ]
     scene = load_scene(FILM[0], [*FILM[1:], *film])
     assert image_stiffness(scene) == pytest.approx(measured, abs=0.06 * max(1.0, measured))
     assert ("goes on without other" in "\n".join(warnings(scene))) == (abs(measured - 1) > 0.05)

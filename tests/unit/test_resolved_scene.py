@@ -68,7 +68,9 @@ STEPS = {"omega_tau": ONE, "steps_per_tau": st.floats(5.0, 99.0), "fast_pull": s
 STEPPING = st.one_of(table(OWN), table(**STEPS))
 SOLVERS = st.one_of(
     table({"scheme": st.just("gfmd"), "gfmd": table(OWN)}, max_steps=st.integers(1, 10**12)),
-    table({"scheme": st.just("inertialess")}, order=st.sampled_from([1, 2]), accuracy=st.floats(1e-8, 0.3), gfmd=STEPPING),
+    table(
+        {"scheme": st.just("inertialess")}, order=st.sampled_from([1, 2]), accuracy=st.floats(1e-8, 0.3), gfmd=STEPPING
+    ),
     table({"scheme": st.just("quasistatic")}, modulus=st.sampled_from(["relaxed", "instantaneous"]), gfmd=STEPPING),
 )
 SCENES = st.fixed_dictionaries(

@@ -50,7 +50,10 @@ def test_all_parts_come_back(folder):
         assert results.scene["cell"]["n"] == 192
         assert len(results.energy) == 39
         assert list(results.sites["event"]) == ["joins", "leaves"] and list(results.sites["in_contact"]) == [1, 0]
-        assert list(results.events["left"]) == ["1 summit", ""] and list(results.events["event"]) == ["jump", "detached"]
+        assert list(results.events["left"]) == ["1 summit", ""] and list(results.events["event"]) == [
+            "jump",
+            "detached",
+        ]
         assert results.patches["summits"].dtype == np.int64 and results.patches["kind"][0] == "summit"
 
 
@@ -142,7 +145,9 @@ def test_damaged_record(folder):
         load(folder).run  # noqa: B018
     for text in ('{"a": 1}', "[1]"):
         (folder / "run.json").write_text(text)
-        with pytest.raises(ResultError, match="run.json: damaged: it does not say how a run has finished; move it away"):
+        with pytest.raises(
+            ResultError, match="run.json: damaged: it does not say how a run has finished; move it away"
+        ):
             load(folder).run  # noqa: B018
 
 

@@ -223,9 +223,7 @@ def test_the_energy_of_one_mode_balances_better_with_every_step_halved(name, met
 def weights_of_a_growing_history(count):
     """Weights of quadratic extrapolation where every step is 1.5 times the last."""
     ahead, past = 1.5, [0.0, -1.0, -1.0 - 1 / 1.5]
-    return [
-        [math.prod((ahead - other) / (here - other) for other in past if other != here) for here in past]
-    ] * count
+    return [[math.prod((ahead - other) / (here - other) for other in past if other != here) for here in past]] * count
 
 
 def test_covariances_of_the_drift_agree_with_random_trials():

@@ -143,7 +143,11 @@ def test_a_foreign_record_is_refused(text, tmp_path):
 
 
 def test_a_preload_that_was_not_met_is_told():
-    assert _missed_preload(RECORD | {"preload_N": 1.001e-3}, 1e-3) == [] == _missed_preload(RECORD | {"preload_N": None}, 1e-3)
+    assert (
+        _missed_preload(RECORD | {"preload_N": 1.001e-3}, 1e-3)
+        == []
+        == _missed_preload(RECORD | {"preload_N": None}, 1e-3)
+    )
     (text,) = _missed_preload(RECORD | {"preload_N": 1.3e-3}, 1e-3)
     assert "0.0013 N instead of 0.001 N" in text and "drive.preload" in text
     explicit = {key: value for key, value in RECORD.items() if key != "accuracy"}

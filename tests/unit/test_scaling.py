@@ -14,7 +14,16 @@ from pgfmd.forecast import machine_profile
 from pgfmd.forecast.effort import effort_of
 from pgfmd.forecast.machine_profile import NoProfile, Profile, identity
 from pgfmd.forecast.run_times import problem_of, run_times
-from pgfmd.forecast.scaling import PARTS, Costs, Network, Problem, pair_seconds, total_seconds, traffic_of_pair, traffic_of_sum
+from pgfmd.forecast.scaling import (
+    PARTS,
+    Costs,
+    Network,
+    Problem,
+    pair_seconds,
+    total_seconds,
+    traffic_of_pair,
+    traffic_of_sum,
+)
 from pgfmd.scene import load_scene
 
 EVEN = Problem(62, 32, 32 * np.arange(33))
@@ -38,7 +47,9 @@ def test_the_time_of_one_rank_is_that_of_its_parts():
     assert parts["rows"] == pytest.approx(32 * 2e-6 / (64 * 6) * side)
     assert parts["pointwise"] == pytest.approx(3.0 * 1024 * 5e-9)
     assert parts["overhead"] == pytest.approx(7e-5)
-    assert parts["sums"] == parts["imbalance"] == parts["shared memory"] == parts["latency"] == parts["bandwidth"] == 0.0
+    assert (
+        parts["sums"] == parts["imbalance"] == parts["shared memory"] == parts["latency"] == parts["bandwidth"] == 0.0
+    )
 
 
 def test_latency_and_bytes_only_make_it_slower():
@@ -245,7 +256,9 @@ def test_half_a_file_is_refused(cache, text):
 # check ---------------------------------------------------------------------------------------------------------------
 def lines_of(ranks, *changes):
     found = report(load_scene("tri-tack", list(changes)), ranks)
-    times = {line.name: (line.value, line.note) for line in found.sections["Cost"] if line.name.startswith("expected time")}
+    times = {
+        line.name: (line.value, line.note) for line in found.sections["Cost"] if line.name.startswith("expected time")
+    }
     return times, "\n".join(found.remarks)
 
 

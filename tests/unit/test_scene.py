@@ -243,7 +243,11 @@ def test_scenes_that_differ_are_not_equal():
 def test_a_scene_survives_pickling_and_can_not_be_changed():
     scene = load_scene("hex-tack")
     assert pickle.loads(pickle.dumps(scene)) == scene
-    for change in (lambda: setattr(scene.grid, "n", 3), lambda: setattr(scene, "title", "x"), lambda: delattr(scene, "grid")):
+    for change in (
+        lambda: setattr(scene.grid, "n", 3),
+        lambda: setattr(scene, "title", "x"),
+        lambda: delattr(scene, "grid"),
+    ):
         with pytest.raises(AttributeError, match="a scene can't be changed"):
             change()
 
@@ -423,7 +427,9 @@ def test_tables_and_models_name_the_same_choices():
     def choices(model, name):
         return list(model.model_fields[name].annotation.__args__)
 
-    assert choices(Solver, "scheme") == ["inertialess", "gfmd", "quasistatic"] and choices(Solver, "precision") == list(PRECISIONS)
+    assert choices(Solver, "scheme") == ["inertialess", "gfmd", "quasistatic"] and choices(Solver, "precision") == list(
+        PRECISIONS
+    )
     assert choices(SECTIONS["punch"], "pattern") == list(PATTERNS)
     assert choices(SECTIONS["rheology"], "model") == list(RHEOLOGIES)
 
@@ -641,7 +647,7 @@ def test_the_reference_page_has_every_key_with_a_meaning():
         table = page.split(f"## [{name}]")[1].split("\n## ")[0]
         for key, field in model.model_fields.items():
             assert f"| `{key}` |" in table and field.description.replace("|", "\\|") in table
-    assert '| `speed` | speed [m/s], above 0 | required | speed of the approach |' in page
+    assert "| `speed` | speed [m/s], above 0 | required | speed of the approach |" in page
     assert '"quasistatic"' in page and "## [solver.gfmd]" in page
 
 

@@ -25,7 +25,7 @@ from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 
 sys.path.insert(0, str(Path(__file__).parent))
-from small_runs import damage_an_array, flip, run  # noqa: E402
+from small_runs import damage_an_array, flip, run
 
 STOPPED_AT = 20
 
@@ -416,9 +416,7 @@ def test_endings_are_counted_across_pieces(tmp_path, monkeypatch):
 def test_lines_that_are_no_rows_are_told(stopped):
     with open(stopped / "curve.csv", "a", encoding="utf-8") as file:
         file.write("1.0,2.0\n1,2,3,4,x,6,7,8,9,approach\n")
-    assert status_of(stopped).warnings == [
-        f"{stopped}/curve.csv: 2 of its last lines are no rows: `pgfmd verify` it"
-    ]
+    assert status_of(stopped).warnings == [f"{stopped}/curve.csv: 2 of its last lines are no rows: `pgfmd verify` it"]
 
 
 def test_stiffness_is_that_of_the_last_rise(stopped):

@@ -21,8 +21,8 @@ from pgfmd.results.verify import verify
 from pgfmd.solver.patches import Patch
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-import marked_page  # noqa: E402
-import tables_page  # noqa: E402
+import marked_page
+import tables_page
 
 HEADERS = {
     "curve": "time [s],displacement [m],indentation [m],force [N],contact_area [m^2],overlap_area [m^2],"

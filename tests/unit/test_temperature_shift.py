@@ -35,17 +35,17 @@ def test_wlf_is_the_published_equation():
 
 def test_moving_the_reference_keeps_all_shifts():
     moved = KNOWN.moved_to(273.15)
-    assert moved.C1 * moved.C2 == pytest.approx(KNOWN.C1 * KNOWN.C2, rel=1e-14, abs=0)
+    assert pytest.approx(KNOWN.C1 * KNOWN.C2, rel=1e-14, abs=0) == moved.C1 * moved.C2
     expected = KNOWN.log_shift(KELVIN) - KNOWN.log_shift(273.15)
     np.testing.assert_allclose(moved.log_shift(KELVIN), expected, rtol=1e-12, atol=1e-13)
-    assert moved.moved_to(298.15).C1 == pytest.approx(KNOWN.C1, rel=1e-14, abs=0)
+    assert pytest.approx(KNOWN.C1, rel=1e-14, abs=0) == moved.moved_to(298.15).C1
 
 
 @pytest.mark.parametrize("reference", [298.15, 283.15, 270.0])
 def test_constants_are_recovered_at_any_reference(reference):
     found, known = fit_wlf(sweeps(), reference), KNOWN.moved_to(reference)
-    assert found.C1 == pytest.approx(known.C1, rel=2e-4)
-    assert found.C2 == pytest.approx(known.C2, rel=2e-4)
+    assert pytest.approx(known.C1, rel=2e-4) == found.C1
+    assert pytest.approx(known.C2, rel=2e-4) == found.C2
     np.testing.assert_allclose(found.log_shift(KELVIN), known.log_shift(KELVIN), atol=1e-3)
 
 
@@ -53,7 +53,7 @@ def test_constants_are_recovered_at_any_reference(reference):
 def test_other_constants(law, step):
     kelvin = law.reference_temperature + step * np.arange(-3.0, 4.0)
     found = fit_wlf(sweeps(law, kelvin), law.reference_temperature)
-    assert (found.C1, found.C2) == pytest.approx((law.C1, law.C2), rel=1e-3)
+    assert pytest.approx((law.C1, law.C2), rel=1e-3) == (found.C1, found.C2)
 
 
 def test_noise_and_order_of_the_sweeps():
@@ -72,7 +72,7 @@ def test_noise_and_order_of_the_sweeps():
 def test_a_vertical_shift_is_undone_only_if_asked_for():
     data = sweeps(vertical=True)
     found = fit_wlf(data, 298.15, vertical=True)
-    assert (found.C1, found.C2) == pytest.approx((KNOWN.C1, KNOWN.C2), rel=2e-3)
+    assert pytest.approx((KNOWN.C1, KNOWN.C2), rel=2e-3) == (found.C1, found.C2)
     master = master_curve(data, KNOWN, vertical=True)
     np.testing.assert_allclose(master.storage, 2e6 * SERIES.storage(master.omega), rtol=1e-12)
     np.testing.assert_allclose(master.loss, 2e6 * SERIES.loss(master.omega), rtol=1e-12)

@@ -4,7 +4,7 @@ import pytest
 
 from pgfmd.files.text import read_numbers, read_text
 
-TEXT = "title = \"Stempel\"  # 3 µm, 20 °C\n[drive]\n"
+TEXT = 'title = "Stempel"  # 3 µm, 20 °C\n[drive]\n'
 
 
 @pytest.mark.parametrize("coding", ["utf-8", "utf-8-sig", "utf-16", "utf-32", "cp1252", "latin-1"])

@@ -192,8 +192,15 @@ def test_jitter_has_no_cliffs(pattern):
 
 @pytest.mark.parametrize("pattern", ["triangular", "hexagonal", "sinusoid"])
 def test_heights_do_not_depend_on_the_partition_or_order_of_points(pattern):
-    punch = Topography(pattern, wavelength=WAVELENGTH, amplitude=4e-6, curvature_radius=0.02, layer_step=2e-7,
-                       height_jitter=1e-7, seed=-5)
+    punch = Topography(
+        pattern,
+        wavelength=WAVELENGTH,
+        amplitude=4e-6,
+        curvature_radius=0.02,
+        layer_step=2e-7,
+        height_jitter=1e-7,
+        seed=-5,
+    )
     x, y = np.broadcast_arrays(*grid(61))
     whole = punch.heights(x, y)
     for rows in (slice(0, 7), slice(7, 8), slice(8, 61)):

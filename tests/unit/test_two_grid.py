@@ -19,7 +19,14 @@ from pgfmd.solver.transform import Convolution
 from pgfmd.solver.two_grid import Cells, CoarseGrid, TwoGrid, coarse_points_of
 
 MODULUS, LENGTH = 2e6, 1e-3
-CASES = [(48, 4, 0.25, ""), (48, 4, 0.25, "x"), (48, 4, 0.25, "xy"), (70, 5, 0.31, "x"), (64, 8, 0.5, "xy"), (56, 7, 0.2, "")]
+CASES = [
+    (48, 4, 0.25, ""),
+    (48, 4, 0.25, "x"),
+    (48, 4, 0.25, "xy"),
+    (70, 5, 0.31, "x"),
+    (64, 8, 0.5, "xy"),
+    (56, 7, 0.2, ""),
+]
 
 
 def points_of(n, share, mirror=""):
@@ -46,7 +53,9 @@ def spread(coarse, values):
     x, y = coarse.coordinates()
     for sx in (1, -1) if "x" in coarse.mirror else (1,):
         for sy in (1, -1) if "y" in coarse.mirror else (1,):
-            row, column = (np.rint(value / coarse.grid.spacing + 0.5 * (n - 1)).astype(int) for value in (sy * y, sx * x))
+            row, column = (
+                np.rint(value / coarse.grid.spacing + 0.5 * (n - 1)).astype(int) for value in (sy * y, sx * x)
+            )
             plane[row, column] = values
     return plane
 
@@ -104,14 +113,18 @@ def solvers(n=96, m=4, mirror="x", dtype=np.float64):
     coarse = coarse_points_of(points, m, MPI.COMM_SELF)
     shortest = float(HalfSpace(MODULUS)(np.pi / coarse.grid.spacing, 0.0))
     grid = CoarseGrid(coarse, operator_on(coarse, dtype), shortest)
-    return TwoGrid(points, operator_on(points, dtype), law, False, grid), ConjugateGradients(points, operator_on(points), law, False)
+    return TwoGrid(points, operator_on(points, dtype), law, False, grid), ConjugateGradients(
+        points, operator_on(points), law, False
+    )
 
 
 def contact(points, stiffness):
     """K of a contact with rough edges, and a residual in it."""
     x, y = points.coordinates()
     wave = np.cos(2e4 * x) * np.cos(3e4 * y)
-    return np.where(wave > 0.2, stiffness, np.where(wave > 0.0, -0.02 * stiffness, 0.0)), np.where(wave > 0.0, 1e3 * (1 + y / LENGTH), 0.0)
+    return np.where(wave > 0.2, stiffness, np.where(wave > 0.0, -0.02 * stiffness, 0.0)), np.where(
+        wave > 0.0, 1e3 * (1 + y / LENGTH), 0.0
+    )
 
 
 @pytest.mark.parametrize("mirror", ["", "x", "xy"])
@@ -131,7 +144,9 @@ def test_corrections_solve_newtons_equations_in_fewer_pairs(mirror):
     exact, _, _ = one.correct(compliance, 1e-5, *loose)
     interacting = k != 0.0
     error = np.abs(two.s - one.s)[interacting].max() / two.law.range
-    assert error < 1e-5 + 0.05 * size and size == pytest.approx(np.abs(one.s)[interacting].max() / two.law.range, rel=0.06)
+    assert error < 1e-5 + 0.05 * size and size == pytest.approx(
+        np.abs(one.s)[interacting].max() / two.law.range, rel=0.06
+    )
     one.linear_share, one.forcing = ConjugateGradients.linear_share, ConjugateGradients.forcing
     one.r[:] = r
     assert pairs <= 0.6 * one.correct(compliance, 1e-5, *loose)[0]
@@ -212,5 +227,7 @@ def test_a_coarser_grid_is_used_where_it_was_measured_to_be_cheaper(factor, reas
 
 
 def test_fewer_pairs_are_expected():
-    two, one = (effort_of(load_scene("tri-tack", ["grid.n=1024", f"solver.coarse_grid={kind}"])) for kind in ("auto", "none"))
+    two, one = (
+        effort_of(load_scene("tri-tack", ["grid.n=1024", f"solver.coarse_grid={kind}"])) for kind in ("auto", "none")
+    )
     assert 0.8 < two.steps / one.steps < 1.2 and two.pairs < 0.6 * one.pairs and two.seconds < one.seconds

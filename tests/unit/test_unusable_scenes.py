@@ -112,7 +112,9 @@ def test_scene_map_and_compliance_may_have_a_mark_or_be_latin(coding, tmp_path):
     assert scene.title == "Stempel, 4 µm" and scene.substrate.compliance_file == str(tmp_path / "g.txt")
 
 
-@pytest.mark.parametrize("content", [b"", b"\x00\x81", b"1 2 3\n4 5 6\n", b"a b\n", b"1e2 1e-8\n1e2 1e-9\n", b"1e2 inf\n"])
+@pytest.mark.parametrize(
+    "content", [b"", b"\x00\x81", b"1 2 3\n4 5 6\n", b"a b\n", b"1e2 1e-8\n1e2 1e-9\n", b"1e2 inf\n"]
+)
 def test_an_unusable_compliance_is_told(content, tmp_path):
     (tmp_path / "g.txt").write_bytes(content)
     problem = refusal(f"substrate.compliance_file={tmp_path / 'g.txt'}")

@@ -20,7 +20,7 @@ from pgfmd.restart.checkpoint_layout import SEAL_BYTES, read_head
 from pgfmd.results import verify
 
 sys.path.insert(0, str(Path(__file__).parent))
-from small_runs import damage_an_array, flip, run  # noqa: E402
+from small_runs import damage_an_array, flip, run
 
 ARRAYS = ("gap", "traction", "displacement", "surface_displacement")
 
@@ -66,8 +66,15 @@ def place_of(folder, name, frame):
 def test_whole_folders_are_fine(finished, stopped):
     parts = list(verify.verify(finished))
     assert [part.path.name for part in parts] == [
-        "checkpoint.h5", "curve.csv", "energy.csv", "events.csv", "patches.csv", "sites.csv", "fields.h5",
-        "scene.resolved.toml", "run.json",
+        "checkpoint.h5",
+        "curve.csv",
+        "energy.csv",
+        "events.csv",
+        "patches.csv",
+        "sites.csv",
+        "fields.h5",
+        "scene.resolved.toml",
+        "run.json",
     ]
     assert all(part.fine for part in parts)
     assert "3 snapshots of 4 arrays" in str(parts[6]) and "detached" in str(parts[8])

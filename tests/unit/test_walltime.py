@@ -91,7 +91,8 @@ def test_slurm_may_say_when_it_ends(systems, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("answer", "end"), [("2000000000\n", 2e9), ("1763793000", 1763793000.0), ("NONE\n", None), ("N/A", None), ("", None)]
+    ("answer", "end"),
+    [("2000000000\n", 2e9), ("1763793000", 1763793000.0), ("NONE\n", None), ("N/A", None), ("", None)],
 )
 def test_slurm_is_asked(answer, end, systems, monkeypatch):
     asked = systems("squeue", answer)
