@@ -81,11 +81,11 @@ def _solver(scene, comm, mirror: str, wrap=lambda convolve: convolve) -> NewtonS
     height = heights_of(scene, points).astype(dtype, copy=False)
     corrections, m = ConjugateGradients, coarsening.expected(scene).factor
     if m:
-        corrections = _corrections_on_two_grids(scene, points, m, (rough or convolve).dtype)
+        corrections = _corrections_on_two_grids(scene, points, m, (rough or convolve).dtype, wrap)
     return NewtonSolver(points, convolve, height, parts.law_of(scene.adhesion), scene.drive.preload, rough, corrections)
 
 
-def _corrections_on_two_grids(scene, points: PunchPoints, m: int, dtype):
+def _corrections_on_two_grids(scene, points: PunchPoints, m: int, dtype, wrap):
     """What finds corrections with a grid of cells of m x m points beside the points. Each rank has all of it."""
     # Not at the top: small scenes do without.
     from .solver.two_grid import CoarseGrid, TwoGrid, coarse_points_of
@@ -100,9 +100,8 @@ def _corrections_on_two_grids(scene, points: PunchPoints, m: int, dtype):
     periodic = scene.substrate.model_copy(update={"boundary": "periodic"})
     waves = parts.compliance_of(scene.model_copy(update={"substrate": periodic}))
     shortest = np.pi / coarse.grid.spacing * np.eye(2)
-    return partial(
-        TwoGrid, coarse=CoarseGrid(coarse, convolution_of(scene, coarse, dtype=dtype), float(waves(*shortest).max()))
-    )
+    operator = wrap(convolution_of(scene, coarse, dtype=dtype))
+    return partial(TwoGrid, coarse=CoarseGrid(coarse, operator, float(waves(*shortest).max())))
 
 
 def _far_weights(scene, solver: NewtonSolver) -> np.ndarray:
@@ -114,12 +113,19 @@ def _far_weights(scene, solver: NewtonSolver) -> np.ndarray:
 
 def _inertialess(scene, comm, mirror: str):
     """Scheme and controller of the massless limit."""
-    solver = _solver(scene, comm, mirror)
+    spring, output, machine = parts.machine_compliance(scene), scene.output, None
+    if spring:
+        # Not at the top: most machines are taken for rigid.
+        from .solver.machine import Machine, sprung
+
+        solver = _solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, 1.0))
+        machine = Machine(solver, spring, parts.punch_stiffness(scene), scene.drive.control == "load")
+    else:
+        solver = _solver(scene, comm, mirror)
     law, series, tolerance = solver.law, parts.series_of(scene.rheology), STEP_SHARE * scene.solver.accuracy
     weights = _far_weights(scene, solver)
-    output = scene.output
     scheme = Inertialess(
-        solver, series.to_creep(), tolerance, output.energy, weights, output.near_gap, scene.solver.order
+        solver, series.to_creep(), tolerance, output.energy, weights, output.near_gap, scene.solver.order, machine
     )
     shortest = float(series.tau.min()) if series.elements else math.inf
     limits = StepLimits(tolerance, law.range, shortest, law.attractive)
@@ -130,7 +136,7 @@ def _quasistatic(scene, comm, mirror: str):
     """Scheme and controller of infinitely slow loading."""
     # Nothing of it is of use to other schemes.
     from .schemes.quasistatic.controller import LoadSteps
-    from .schemes.quasistatic.machine import sprung
+    from .solver.machine import sprung
     from .schemes.quasistatic.scheme import Quasistatic
 
     compliance, spring = parts.quasistatic_compliance(scene), parts.machine_compliance(scene)

@@ -203,20 +203,17 @@ def gfmd_is_double(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("solver.precision", "'double' with the scheme gfmd", "delete it")
 
 
-def quasistatic_alone_has_a_machine(draft: Draft) -> Iterator[Problem]:
-    control, stiffness = draft["drive.control"], draft["drive.machine_stiffness"]
-    if draft["solver.scheme"] == "quasistatic":
-        if control == "load" and math.isfinite(stiffness):
-            yield draft.problem("drive.machine_stiffness", "no such key under load control", "delete it")
+def machine_is_one(draft: Draft) -> Iterator[Problem]:
+    control, stiffness, scheme = (
+        draft[f"{key}"] for key in ("drive.control", "drive.machine_stiffness", "solver.scheme")
+    )
+    if control == "load" and math.isfinite(stiffness):
+        yield draft.problem("drive.machine_stiffness", "no such key under load control", "delete it")
+    if scheme == "quasistatic":
         return
-    cure = 'delete it, or set solver.scheme = "quasistatic"'
-    if control == "load":
-        yield draft.problem("drive.control", "'displacement', as only the scheme quasistatic controls a load", cure)
-    if math.isfinite(stiffness):
-        expected = "no such key, as only the scheme quasistatic has a machine with a spring"
-        yield draft.problem("drive.machine_stiffness", expected, cure)
     if draft["solver.modulus"] == "instantaneous":
         expected = "'relaxed', as only the scheme quasistatic has a modulus of its own"
+        cure = 'delete it, or set solver.scheme = "quasistatic"'
         yield draft.problem("solver.modulus", expected, cure)
 
 
@@ -236,7 +233,7 @@ def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
 
 def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
     precision = draft["solver.precision"]
-    if draft["solver.scheme"] != "quasistatic" or precision in ("auto", "double"):
+    if precision in ("auto", "double"):
         return
     if draft["drive.control"] == "load":
         # The soft spring is a thousand times longer than the punch goes.
@@ -266,7 +263,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     geometric_times_are_finite,
     gfmd_can_run,
     gfmd_is_double,
-    quasistatic_alone_has_a_machine,
+    machine_is_one,
     single_precision_is_enough,
     springs_are_not_single,
 )

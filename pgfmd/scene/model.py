@@ -169,11 +169,11 @@ class Drive(Section):
     )
     dwell: float = quantity("time", "time for which the displacement is held after the turn", 0.0, at_least=0.0)
     control: Literal["displacement", "load"] = key(
-        "what the machine controls: `displacement`, or `load`, by a very soft spring; `quasistatic` only",
+        "what the machine controls: `displacement`, or `load`, by a very soft spring",
         "displacement",
     )
     machine_stiffness: float = quantity(
-        "stiffness", "stiffness of the machine's spring between drive and punch; `quasistatic` only", math.inf,
+        "stiffness", "stiffness of the machine's spring between drive and punch", math.inf,
         infinite=True,
     )  # fmt: skip
     turn_time: float | Literal["auto"] = quantity(

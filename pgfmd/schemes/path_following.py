@@ -40,7 +40,10 @@ class PathFollowing:
     """
 
     machine_compliance = 0.0
-    """Of the spring between the machine and the punch [m/N]; zero where the punch itself is driven."""
+    """Of the spring between the machine and the punch [m/N], as far as the surface of a state holds its way; zero where
+    the punch itself is driven."""
+    spring_compliance = 0.0
+    """Of the spring [m/N] whose way is that of the punch alone."""
 
     def __init__(
         self, solver: NewtonSolver, tolerance: float, nodes: tuple[float, ...], far_weights: np.ndarray, near_gap: float
@@ -59,6 +62,10 @@ class PathFollowing:
 
     def place(self, state: State) -> float:
         """Position d of the punch [m]."""
+        return state.position
+
+    def drive_at(self, state: State) -> float:
+        """Position D [m] of what is driven: the punch, or the machine's end of its spring."""
         return state.position
 
     def advice(self, state: State, trial: Trial) -> str:
@@ -113,8 +120,9 @@ class PathFollowing:
         state.smallest_gap, state.far_displacement = -closest, far
         state.energies.adhesive = energy * points.grid.cell_area
 
-    def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:
-        """Start of a stage's solve: through the last three known surfaces, this step's stages included."""
+    def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> list[float]:
+        """Start of a stage's solve: through the last three known surfaces, this step's stages included; their weights,
+        newest first."""
         nodes = self.nodes
         times = _times_of(state)
         u, w = [state.displacement, *state.past_u], [state.load, *state.past_w]
@@ -130,8 +138,13 @@ class PathFollowing:
         size = self._extent(trial.position)
         self._drift = self._drift.extrapolated(c, size)
         if self._drift.newest > DRIFT_SHARE * self.tolerance:
-            self.solver.convolve(self._w[stage], self._u[stage])
+            self._surface_of(self._w[stage], self._u[stage])
             self._drift = self._drift.renewed(size)
+        return c
+
+    def _surface_of(self, w: np.ndarray, u: np.ndarray) -> None:
+        """u = G0 w [m] of a load w [Pa], as the state has it."""
+        self.solver.convolve(w, u)
 
     def _extent(self, position: float) -> float:
         """Size of u [ranges of adhesion], of which its rounding is a share, with the punch's end at a position [m]."""
@@ -155,6 +168,10 @@ class PathFollowing:
             *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.range
         )
         distance, moved = (value / law.range for value in self.points.maxima_of(*local))
+        if self.spring_compliance:
+            # A punch on a spring has a way of its own.
+            distance = max(distance, self.spring_compliance * abs(trial.force - extrapolated) / law.range)
+            moved = max(moved, self.spring_compliance * abs(trial.force - state.force) / law.range)
         return Change(
             moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
             tuple(times), trial.step,

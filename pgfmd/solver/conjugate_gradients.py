@@ -98,6 +98,9 @@ class ConjugateGradients:
             return count, alpha * largest, False
         return count, points.reduced(rows[5:6], 0)[0] * per_range, False
 
+    def stiffen(self, spring: float, compliance: float) -> None:
+        """Hears of another spring of the machine, which its operator has already (machine.SprungConvolution)."""
+
     def _clear(self) -> None:
         """A correction and a direction of nothing. Without a mean load, the first pass of CG writes over what was there."""
         for vector in (self.s, self.t, self.p, self.y):

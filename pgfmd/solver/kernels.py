@@ -54,6 +54,16 @@ def _number_of(bits):
 # Conjugate gradients
 # ---------------------------------------------------------------------------------------------------
 @_compile_sums
+def sum_in_rows(values, offset, rows):
+    """rows[0] of the values."""
+    for row in range(offset.size - 1):
+        total = 0.0
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            total += values[i]
+        rows[0, row] = total
+
+
+@_compile_sums
 def dot(a, b, offset, rows):
     """rows[0] of a b."""
     for row in range(offset.size - 1):

@@ -96,6 +96,8 @@ class NewtonSolver:
         self.traction = points.zeros(self.dtype)
         self.cg = corrections(points, self.rough, law, self.floating)
         self.curvature = self.cg.curvature
+        # By how much the surface of a solve lies below that of its load alone: see machine.Machine.
+        self.offset = 0.0
         self._rows = np.zeros((4, points.rows))
 
     def solve(
@@ -134,6 +136,8 @@ class NewtonSolver:
                 if self._renewed:
                     break
                 self.convolve(w, u)
+                if self.offset:
+                    u -= self.offset
                 self._renewed = True
                 pull, imbalance, potential, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
                 continue
@@ -154,6 +158,12 @@ class NewtonSolver:
             way += moved
             trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
         return self._outcome(False, count, cg_count, pull, drop, potential, negative, way)
+
+    def stiffen(self, spring: float, compliance: float) -> None:
+        """Prepares for solves with a machine's spring of the compliance `spring` [m/N], and J = compliance."""
+        for operator in self.operators:
+            operator.stiffen(spring, compliance)
+        self.cg.stiffen(spring, compliance)
 
     def _settle_for(self, progress, bent, size, unsettled, pull, largest_force) -> tuple[bool, float]:
         """Whether what a stalled solve has reached will do, and Outcome.left_over."""

@@ -176,7 +176,7 @@ class Simulation:
                 state.preload_time, state.preload, state.preload_place = state.time, state.force, state.place
                 self._note(Event("preload"))
             state.phase += 1
-            state.elapsed, state.phase_start, state.step = 0.0, state.position, 0.0
+            state.elapsed, state.phase_start, state.step = 0.0, self.scheme.drive_at(state), 0.0
             state.forget_history()
         elif self.retracting and state.smallest_gap >= self.scheme.law.reach:
             # From its deepest point on the punch only gets faster, and a surface that is left to itself slower, so that

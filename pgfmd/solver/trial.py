@@ -68,7 +68,7 @@ class Trial:
     """The outcome of a step that was tried: nothing of it is in the State yet.
 
     error: see Change. energy_error: see EnergyAudit.error, zero where it bounds nothing. potential_drop [J]: by how
-    much the stages' potentials fell from their starting points. forces [N]: on the punch, at the stages. The
+    much the stages' potentials fell from their starting points. forces [N], positions [m]: of the punch, at the stages. The
     fields belong to the scheme and live until the next trial. uncertainty [J]: how far, for not knowing where within
     the step the surface jumped, the energy that a quasi-static jump releases may be off. flung: whether a dead load has
     pulled the punch off. left_over: see newton.Outcome, of the last solve.
@@ -90,3 +90,4 @@ class Trial:
     left_over: float = 0.0
     change: Change | None = None
     forces: list[float] = field(default_factory=list)
+    positions: list[float] = field(default_factory=list)

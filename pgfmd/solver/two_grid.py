@@ -144,6 +144,14 @@ class TwoGrid(ConjugateGradients):
         # A load of one everywhere, and what it does to the surface.
         self._even = np.ones_like(self.d)
         self._sunk = operator(self._even, points.zeros(operator.dtype))
+        self._given_way = getattr(operator, "uniform", 0.0)
+
+    def stiffen(self, spring: float, compliance: float) -> None:
+        """Puts another spring of the machine between the cells and the punch, too. Only with operators that have one."""
+        self._cg.operator.stiffen(spring, compliance)
+        if self.operator.uniform != self._given_way:
+            self._sunk += (self.operator.uniform - self._given_way) * self.points.total
+            self._given_way = self.operator.uniform
 
     @property
     def coarse_pairs(self) -> int:

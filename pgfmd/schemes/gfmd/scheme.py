@@ -78,6 +78,10 @@ class Gfmd:
         """Position d of the punch [m]."""
         return state.position
 
+    def drive_at(self, state: State) -> float:
+        """Position D [m] of what is driven, the punch."""
+        return state.position
+
     def new_state(self, position: float) -> State:
         """A state with the surface at rest, the punch at `position` [m] out of reach."""
         points, shape = self.points, self.plane.spectral.shape

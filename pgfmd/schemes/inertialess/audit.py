@@ -41,10 +41,13 @@ class EnergyAudit:
     """Follows stored and dissipated energy; on demand bounds the residual of each step.
 
     points: PunchPoints; law: CohesiveLaw; tableau: of the steps; tolerance: of a step, in ranges of adhesion; dtype of
-    the fields. bounds_steps: whether steps this fine are to be bounded.
+    the fields. spring [m/N]: compliance of the machine's. bounds_steps: whether steps this fine are to be bounded.
     """
 
-    def __init__(self, points, creep: CreepSeries, law, tableau: Tableau, tolerance: float, dtype):
+    def __init__(
+        self, points, creep: CreepSeries, law, tableau: Tableau, tolerance: float, dtype, spring: float = 0.0
+    ):  # fmt: skip
+        self.spring = spring
         self.points, self.creep, self.law, self.tableau, self.tolerance = points, creep, law, tableau, tolerance
         # Without attraction and retardation nothing is dissipated that an error could be compared with.
         self.bounds_steps = tolerance <= FINE and (creep.elements > 0 or law.attractive)
@@ -70,7 +73,7 @@ class EnergyAudit:
         energies, reach = state.energies, self.law.range
         elastic, viscous = self.energies(state, trial.weights, u, f, keep=False)
         gained = elastic - energies.elastic + adhesive - energies.adhesive
-        residual = work_of(state, trial, self.tableau) - gained - viscous
+        residual = work_of(state, trial, self.tableau, self.spring) - gained - viscous
         at_stake = elastic + self.law.work_of_adhesion * self.points.total * self.points.grid.cell_area
         spent = max(energies.viscous + energies.released, SMALLEST_LOOP * at_stake)
         way = abs(trial.position - state.position) / (reach + abs(trial.position - state.phase_start))
@@ -97,28 +100,33 @@ class EnergyAudit:
         return stored * area, lost * area
 
 
-def work_of(state: State, trial: Trial, tableau: Tableau) -> float:
-    """Work of the punch [J] over the step: its velocity times the polynomial through the forces at the start, at the
-    stages, and at ends of steps before.
+def work_of(state: State, trial: Trial, tableau: Tableau, compliance: float = 0.0) -> float:
+    """Work of the punch [J] over the step: the machine's velocity times the polynomial through the forces at the start,
+    at the stages, and at ends of steps before, less what its spring has stored, whose compliance [m/N] is 1/k_M.
 
     A jump happens at the new positions, and what it releases is counted from there: up to each of them, the punch has
-    met the force of the surface as it was.
+    met the force of the surface as it was. A punch that a dead load flings away feels that load on all its way.
     """
     h, start, phase = trial.step, state.elapsed, trial.phase
+    if trial.flung:
+        return -state.force * (trial.position - state.position)
+    stored = 0.5 * compliance * (trial.force**2 - state.force**2)
     times, forces = [0.0, *(node * h for node in tableau.nodes)], [state.force, *trial.forces]
     if trial.is_jump:
         places = [phase.displacement(start + time) for time in times]
-        return -sum(force * (b - a) for force, a, b in zip(forces[:-1], places[:-1], places[1:], strict=True))
+        return -stored - sum(force * (b - a) for force, a, b in zip(forces[:-1], places[:-1], places[1:], strict=True))
     for span, force in zip(accumulate(state.past_steps), state.past_forces, strict=True):
         if len(times) < POINTS_OF_WORK and span > NEAREST_PAST * h:
             times.append(-span)
             forces.append(force)
-    return -integral(times, forces, lambda time: phase.velocity(start + time), h)
+    return -stored - integral(times, forces, lambda time: phase.velocity(start + time), h)
 
 
-def tension_of(state: State, trial: Trial, tableau: Tableau, work: float) -> tuple[float, float]:
+def tension_of(
+    state: State, trial: Trial, tableau: Tableau, work: float, compliance: float = 0.0
+) -> tuple[float, float]:  # fmt: skip
     """Lowest force [N] within a step, and the work [J] of a retracting punch where it pulls; work [J]: of the whole
-    step.
+    step; compliance [m/N]: of the machine's spring.
 
     By the parabola through the forces at the start, at the first stage and at the end: a step may well be as long as
     the peak of the pull-off is wide. A jump, or a step of one stage, has its ends alone.
@@ -128,6 +136,8 @@ def tension_of(state: State, trial: Trial, tableau: Tableau, work: float) -> tup
     if lowest > highest - lowest or lowest == highest == 0.0:
         # Far from tension, or free.
         return lowest, 0.0
+    if trial.flung:
+        return lowest, work
     places = np.linspace(0.0, 1.0, TENSION_SAMPLES)
     known = [0.0, *tableau.nodes], [state.force, *trial.forces]
     if trial.is_jump:
@@ -141,5 +151,7 @@ def tension_of(state: State, trial: Trial, tableau: Tableau, work: float) -> tup
     if curve.max() <= 0.0 and phase.velocity(start) >= 0.0:
         return lowest, work
     moved = np.diff([phase.displacement(start + place * trial.step) for place in places])
+    if compliance:
+        moved += compliance * np.diff(curve)
     pull = np.maximum(-curve, 0.0)
     return lowest, float(0.5 * (pull[1:] + pull[:-1]) @ np.maximum(moved, 0.0))

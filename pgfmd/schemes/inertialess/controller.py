@@ -9,7 +9,7 @@ surface: it is taken as such.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
@@ -77,7 +77,7 @@ class Controller:
         The second is "preload" when the preload has been met, "duration" at the end of the phase, "time" at `until`,
         else "". Raises RunError where no step, however short, can be solved.
         """
-        limits = self.limits
+        limits = self._limits_of(state)
         end = phase.duration - state.elapsed
         wanted = state.step or limits.first(phase)
         step, why = fit(min(wanted, limits.largest(phase)), end, until)
@@ -94,9 +94,9 @@ class Controller:
                     break
                 state.counters.rejected_steps += 1
                 refused.append(trial)
-                step, why, search.bracket = step * self._cut(phase, trial), "", None
+                step, why, search.bracket = step * self._cut(phase, trial, limits), "", None
                 continue
-            wish = self._wish(phase, trial)
+            wish = self._wish(phase, trial, limits)
             if wish < WORTH_AGAIN and repeats < MOST_REPEATS and search.bracket is None and not last_resort:
                 state.counters.rejected_steps += 1
                 repeats += 1
@@ -110,16 +110,21 @@ class Controller:
             met = search.is_met(trial.force)
             if met:
                 self.scheme.require_preload(state, trial, self.slack)
-            self._accept(state, phase, trial, wanted if why else step)
+            self._accept(state, phase, trial, wanted if why else step, limits)
             return trial, "preload" if met else why
         raise RunError(self._stuck(state, phase, trial))
 
-    def _accept(self, state: State, phase: Phase, trial, wanted: float) -> None:
+    def _limits_of(self, state: State) -> StepLimits:
+        """The limits, where a machine's spring has its share of what is driven."""
+        share = self.scheme.machine_share(state)
+        return self.limits if share == 1.0 else replace(self.limits, range=share * self.limits.range)
+
+    def _accept(self, state: State, phase: Phase, trial, wanted: float, limits: StepLimits) -> None:
         self.scheme.accept(state, trial)
         if trial.is_jump:
             state.step = 0.0
             return
-        growth = self._wish(phase, trial)
+        growth = self._wish(phase, trial, limits)
         proposal = trial.step * min(LARGEST_GROWTH, max(STRONGEST_CUT, growth))
         if trial.error > self.limits.tolerance:
             # Taken as a last resort: shorter steps have not helped.
@@ -127,15 +132,15 @@ class Controller:
         # A step cut short by an event says nothing against the one that was wanted.
         state.step = max(proposal, wanted) if wanted > trial.step and growth >= 1.0 else proposal
 
-    def _cut(self, phase: Phase, trial) -> float:
+    def _cut(self, phase: Phase, trial, limits: StepLimits) -> float:
         if not trial.converged or not math.isfinite(trial.error):
             return CUT_ON_FAILURE
-        return min(0.8, max(STRONGEST_CUT, self._wish(phase, trial)))
+        return min(0.8, max(STRONGEST_CUT, self._wish(phase, trial, limits)))
 
-    def _wish(self, phase: Phase, trial) -> float:
+    def _wish(self, phase: Phase, trial, limits: StepLimits) -> float:
         """By which factor the step might have been longer."""
         by_error = SAFETY * (self.limits.tolerance / max(trial.error, 1e-300)) ** (1.0 / (self.scheme.order + 1))
-        by_error = min(by_error, self.limits.largest(phase) / trial.step)
+        by_error = min(by_error, limits.largest(phase) / trial.step)
         by_energy = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
         return min(by_error, max(by_energy, by_error / ENERGY_CUT[self.scheme.order]))
 

@@ -8,6 +8,9 @@ the last ends of steps point (path_following.py).
 
 from __future__ import annotations
 
+from itertools import accumulate
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from pgfmd.errors import RunError
@@ -23,6 +26,9 @@ from . import retardation_kernels
 from .audit import EnergyAudit, tension_of, work_of
 from .retardation import IMPLICIT_EULER, SDIRK2, StagedTrial, step_weights
 
+if TYPE_CHECKING:
+    from pgfmd.solver.machine import Machine
+
 LOOSEST_TOLERANCE = 2e-2
 """Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
 EVENT_SHARE = 0.25
@@ -33,6 +39,10 @@ JUMP_SHARPNESS = 1e-3
 tiny, and a loose solve lingers on it."""
 NEARLY_ELASTIC, ELASTIC_PATIENCE = 0.5, 2
 """Patience of CG (newton.py) where more than this share of the compliance is instantaneous, as where it is elastic."""
+CLEAR = 1e-9
+"""How far beyond the reach of the law a flung punch is left, relative to it."""
+DEAD_LOAD_SHARPNESS = 0.25
+"""Under load control the place of the punch has the error of a solve, and is not given: solves are tighter by this."""
 ELASTIC_SHARPNESS = 0.25
 """Elastic scenes: share of the tolerance to which steps are solved: an elastic step's only error is its solve's."""
 
@@ -43,24 +53,27 @@ class Inertialess(PathFollowing):
     solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are
     solved to the same tolerance, as their errors enter the error estimate with a tenth of their size. audit: whether to
     follow energies. far_weights: of the far displacement (far_field.py), empty where there is none. near_gap [m]: below
-    which a point is near. order: 2 or 1, of steps with retardation. All fields have the precision of the solver's convolution.
+    which a point is near. order: 2 or 1, of steps with retardation. machine: the spring that carries the punch, None for a rigid one. All fields have the precision of the solver's convolution.
     """
 
     cure = "Try a smaller solver.accuracy, or a larger adhesion.range."
 
     def __init__(
         self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool, far_weights: np.ndarray,
-        near_gap: float, order: int = 2,
+        near_gap: float, order: int = 2, machine: Machine | None = None,
     ):  # fmt: skip
         # Without retardation each step is an equilibrium of its own: one stage.
         self.tableau = SDIRK2 if creep.elements and order == 2 else IMPLICIT_EULER
         super().__init__(solver, tolerance, self.tableau.nodes, far_weights, near_gap)
-        self.creep, self.audit = creep, audit
+        self.creep, self.audit, self.machine = creep, audit, machine
         solver.cg.patience = ELASTIC_PATIENCE if creep.J_inf > NEARLY_ELASTIC else 1
         points, stages = solver.points, self.tableau.stages
         self._f = np.zeros((stages, points.size), solver.dtype)
         self._history = np.zeros((stages, points.size), solver.dtype)
-        self._audit = EnergyAudit(points, creep, solver.law, self.tableau, tolerance, solver.dtype) if audit else None
+        self.spring_compliance = spring = machine.compliance if machine else 0.0
+        self._audit = None
+        if audit:
+            self._audit = EnergyAudit(points, creep, solver.law, self.tableau, tolerance, solver.dtype, spring)
         self._rows = np.zeros((2, points.rows))
 
     @property
@@ -85,17 +98,19 @@ class Inertialess(PathFollowing):
         solver = self.solver
         history, solve = self._history[0], solver.solve
         history[:] = 0.0
-        if not self.creep.elements and state.position < self.law.reach:
+        if not self.creep.elements and state.position < self.law.reach and not self.machine:
             # From a relaxed surface at rest the way is long, and most of Newton's corrections on it would be cut.
             from pgfmd.solver.descent import Descent
 
             solve = Descent(solver).solve
+        surface = state.displacement, state.load
         for jump in (False, True):
             # Where the punch starts in contact, the way from the surface at rest may be long.
+            place = self._begin(state, state.phase_start, surface, history, self.creep.J_inf, state.position)
             outcome = solve(
-                state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance, jump,
-                largest_force=solver.force_scale,
-            )  # fmt: skip
+                place, history, self.creep.J_inf, *surface, 0.1 * self.tolerance, jump, largest_force=solver.force_scale
+            )
+            state.position, force = self._end(state.phase_start, surface, self.creep.J_inf, place, outcome.force)
             state.counters.take(outcome)
             if outcome.converged:
                 break
@@ -108,7 +123,7 @@ class Inertialess(PathFollowing):
             kernels.dot(state.traction, state.displacement, self.points.offset, self._rows)
             stored = 0.5 * self.points.reduced(self._rows[:1], 1)[0] * self.points.grid.cell_area
             state.energies.elastic = state.energies.elastic_start = stored
-        return outcome.force
+        return force
 
     def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> StagedTrial:
         """Solves the stages of a step of `step` [s] from `state`. Collective.
@@ -119,21 +134,31 @@ class Inertialess(PathFollowing):
         weights = step_weights(self.creep, self.tableau, step)
         retardation_kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
         trial = StagedTrial(step, state.position, phase, converged=True, is_jump=jump, weights=weights)
+        if self.machine:
+            self.machine.fallen = 0.0
         for i, (node, compliance) in enumerate(zip(self.nodes, weights.compliance.tolist(), strict=True)):
             history = self._history[i]
             elapsed = state.elapsed + node * step
-            trial.position = state.phase_start + phase.displacement(elapsed)
-            self._predict(state, trial, i, node * step)
+            drive, surface = state.phase_start + phase.displacement(elapsed), (self._u[i], self._w[i])
+            trial.position = trial.position if self.machine else drive
+            extrapolation = self._predict(state, trial, i, node * step)
+            if self.machine:
+                expected = self._expected(state, trial, extrapolation)
+                trial.position = self._begin(state, drive, surface, history, compliance, expected)
             outcome = self.solver.solve(
-                trial.position, history, compliance, self._u[i], self._w[i],
+                trial.position, history, compliance, *surface,
                 self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
             )  # fmt: skip
             self._after_solve(trial.position, outcome)
+            force = outcome.force
+            if self.machine:
+                trial.position, force = self._end(drive, surface, compliance, trial.position, force)
             trial.newton_iterations += outcome.newton_iterations
             trial.cg_iterations += outcome.cg_iterations
             trial.potential_drop += outcome.potential_drop
-            trial.force = outcome.force
-            trial.forces.append(outcome.force)
+            trial.force = force
+            trial.forces.append(force)
+            trial.positions.append(trial.position)
             if not outcome.converged:
                 trial.converged, trial.left_over = False, outcome.left_over
                 return trial
@@ -145,6 +170,13 @@ class Inertialess(PathFollowing):
                 retardation_kernels.stage_and_history(*stage, weight, self._f[i], following)
             else:
                 retardation_kernels.stage_of(*stage, self._f[i])
+        if self.machine:
+            trial.flung = self._is_flung(trial)
+        if trial.flung and self.machine.interacting(state.traction):
+            # Where a punch comes free under a load there is no step that is short enough: it jumps.
+            trial.converged = jump
+        if trial.flung:
+            self._follow_flight(state, trial)
         # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path
         # is.
         trial.change = self._change(state, trial, self.order + 1 if self.creep.elements else 3)
@@ -159,9 +191,10 @@ class Inertialess(PathFollowing):
     def accept(self, state: State, trial: StagedTrial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
         weights = trial.weights
-        work = work_of(state, trial, self.tableau)
+        spring = self.spring_compliance
+        work = work_of(state, trial, self.tableau, spring)
         state.energies.work += work
-        state.least_force, pulled = tension_of(state, trial, self.tableau, work)
+        state.least_force, pulled = tension_of(state, trial, self.tableau, work, spring)
         state.energies.work_of_separation += pulled
         if self._audit:
             state.energies.elastic, viscous = self._audit.energies(state, weights, self._u, self._f, keep=True)
@@ -172,10 +205,70 @@ class Inertialess(PathFollowing):
             )
         self._move_on(state, trial)
 
+    def drive_at(self, state: State) -> float:
+        """Position D [m] of what is driven: the punch, or the machine's end of its spring."""
+        return state.position - self.spring_compliance * state.force
+
+    def machine_share(self, state: State) -> float:
+        """How many times farther what is driven goes than the punch. Collective where there is a spring."""
+        if not self.machine:
+            return 1.0
+        return self.machine.share(self.machine.interacting(state.traction) > 0)
+
+    def _begin(self, state: State, drive: float, surface, history, compliance: float, expected: float) -> float:
+        """Before a solve, with the machine at `drive` [m]: the position of the punch [m]."""
+        if not self.machine:
+            return drive
+        u, w = surface
+        place, corrected = self.machine.begin(drive, u, w, history, compliance, expected, state.traction)
+        if corrected:
+            self._drift = self._drift.renewed(self._extent(place))
+        return place
+
+    def _end(self, drive: float, surface, compliance: float, place: float, force: float) -> tuple[float, float]:
+        """After a solve with the punch at `place` [m] that ended at a force [N]: where it is now, and that force."""
+        return self.machine.end(drive, *surface, compliance) if self.machine else (place, force)
+
+    def _expected(self, state: State, trial: Trial, weights: list[float]) -> float:
+        """Where the last ends of steps and stages, by their weights, place the punch [m]."""
+        places = [state.position]
+        for span, force in zip(accumulate(state.past_steps), state.past_forces, strict=True):
+            drive = state.phase_start + trial.phase.displacement(state.elapsed - span)
+            places.append(self.machine.place(drive, force))
+        places = [*trial.positions[-1:], *places]
+        return sum(weight * place for weight, place in zip(weights, places, strict=False))
+
+    def _surface_of(self, w: np.ndarray, u: np.ndarray) -> None:
+        convolve = self.solver.convolve
+        (convolve.convolve if self.machine else convolve)(w, u)
+
+    def _extent(self, position: float) -> float:
+        """Size of u [ranges of adhesion]. The load's rounding reaches it through the spring."""
+        return super()._extent(position) + self.spring_compliance * self.solver.force_scale / self.law.range
+
+    def _is_flung(self, trial: Trial) -> bool:
+        """Whether a dead load has pulled the punch off in a trial. Collective."""
+        return (
+            self.machine.dead_load
+            and trial.phase.velocity_end > 0.0
+            and not self.machine.interacting(self.solver.curvature)
+        )
+
+    def _follow_flight(self, state: State, trial: Trial) -> None:
+        """Leaves a flung punch out of reach of the elastomer at rest: there is no end to its way. If it let go of one
+        that was pulled up beyond that, it stays. What it releases is counted up to there, and not what a spring that
+        stands for a load makes of the rest."""
+        # Just beyond, for rounding not to bring it back.
+        trial.position = min(trial.position, max((1.0 + CLEAR) * self.law.reach, state.position))
+        trial.potential_drop -= self.machine.fallen
+        trial.potential_drop -= state.force * (trial.position - state.position)
+
     def _tolerance(self, state: State, sharp: bool, jump: bool) -> float:
         if jump:
             return JUMP_SHARPNESS * self.tolerance
         share = 1.0 if self.creep.elements else ELASTIC_SHARPNESS
+        if self.machine and self.machine.dead_load:
+            share *= DEAD_LOAD_SHARPNESS
         if self._audit:
             share = min(share, self._audit.sharpness(state.energies))
         usual = share * self.tolerance

@@ -27,7 +27,7 @@ from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import Trial
 
-from .machine import total
+from pgfmd.solver.machine import total
 from .soft_mode import SoftMode
 from .spring_work import SpringWork
 

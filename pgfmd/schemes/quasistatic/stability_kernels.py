@@ -19,16 +19,6 @@ SOFTENED = 1e-6
 """Of the law's stiffness: by how much a point must have softened to count, as single precision rounds."""
 
 
-@_compile_sums
-def sum_in_rows(values, offset, rows):
-    """rows[0] of the values."""
-    for row in range(offset.size - 1):
-        total = 0.0
-        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
-            total += values[i]
-        rows[0, row] = total
-
-
 @numba.njit(inline="always")
 def _hashed(point, seed):
     """A number between -1 and 1: a hash of the seed and of the point's index in the whole, so that it does not depend on

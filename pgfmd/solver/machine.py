@@ -1,0 +1,153 @@
+"""The loading machine: a spring between what is driven and the punch.
+
+The machine's end D(t) is driven; a spring of stiffness k_M carries the punch at d = D + F/k_M. Seen from the machine's
+end, the surface u' = u - (d - D) = G0 w - (1/k_M) F is that of a body with one more compliance, the same everywhere:
+
+    u' = G0' w,   G0' = G0 + 1 1^T h^2 / (J k_M),   w = J f
+
+so all that is said of equilibria with G0 holds for G0'. Load control is the limit of a soft spring.
+
+In a step of a viscoelastic body J is that of a stage, w = J f + w_hist, and the spring knows f alone. What a solve
+changes is then the same: a change of w by J df moves u' by G0' of it. So a solve starts with the true surface and the
+punch where the load at its start has it (`Machine.begin`), and what the spring gave way meanwhile is taken off at its
+end (`Machine.end`). No field holds the way of the machine's end, which a soft spring makes thousands of times longer
+than that of the punch: nothing is rounded that was not rounded before.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import kernels
+
+
+class SprungConvolution:
+    """G0' as a Convolution: u' = G0' * w between point vectors.
+
+    convolve: the Convolution with G0. spring [m/N]: 1/k_M. compliance: J of the equilibria that it is used for; it may be
+    changed.
+    """
+
+    def __init__(self, convolve, spring: float, compliance: float):
+        self.convolve, self.points, self.dtype = convolve, convolve.points, convolve.dtype
+        self.mean_compliance = convolve.mean_compliance + spring * self.points.total * self.points.grid.cell_area
+        self._rows = np.zeros((1, self.points.rows))
+        self.stiffen(spring, compliance)
+
+    def stiffen(self, spring: float, compliance: float) -> None:
+        """Sets the spring's compliance 1/k_M [m/N], 0 for none, and J of the body."""
+        self.uniform = spring * self.points.grid.cell_area / compliance
+
+    @property
+    def pairs(self) -> int:
+        """Pairs of transforms so far."""
+        return self.convolve.pairs
+
+    @property
+    def seconds(self) -> float:
+        """Time [s] spent in them."""
+        return self.convolve.seconds
+
+    def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
+        """displacement = scale * G0' * traction; collective."""
+        self.convolve(traction, displacement, scale)
+        if self.uniform:
+            displacement += scale * self.uniform * total(self.points, traction, self._rows)
+        return displacement
+
+    def whole_cell(self, traction: np.ndarray) -> tuple[np.ndarray, int]:
+        """The true surface of the cell, without the spring (transform.Convolution)."""
+        return self.convolve.whole_cell(traction)
+
+
+def total(points, values: np.ndarray, rows: np.ndarray) -> float:
+    """Sum of a point vector over all ranks, the same bits on any number of them; rows: work array (1, rows).
+    Collective."""
+    kernels.sum_in_rows(values, points.offset, rows)
+    return float(points.total_of(rows[:1])[0])
+
+
+def sprung(convolve, spring: float, compliance: float):
+    """The convolution with the machine's spring in it; as it is where the machine is rigid."""
+    return SprungConvolution(convolve, spring, compliance) if spring else convolve
+
+
+MISPLACED = 0.1
+"""Ranges of adhesion by which the load at the start of a solve may misplace the punch. Where a soft spring makes more of
+a small error of the load, the load is corrected beforehand."""
+
+
+class Machine:
+    """The spring of a machine, in solves whose surface u is the true one.
+
+    solver: NewtonSolver, whose convolutions are `SprungConvolution`s. compliance [m/N]: 1/k_M, 0 for none. stiffness
+    [N/m]: of the contact of the whole punch on the relaxed body, about. dead_load: whether the spring stands for a load
+    that does not give way: such a spring flings a punch that comes free. After solves, `fallen` [J] is by how much the
+    energy of the spring fell in them, since it was last set to zero.
+    """
+
+    def __init__(self, solver, compliance: float, stiffness: float, dead_load: bool):
+        self.solver, self.points = solver, solver.points
+        self.compliance, self.stiffness, self.dead_load = compliance, stiffness, dead_load
+        self._rows = np.zeros((1, solver.points.rows))
+        self._given = self._start = 0.0
+        self.fallen = 0.0
+
+    def place(self, drive: float, force: float) -> float:
+        """Position d of the punch [m], with the machine at `drive` [m] and this force [N]."""
+        return drive + self.compliance * force
+
+    def share(self, interacts: bool) -> float:
+        """How many times farther the machine goes than the punch, where punch and elastomer hold each other."""
+        return 1.0 + self.stiffness * self.compliance if interacts else 1.0
+
+    def interacting(self, values: np.ndarray) -> int:
+        """How many points of the punch have a value other than zero. Collective."""
+        self._rows[:] = 0.0
+        if self.points.rows:
+            self._rows[0, 0] = np.count_nonzero(values)
+        return int(self.points.total_of(self._rows)[0])
+
+    def begin(
+        self, drive: float, u: np.ndarray, w: np.ndarray, history: np.ndarray, compliance: float, expected: float,
+        traction: np.ndarray,
+    ) -> tuple[float, bool]:  # fmt: skip
+        """Before the solve of a stage with J = compliance and w = J f + history: the position [m] of the punch that the
+        load w has, and whether w and u were corrected for it to be near the one that is `expected`. Collective.
+
+        The correction is spread evenly over the points that interact, where `traction` is not zero.
+        """
+        solver, rows = self.solver, self._rows
+        solver.stiffen(self.compliance, compliance)
+        self._given = total(self.points, history, rows)
+        self._start = total(self.points, w, rows)
+        place, corrected = self.place(drive, self._force(self._start, compliance)), False
+        if abs(place - expected) > MISPLACED * solver.law.range:
+            corrected = self._correct(place - expected, u, w, compliance, traction)
+            place = self.place(drive, self._force(self._start, compliance))
+        solver.offset = solver.convolve.uniform * self._start
+        return place, corrected
+
+    def end(self, drive: float, u: np.ndarray, w: np.ndarray, compliance: float) -> tuple[float, float]:
+        """After the solve: makes u the true surface again; position of the punch [m] and force on it [N]. Collective."""
+        now = total(self.points, w, self._rows)
+        u -= self.solver.convolve.uniform * (now - self._start)
+        self.solver.offset = 0.0
+        before, force = self._force(self._start, compliance), self._force(now, compliance)
+        self.fallen += 0.5 * self.compliance * (before**2 - force**2)
+        return self.place(drive, force), force
+
+    def _force(self, load: float, compliance: float) -> float:
+        """Force on the punch [N] that a load w asks for, by its sum over the points."""
+        return -(load - self._given) / compliance * self.points.grid.cell_area
+
+    def _correct(self, misplaced: float, u: np.ndarray, w: np.ndarray, compliance: float, traction: np.ndarray) -> bool:
+        """Changes the load until spring and elastomer give way alike; whether anything interacts at all. One transform."""
+        count = self.interacting(traction)
+        if not count:
+            return False
+        force = -misplaced / (self.compliance + compliance / self.stiffness)
+        w[np.flatnonzero(traction)] -= compliance * force / (self.points.grid.cell_area * count)
+        self.solver.convolve.convolve(w, u)
+        self._start = total(self.points, w, self._rows)
+        return True
