@@ -224,12 +224,12 @@ def _unlike(scene) -> Iterator[str]:
         yield "a dwell"
 
 
-def effort_of_steps(scene, step: float, seconds: Callable[[], float], cost: float) -> Effort:
-    """The same for explicit steps of known length [s], with a pair each. seconds, cost: pair_seconds and cost of the Effort. The time of the
+def effort_of_steps(scene, step: float, pair: float, cost: float) -> Effort:
+    """The same for explicit steps of known length [s], with a pair each, which takes `pair` times `pair_seconds`; cost: as in Effort. The time of the
     programme is that of the depth, with what adhesion adds to the way back."""
     drive, depth = scene.drive, depth_at_preload(scene)
     into = (depth + max(drive.clearance, 0.0)) / drive.speed
     out = (depth + pull_off_height(scene)) / drive.retract_speed + drive.turn_time + drive.dwell
     steps = (into + out) / step
     spread = FLAT_SPREAD if scene.punch.pattern == "flat" else EXPLICIT_SPREAD
-    return Effort(steps, steps, seconds, cost, spread, (into / step, into / step))
+    return Effort(steps, steps, lambda: pair * pair_seconds(scene), cost, spread, (into / step, into / step))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pgfmd import parts
 from pgfmd.errors import Problem
 from pgfmd.forecast.effort import Effort, effort_of_steps
-from pgfmd.forecast.estimate import Memory, map_bytes_of, output_bytes, pair_seconds, punch_points
+from pgfmd.forecast.estimate import Memory, map_bytes_of, output_bytes, punch_points
 from pgfmd.forecast.progress import Moment, Way, time_left
 
 from .inertia import Inertia, contact_stiffness, inertia_of, instability
@@ -72,7 +72,7 @@ def memory(scene: Scene, ranks: int) -> Memory:
 def effort(scene: Scene) -> Effort:
     """One pair a step."""
     # All rows, where the fused transform has those under the punch.
-    return effort_of_steps(scene, inertia_of_scene(scene).step, lambda: 2.0 * pair_seconds(scene), STEP_COST)
+    return effort_of_steps(scene, inertia_of_scene(scene).step, 2.0, STEP_COST)
 
 
 def steps_left(scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:

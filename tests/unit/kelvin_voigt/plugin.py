@@ -1,12 +1,10 @@
 """Scenes with a spring beside a dashpot. `solver.accuracy` is the step, as a share of the longest that is stable."""
 
-from functools import partial
-
 import numpy as np
 
 from pgfmd import parts
 from pgfmd.forecast.effort import effort_of_steps
-from pgfmd.forecast.estimate import memory_of_vectors, pair_cost, pair_seconds
+from pgfmd.forecast.estimate import memory_of_vectors, pair_cost
 from pgfmd.forecast.progress import time_left
 from pgfmd.schemes.gfmd.inertia import contact_stiffness
 
@@ -34,7 +32,7 @@ def memory(scene, ranks):
 
 
 def effort(scene):
-    return effort_of_steps(scene, _step(scene), partial(pair_seconds, scene), pair_cost(scene))
+    return effort_of_steps(scene, _step(scene), 1.0, pair_cost(scene))
 
 
 def steps_left(scene, moment, way):
