@@ -21,15 +21,27 @@ from . import kernels
 from .inertia import Inertia
 
 
+PLACED = 1e-10
+"""To which share of the range of adhesion the punch is placed at the end of a machine's spring."""
+NEAR = 1e-4
+"""Share of the range by which the punch is moved to see how stiff the contact is."""
+MOST_SECANTS = 8
+"""Secants after which the place is bracketed instead."""
+CLEAR = 1e-9
+"""How far beyond the reach of the law a flung punch is left, relative to it."""
+
+
 class Gfmd:
     """Steps of the paper's scheme. `step` moves a state on by one step of given length.
 
     points: PunchPoints whose rows are those of `plane`'s slab; plane: transform.Plane; compliance: the periodic
     G0(qx, qy); height z [m] (size,); law: CohesiveLaw; series: PronySeries; inertia: Inertia. audit: whether to follow
-    energies. near_gap [m]: below which a point is near.
+    energies. near_gap [m]: below which a point is near. spring [m/N]: 1/k_M of the machine, 0 for a rigid one; dead_load:
+    whether it stands for a load.
     """
 
     machine_compliance = 0.0
+    solver = None
     cure = "Try a shorter step: a smaller solver.gfmd.dt, or more steps_per_tau."
 
     def __init__(
@@ -43,10 +55,13 @@ class Gfmd:
         inertia: Inertia,
         audit: bool,
         near_gap: float,
+        spring: float = 0.0,
+        dead_load: bool = False,
     ):
         self.points, self.plane, self.height, self.law = points, plane, height, law
         self.series, self.inertia, self.audit = series, inertia, audit
         self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
+        self.spring, self.dead_load = spring, dead_load
         grid = points.grid
         unit = 2.0 * np.pi / grid.length
         # Of the un-normalised transform, for the real view of the spectrum: each column twice.
@@ -79,8 +94,16 @@ class Gfmd:
         return state.position
 
     def drive_at(self, state: State) -> float:
-        """Position D [m] of what is driven, the punch."""
-        return state.position
+        """Position D [m] of what is driven: the punch, or the machine's end of its spring."""
+        return state.position - self.spring * state.force
+
+    def surface_of(self, state: State) -> np.ndarray:
+        """The surface of the whole cell, this rank's rows of it."""
+        return self.plane.real.ravel()
+
+    def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
+        """The same as rows, and the first one's index."""
+        return kept.reshape(self.plane.real.shape), self.plane.row_start
 
     def new_state(self, position: float) -> State:
         """A state with the surface at rest, the punch at `position` [m] out of reach."""
@@ -105,12 +128,22 @@ class Gfmd:
         plane.forward()
         self._advance(state, step)
         plane.backward()
-        before, force = state.position, state.force
+        before, force, adhesive = state.position, state.force, energies.adhesive
         state.elapsed += step
         state.time += step
-        state.position = state.phase_start + phase.displacement(state.elapsed)
-        state.force = state.least_force = self._touch(state)
+        drive = state.phase_start + phase.displacement(state.elapsed)
+        if self.spring:
+            fallen = self._meet(state, drive)
+        else:
+            state.position, fallen = drive, 0.0
+            state.force = self._touch(state)
+        state.least_force = state.force
         moved = state.position - before
+        if self.dead_load and phase.velocity_end > 0.0 and state.smallest_gap >= self.law.reach:
+            self._fling(state, before, force, adhesive)
+            moved = 0.0
+        else:
+            energies.released += fallen
         energies.work -= 0.5 * (force + state.force) * moved
         if phase.velocity_end > 0.0 and moved > 0.0:
             # A step is short: the force is a straight line, and one through zero pulls next to nothing.
@@ -165,6 +198,57 @@ class Gfmd:
         state.far_displacement = self._far.displacement()
         state.energies.adhesive = energy * points.grid.cell_area
         return -pull * points.grid.cell_area
+
+    def _meet(self, state: State, drive: float) -> float:
+        """Moves the punch to where the spring carries the force on it, with the machine at `drive` [m]; the energy [J] that
+        is released where it jumps there.
+
+        d = D + F(d)/k_M at the surface as it is: by the secant method from where the punch was, and where that does not
+        settle, because the law lets go, by Brent's method between places on either side. Collective.
+        """
+        spring, exact = self.spring, PLACED * self.law.range
+
+        def missing(place: float) -> float:
+            state.position = place
+            state.force = self._touch(state)
+            return place - drive - spring * state.force
+
+        old = before = state.position
+        value, stored = missing(old), state.energies.adhesive
+        near = missing(old + NEAR * self.law.range)
+        slope = (near - value) / (NEAR * self.law.range)
+        new = old - value / slope if slope > 0.0 else old
+        for _ in range(MOST_SECANTS if slope > 0.0 else 0):
+            last, value = value, missing(new)
+            if abs(new - old) <= exact:
+                return 0.0
+            slope = (value - last) / (new - old)
+            if slope <= 0.0:
+                break
+            old, new = new, new - value / slope
+        from scipy.optimize import brentq
+
+        low, high, way = old, old, self.law.range
+        while missing(low) > 0.0:
+            low, way = low - way, 2.0 * way
+        way = self.law.range
+        while missing(high) < 0.0:
+            high, way = high + way, 2.0 * way
+        missing(low if low == high else brentq(missing, low, high, xtol=exact, rtol=1e-15))
+        # Of spring and interface, the surface being as it is.
+        way = state.position - before
+        return stored - state.energies.adhesive - 0.5 * way * (state.position + before - 2.0 * drive) / spring
+
+    def _fling(self, state: State, before: float, force: float, adhesive: float) -> None:
+        """Leaves a punch that a dead load has flung out of reach of the elastomer, or where it let go of one that was
+        pulled up beyond. The load works on all of its way, and what is left of that work is released."""
+        state.position = min(state.position, max((1.0 + CLEAR) * self.law.reach, before))
+        state.force = self._touch(state)
+        moved, energies = state.position - before, state.energies
+        if force < 0.0:
+            energies.work -= force * moved
+            energies.work_of_separation -= force * moved
+            energies.released += -force * moved + adhesive - energies.adhesive
 
     def _follow_energies(self, state: State, step: float) -> None:
         """Stored energy (that of the masses included), and what dashpots have taken by the trapezoidal rule."""
