@@ -77,6 +77,19 @@ MISPLACED = 0.1
 a small error of the load, the load is corrected beforehand."""
 
 
+CLEAR = 1e-9
+"""How far beyond the reach of the law a flung punch is left, relative to it."""
+
+
+def out_of_reach(points, surface: np.ndarray, height: np.ndarray, reach: float) -> float:
+    """The nearest position [m] at which a punch of this face no longer feels the surface, all [m]. Collective.
+
+    A punch that a dead load flings away is left there: there is no end to its way.
+    """
+    nearest = float((surface - height).max()) if points.size else -np.inf
+    return points.maximum_of(nearest) + (1.0 + CLEAR) * reach
+
+
 class Machine:
     """The spring of a machine, in solves whose surface u is the true one.
 

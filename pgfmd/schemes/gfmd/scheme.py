@@ -14,6 +14,7 @@ import numpy as np
 from pgfmd.physics.drive import Phase
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.solver.far_field import FarPoints
+from pgfmd.solver.machine import out_of_reach
 from pgfmd.solver.multiplier import FEW
 from pgfmd.solver.state import State
 
@@ -27,8 +28,6 @@ NEAR = 1e-4
 """Share of the range by which the punch is moved to see how stiff the contact is."""
 MOST_SECANTS = 8
 """Secants after which the place is bracketed instead."""
-CLEAR = 1e-9
-"""How far beyond the reach of the law a flung punch is left, relative to it."""
 
 
 class Gfmd:
@@ -240,9 +239,9 @@ class Gfmd:
         return stored - state.energies.adhesive - 0.5 * way * (state.position + before - 2.0 * drive) / spring
 
     def _fling(self, state: State, before: float, force: float, adhesive: float) -> None:
-        """Leaves a punch that a dead load has flung out of reach of the elastomer, or where it let go of one that was
-        pulled up beyond. The load works on all of its way, and what is left of that work is released."""
-        state.position = min(state.position, max((1.0 + CLEAR) * self.law.reach, before))
+        """Leaves a punch that a dead load has flung out of reach. The load works on all of its way, and what is left of that work is released."""
+        clear = out_of_reach(self.points, state.displacement, self.height, self.law.reach)
+        state.position = min(state.position, max(clear, before))
         state.force = self._touch(state)
         moved, energies = state.position - before, state.energies
         if force < 0.0:

@@ -18,6 +18,7 @@ from pgfmd.physics.drive import Phase
 from pgfmd.physics.rheology import CreepSeries
 from pgfmd.schemes.path_following import EVENT_TOLERANCE, PathFollowing
 from pgfmd.solver import kernels
+from pgfmd.solver.machine import out_of_reach
 from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import Trial
@@ -39,8 +40,6 @@ JUMP_SHARPNESS = 1e-3
 tiny, and a loose solve lingers on it."""
 NEARLY_ELASTIC, ELASTIC_PATIENCE = 0.5, 2
 """Patience of CG (newton.py) where more than this share of the compliance is instantaneous, as where it is elastic."""
-CLEAR = 1e-9
-"""How far beyond the reach of the law a flung punch is left, relative to it."""
 DEAD_LOAD_SHARPNESS = 0.25
 """Under load control the place of the punch has the error of a solve, and is not given: solves are tighter by this."""
 ELASTIC_SHARPNESS = 0.25
@@ -255,11 +254,10 @@ class Inertialess(PathFollowing):
         )
 
     def _follow_flight(self, state: State, trial: Trial) -> None:
-        """Leaves a flung punch out of reach of the elastomer at rest: there is no end to its way. If it let go of one
-        that was pulled up beyond that, it stays. What it releases is counted up to there, and not what a spring that
-        stands for a load makes of the rest."""
-        # Just beyond, for rounding not to bring it back.
-        trial.position = min(trial.position, max((1.0 + CLEAR) * self.law.reach, state.position))
+        """Leaves a flung punch out of reach. What it releases is counted up to there, and not what a spring that stands for
+        a load makes of the rest."""
+        clear = out_of_reach(self.points, self._u[-1], self.height, self.law.reach)
+        trial.position = min(trial.position, max(clear, state.position))
         trial.potential_drop -= self.machine.fallen
         trial.potential_drop -= state.force * (trial.position - state.position)
 
