@@ -250,12 +250,13 @@ def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
 
 def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
     precision = draft["solver.precision"]
-    if not registry.named(draft["solver.scheme"]).has_machine or precision in ("auto", "double"):
+    scheme = registry.named(draft["solver.scheme"])
+    if not scheme.has_machine or precision in ("auto", "double"):
         return
     if draft["drive.control"] == "load":
         # The soft spring is a thousand times longer than the punch goes.
         yield draft.problem("solver.precision", "'double' under load control", "delete it")
-    elif precision == "single" and math.isfinite(draft["drive.machine_stiffness"]):
+    elif math.isfinite(draft["drive.machine_stiffness"]) and precision not in scheme.sprung_precisions:
         yield draft.problem("solver.precision", "'double' or 'mixed' where the machine has a spring", _MIXED)
 
 

@@ -41,7 +41,7 @@ class SchemeEntry:
     jumps: the surface may jump within a step; jumps are found and noted.
     has_machine: knows a machine with a spring, and loads that are controlled. has_modulus: reads `solver.modulus`.
     section: of the scene that it alone reads, empty for none.
-    precisions: those it has. only_double: why `auto` means double precision, empty where it may mean a mixed one.
+    precisions: those it has. sprung_precisions: those that are enough where the machine has a spring. only_double: why `auto` means double precision, empty where it may mean a mixed one.
     periodic_only: why it can't have a free surface, empty where it can.
     whole_only: why mirror images can't be left out, empty where they can.
     coarse_grid: whether conjugate gradients may use a coarser grid.
@@ -68,6 +68,7 @@ class SchemeEntry:
     has_modulus: bool = False
     section: str = ""
     precisions: tuple[str, ...] = PRECISIONS
+    sprung_precisions: tuple[str, ...] = PRECISIONS
     only_double: str = ""
     periodic_only: str = ""
     whole_only: str = ""

@@ -372,13 +372,16 @@ def test_a_wrong_value_is_refused_by_its_key(override, words):
     assert words in f"{problem.expected}; {problem.cure}"
 
 
-@pytest.mark.parametrize(
-    "override", ["drive.control=load", "drive.machine_stiffness=38.1 kN/m", "solver.modulus=instantaneous"]
-)
-def test_only_quasistatic_runs_have_a_machine_and_a_modulus_of_their_own(override):
-    key, problem = only_problem(mapping(), override)
-    assert key == override.partition("=")[0] and "quasistatic" in problem.expected
-    scene_from_mapping(mapping(), [override, "solver.scheme=quasistatic"])
+def test_only_quasistatic_runs_have_a_modulus_of_their_own():
+    key, problem = only_problem(mapping(), "solver.modulus=instantaneous")
+    assert key == "solver.modulus" and "quasistatic" in problem.expected
+    scene_from_mapping(mapping(), ["solver.modulus=instantaneous", "solver.scheme=quasistatic"])
+
+
+@pytest.mark.parametrize("scheme", ["inertialess", "gfmd", "quasistatic"])
+@pytest.mark.parametrize("machine", ["drive.control=load", "drive.machine_stiffness=38.1 kN/m"])
+def test_machines_give_way_in_every_scheme(scheme, machine):
+    scene_from_mapping(mapping(), [machine, f"solver.scheme={scheme}"])
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ ENTRY = SchemeEntry(
     meaning="infinitely slow, a path of equilibria with jumps",
     timeless=True,
     has_machine=True,
+    sprung_precisions=("double", "mixed"),
     has_modulus=True,
     only_double="quasi-static paths in mixed precision have been measured on small grids only",
     whole_only="a path of equilibria may become lopsided",
