@@ -381,7 +381,8 @@ def test_only_quasistatic_runs_have_a_modulus_of_their_own():
 @pytest.mark.parametrize("scheme", ["inertialess", "gfmd", "quasistatic"])
 @pytest.mark.parametrize("machine", ["drive.control=load", "drive.machine_stiffness=38.1 kN/m"])
 def test_machines_give_way_in_every_scheme(scheme, machine):
-    scene_from_mapping(mapping(), [machine, f"solver.scheme={scheme}"])
+    rheology = ["rheology.model=single", "rheology.modulus_ratio=20", "rheology.relaxation_time=1 s"]
+    scene_from_mapping(mapping(), [machine, f"solver.scheme={scheme}", *rheology])
 
 
 @pytest.mark.parametrize(
