@@ -25,6 +25,8 @@ FORCE_ROUNDING = 10.0
 LARGER_PRELOAD = 10.0
 """Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just
 do: elsewhere on the path rounding may be worse."""
+SINGLE_NOISE = 1e-7
+"""Error of a step's energies in single precision, as a share of those at stake."""
 DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
 
@@ -87,6 +89,14 @@ class PathFollowing:
         rounded = float(np.finfo(self.solver.dtype).eps) * self._scale(state, trial)
         smallest = FORCE_ROUNDING * rounded / (self.solver.force_share * EVENT_TOLERANCE)
         return LARGER_PRELOAD * max(trial.left_over * self.solver.force_scale, smallest)
+
+    def surface_of(self, state: State) -> np.ndarray:
+        """The load w, of which the surface of the whole cell is made."""
+        return state.load
+
+    def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
+        """The surface [m] of the periodic cell under a load: rows of this rank, and the first one's index. Collective."""
+        return self.solver.convolve.whole_cell(kept)
 
     @property
     def pairs(self) -> int:

@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from pgfmd import parts
 from pgfmd.physics.drive import PRELOAD
+from pgfmd.schemes.gfmd.plugin import inertia_of_scene
 
 RTOL = 1e-11
 
@@ -100,7 +101,7 @@ class WithInertia(_Programme):
     method = "DOP853"
 
     def __init__(self, scene):
-        self.frequency = parts.inertia_of_scene(scene).frequency
+        self.frequency = inertia_of_scene(scene).frequency
         elements = parts.series_of(scene.rheology).elements
         law = parts.law_of(scene.adhesion)
         # Of w [Pa], of w' [Pa/s], of the branches.
