@@ -91,6 +91,10 @@ def expected(scene) -> Symmetry:
     return Symmetry(found, "" if found else "the punch's face is not its own mirror image in x")
 
 
-def points_of(scene, mirror: str, comm=SimpleNamespace(size=1, rank=0)) -> PunchPoints:
+ALONE = SimpleNamespace(size=1, rank=0)
+"""What a grid asks of a communicator, told of a single rank."""
+
+
+def points_of(scene, mirror: str, comm=ALONE) -> PunchPoints:
     """The points under the punch that are stepped with this mirror, by default as a single rank would own them."""
     return PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm, mirror=mirror)

@@ -178,8 +178,10 @@ def shares(options: argparse.Namespace) -> None:
             seconds = [each[part] for each in found.values()]
             percent = [100.0 * each[part] / each["whole"] for each in found.values()]
             rows.append([part, *(f"{value:.2f}" for value in seconds), *(f"{value:.1f}" for value in percent)])
-        for count in ("sums a pair", "meetings a pair"):
-            rows.append([count, *(f"{each[count]:.2f}" for each in found.values()), *("" for _ in found)])
+        rows += [
+            [count, *(f"{each[count]:.2f}" for each in found.values()), *("" for _ in found)]
+            for count in ("sums a pair", "meetings a pair")
+        ]
         tables.append(table(head, rows))
         print(f"\n{tables[-1]}", flush=True)
     if options.page:

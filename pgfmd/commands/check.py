@@ -226,4 +226,4 @@ def _coarse_grid(scene) -> Line:
 def _rounded(value: float) -> int:
     """Two significant digits: more would pretend to be known."""
     digits = max(0, math.floor(math.log10(max(value, 1.0))) - 1)
-    return int(round(value / 10**digits)) * 10**digits
+    return round(value / 10**digits) * 10**digits

@@ -8,6 +8,7 @@ points and ranks, and no rank ever holds the whole.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import h5py
 import numpy as np
@@ -57,11 +58,10 @@ def write_together(what: str, calls: Iterator[tuple[h5py.Dataset, np.ndarray, tu
     problem = None
     for dataset, piece, begin in calls:
         # Made ready beforehand: what fails before the call must not keep the rank from it.
-        ready, error = attempt(what, lambda: _ready(dataset, piece if problem is None else piece[:0], begin))
+        ready, error = attempt(what, partial(_ready, dataset, piece if problem is None else piece[:0], begin))
         if ready is None:
             ready = _ready(dataset, piece[:0], begin)
-        memory, space, values = ready
-        failed = attempt(what, lambda: dataset.id.write(memory, space, values, dxpl=together))[1]
+        failed = attempt(what, partial(dataset.id.write, *ready, dxpl=together))[1]
         problem = problem or error or failed
     return problem
 

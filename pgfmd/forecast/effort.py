@@ -49,9 +49,9 @@ COARSEST, FINEST = 0.1, 1e-4
 class Effort:
     """Expected steps and transform pairs of a run, right within a factor of `spread`, in 19 of 20 scenes.
 
-    pair_seconds: measures that of a pair on this machine, about, where a time is asked for. cost: of the run for each pair, relative to that. approach: how many of the steps
-    and of the pairs are made before the preload. unlike: what makes the spread larger than that of the fit, empty for
-    nothing. kind: of the scene.
+    pair_seconds: measures that of a pair on this machine, about, where a time is asked for. cost: of the run for each
+    pair, relative to that. approach: how many of the steps and of the pairs are made before the preload. unlike: what
+    makes the spread larger than that of the fit, empty for nothing. kind: of the scene.
     """
 
     steps: float

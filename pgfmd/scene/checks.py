@@ -81,13 +81,13 @@ def free_punch_has_room(draft: Draft) -> Iterator[Problem]:
 
 
 def curvature_has_an_axis(draft: Draft) -> Iterator[Problem]:
-    if draft["punch.radius"] is None and math.isfinite(draft["punch.curvature_radius"]):
-        if "radius" not in PATTERNS[draft["punch.pattern"]][0]:
-            yield draft.problem(
-                "punch.curvature_radius",
-                "no curvature for a profile that fills the whole cell",
-                "delete it, or give punch.radius",
-            )
+    bounded = draft["punch.radius"] is not None or "radius" in PATTERNS[draft["punch.pattern"]][0]
+    if math.isfinite(draft["punch.curvature_radius"]) and not bounded:
+        yield draft.problem(
+            "punch.curvature_radius",
+            "no curvature for a profile that fills the whole cell",
+            "delete it, or give punch.radius",
+        )
 
 
 def punch_covers_grid_points(draft: Draft) -> Iterator[Problem]:

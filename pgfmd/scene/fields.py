@@ -43,8 +43,8 @@ def number(
     words: texts allowed instead. infinite: whether "inf" is allowed. count: 0 for a list of any length but 0, else the
     length wanted; None for a single value.
     """
-    extra = dict(dimension=dimension, above=above, at_least=at_least, at_most=at_most)
-    extra |= dict(words=list(words), infinite=infinite, count=count)
+    extra = {"dimension": dimension, "above": above, "at_least": at_least, "at_most": at_most}
+    extra |= {"words": list(words), "infinite": infinite, "count": count}
     return Field(default, description=meaning, json_schema_extra=extra)
 
 

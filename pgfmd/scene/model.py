@@ -244,12 +244,14 @@ class Scene(Section):
 
         if isinstance(source, Scene):
             given = source.given
+        elif isinstance(source, Mapping):
+            given = Given.of(with_units(source))
         else:
-            given = Given.of(with_units(source)) if isinstance(source, Mapping) else Given.read(source)
-        named = dict(
-            title=title, punch=punch, substrate=substrate, rheology=rheology, adhesion=adhesion, drive=drive, grid=grid,
-            solver=solver, output=output,
-        )  # fmt: skip
+            given = Given.read(source)
+        named = {
+            "title": title, "punch": punch, "substrate": substrate, "rheology": rheology, "adhesion": adhesion,
+            "drive": drive, "grid": grid, "solver": solver, "output": output,
+        }  # fmt: skip
         changes = {name: value for name, value in named.items() if value is not None}
         found = scene_of(given.changed(with_units(changes)))
         # What pydantic keeps of a model. It is not validated anew: resolved values need not be ones that may be given.

@@ -16,7 +16,7 @@ import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import llvmlite.binding
 import numba
@@ -166,10 +166,8 @@ class KernelCache(NullCache):
             return cache.load_overload(sig, target_context)
         except Exception as problem:  # whatever unpickling makes of half a file
             _note("damage", f"note: damaged kernels in {cache.cache_path} ({_reason(problem)}): compiled anew")
-            try:
+            with contextlib.suppress(Exception):  # the same file will fail again when it is to be written
                 cache.flush()
-            except Exception:  # the same file will fail again when it is to be written
-                pass
             return None
 
     def _save(self, cache: FunctionCache | None, sig: Any, data: Any) -> str | None:
@@ -220,7 +218,7 @@ class _TemporaryLocator(_UserWideLocator):
 
 
 class _TemporaryImpl(CompileResultCacheImpl):
-    _locator_classes = [_TemporaryLocator]
+    _locator_classes: ClassVar = [_TemporaryLocator]
 
 
 class _TemporaryCache(_Cache):

@@ -18,8 +18,7 @@ def spread(traction, offset, first, top, left, plane):
 
     top: the plane's local row of the first local row of the punch block; left: the block's first column.
     """
-    rows, columns = plane.shape
-    for row in range(rows):
+    for row in range(plane.shape[0]):
         target = plane[row]
         local = row - top
         if 0 <= local < offset.size - 1:

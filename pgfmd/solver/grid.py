@@ -221,7 +221,8 @@ class PunchPoints:
     def all_rows(self, local: np.ndarray) -> np.ndarray:
         """One number of each kind a row, for the local rows (kinds, rows), gathered from all ranks: (kinds, all rows).
 
-        Sums and maxima taken over the result have the same bits on every rank and for any number of ranks. It is good until the next call. Collective.
+        Sums and maxima taken over the result have the same bits on every rank and for any number of ranks. It is good
+        until the next call. Collective.
         """
         if self.comm.size == 1:
             return local

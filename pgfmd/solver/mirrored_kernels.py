@@ -19,13 +19,13 @@ _compile = compiled(fastmath={"contract", "nsz"})
 
 @_compile
 def scatter_pairs(vector, offset, row, count, scale, lines):
-    """Lines of scale * (row `row + 2 l` + i times the next one), zero behind; `count` rows, the last maybe alone."""
+    """Lines of scale * (row `row + 2 pair` + i times the next one), zero behind; `count` rows, the last maybe alone."""
     length = lines.shape[1] // 2
-    for l in range(lines.shape[0]):
-        line = lines[l]
+    for pair in range(lines.shape[0]):
+        line = lines[pair]
         line[:] = 0
-        for h in range(min(2, count - 2 * l)):
-            start, size = offset[row + 2 * l + h], offset[row + 2 * l + h + 1] - offset[row + 2 * l + h]
+        for h in range(min(2, count - 2 * pair)):
+            start, size = offset[row + 2 * pair + h], offset[row + 2 * pair + h + 1] - offset[row + 2 * pair + h]
             for j in range((size + 1) // 2):
                 line[2 * j + h] = scale * vector[start + 2 * j]
             for j in range(size // 2):
@@ -47,10 +47,10 @@ def gather_pairs(lines, offset, row, count, vector):
 
 @_compile
 def separate(lines, cosine, sine, rows):
-    """rows[2 l], rows[2 l + 1]: A and B of line l; cosine, sine of theta, for k up to N/2."""
+    """rows[2 pair], rows[2 pair + 1]: A and B of line `pair`; cosine, sine of theta, for k up to N/2."""
     length = lines.shape[1] // 2
-    for l in range(lines.shape[0]):
-        z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
+    for pair in range(lines.shape[0]):
+        z, a, b = lines[pair], rows[2 * pair], rows[2 * pair + 1]
         a[0], b[0] = z[0] + z[0], z[1] + z[1]
         for k in range(1, length // 2 + 1):
             m, c, s = length - k, cosine[k], sine[k]
@@ -66,8 +66,8 @@ def separate(lines, cosine, sine, rows):
 def join(rows, cosine, sine, lines):
     """The inverse of `separate`, N times: what transforms back to the lines."""
     length = lines.shape[1] // 2
-    for l in range(lines.shape[0]):
-        z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
+    for pair in range(lines.shape[0]):
+        z, a, b = lines[pair], rows[2 * pair], rows[2 * pair + 1]
         z[0], z[1] = a[0], b[0]
         for k in range(1, length // 2 + 1):
             m, c, s = length - k, cosine[k], sine[k]

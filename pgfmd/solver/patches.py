@@ -121,7 +121,7 @@ def _of_all(points: PunchPoints, mine: Numbers) -> Numbers:
             f"and MPI can't gather more than {MOST}: set output.patches = false, or use fewer ranks"
         )
     whole = np.empty((len(mine), sum(counts)), np.int64)
-    for values, every in zip(np.ascontiguousarray(mine, np.int64), whole):
+    for values, every in zip(np.ascontiguousarray(mine, np.int64), whole, strict=True):
         comm.Allgatherv(values, [every, counts])
     return whole
 

@@ -35,12 +35,12 @@ def gather_rows(line, offset, first, row, count, vector):
 
 @_compile
 def scatter_packed(vector, offset, first, row, count, scale, lines):
-    """Lines of scale * (row `row + 2 l` + i times the next one), zero in the rest; `count` rows, the last maybe alone."""
-    for l in range(lines.shape[0]):
-        line = lines[l]
+    """Lines of scale * (row `row + 2 pair` + i times the next one), zero in the rest; `count` rows, the last maybe alone."""
+    for pair in range(lines.shape[0]):
+        line = lines[pair]
         line[:] = 0
-        for h in range(min(2, count - 2 * l)):
-            start, stop, column = offset[row + 2 * l + h], offset[row + 2 * l + h + 1], first[row + 2 * l + h]
+        for h in range(min(2, count - 2 * pair)):
+            start, stop, column = offset[row + 2 * pair + h], offset[row + 2 * pair + h + 1], first[row + 2 * pair + h]
             for j in range(stop - start):
                 line[2 * (column + j) + h] = scale * vector[start + j]
 
@@ -57,10 +57,10 @@ def gather_packed(lines, offset, first, row, count, vector):
 
 @_compile
 def separate_packed(lines, half, rows):
-    """rows[2 l], rows[2 l + 1]: half spectra of the two rows a + i b in line l, from Z_k = A_k + i B_k. half: 1/2, in their precision."""
+    """rows[2 pair], rows[2 pair + 1]: half spectra of the two rows a + i b in line pair, from Z_k = A_k + i B_k. half: 1/2, in their precision."""
     n = lines.shape[1] // 2
-    for l in range(lines.shape[0]):
-        z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
+    for pair in range(lines.shape[0]):
+        z, a, b = lines[pair], rows[2 * pair], rows[2 * pair + 1]
         a[0], a[1], b[0], b[1] = z[0], 0, z[1], 0
         for k in range(1, n // 2 + 1):
             m = n - k
@@ -72,8 +72,8 @@ def separate_packed(lines, half, rows):
 def join_packed(rows, lines):
     """The inverse of `separate_packed`; imaginary parts of a real row's first and middle number don't count."""
     n = lines.shape[1] // 2
-    for l in range(lines.shape[0]):
-        z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
+    for pair in range(lines.shape[0]):
+        z, a, b = lines[pair], rows[2 * pair], rows[2 * pair + 1]
         z[0], z[1] = a[0], b[0]
         for k in range(1, (n + 1) // 2):
             m = n - k

@@ -78,10 +78,8 @@ def levels_of(
         raise SceneError(source, [problem])
     factor, remarks, cases = factor or FACTORS[axis], [], []
     for place in _places(coarse, axis, count, start, factor):
-        if axis == ACCURACY:
-            changes = [*common, f"solver.accuracy={place!r}"]
-        else:
-            changes = _grid_overrides(source, common, axis, place, cases)
+        at_accuracy = [*common, f"solver.accuracy={place!r}"]
+        changes = at_accuracy if axis == ACCURACY else _grid_overrides(source, common, axis, place, cases)
         case = _case(source, changes, axis, place, ranks)
         refusal = _refusal(case, largest_n, ranks)
         if refusal:

@@ -175,4 +175,4 @@ def overview(rows: Sequence[Row]) -> list[str]:
         cells = ["" if value is None else f"{value * factor + 0.0:.4g}" for value, factor in found]
         lines.append([row.case.name, *cells, str(row.standing).splitlines()[0]])
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in lines]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]

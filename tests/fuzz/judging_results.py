@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
@@ -257,7 +258,7 @@ def _areas(run: Folder) -> Iterator[Fault]:
         if (np.abs(points - whole) > 1e-6).any() or whole.min() < 0 or whole.max() > run.scene.grid.n**2:
             yield Fault("curve: an area that is no number of grid points", name)
     order = sorted(zip(run.levels, AREAS, strict=True))
-    for (_, lower), (_, upper) in zip(order[:-1], order[1:], strict=True):
+    for (_, lower), (_, upper) in itertools.pairwise(order):
         if (counts[lower] > counts[upper] + 0.5).any():
             yield Fault(f"curve: more {lower.split('_')[0]} than {upper.split('_')[0]} area")
     told = (0.0, run.results.contact_gap, run.results.near_gap)
@@ -298,7 +299,9 @@ def events(run: Folder) -> Iterator[Fault]:
             yield Fault("events: none")
         return
     kinds = list(run.column("event", "events"))
-    rows, happened = (zip(*(run.column(title, table) for title in SAME_STEP)) for table in ("curve", "events"))
+    rows, happened = (
+        zip(*(run.column(title, table) for title in SAME_STEP), strict=True) for table in ("curve", "events")
+    )
     there = set(rows)
     lost = [f"{kind} {step}" for kind, step in zip(kinds, happened, strict=True) if step not in there]
     if lost:

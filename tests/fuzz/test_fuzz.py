@@ -200,7 +200,7 @@ DAMAGE = {
     "curve: force [N] not finite": table("curve.csv", lambda lines: cell(lines, 5, 3, "nan")),
     "curve: near_area [m^2] below 0": table("curve.csv", lambda lines: cell(lines, 5, 6, "-5.625e-9")),
     "curve: phase none of": table("curve.csv", lambda lines: cell(lines, 5, -1, "pause")),
-    "curve: time [s] falls": table("curve.csv", lambda lines: lines[:5] + [lines[6], lines[5]] + lines[7:]),
+    "curve: time [s] falls": table("curve.csv", lambda lines: [*lines[:5], lines[6], lines[5], *lines[7:]]),
     "curve: equal rows": table("curve.csv", lambda lines: lines[:5] + lines[4:]),
     "curve: indentation is not -displacement": table("curve.csv", lambda lines: cell(lines, 5, 2, "1e-9")),
     "curve: phases out of order": table("curve.csv", lambda lines: cell(lines, 5, -1, "retract")),

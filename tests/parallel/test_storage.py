@@ -165,7 +165,7 @@ def test_run_json_keeps_order_and_turns_what_json_lacks_into_null(comm, folder):
 def test_run_json_survives_a_full_disk(comm, folder):
     path = folder / "run.json"
     write_run_json(path, comm, {"steps": 1})
-    with file_size_limit(100), pytest.raises(ResultError, match="run.json: could not be written: File too large"):
+    with file_size_limit(100), pytest.raises(ResultError, match=r"run\.json: could not be written: File too large"):
         write_run_json(path, comm, {"text": "x" * 200})
     assert json.loads(path.read_text()) == {"steps": 1}
     assert list(folder.iterdir()) == [path]
@@ -253,9 +253,13 @@ def test_curve_refuses_a_foreign_table_and_missing_rows(comm, folder):
 def test_full_disk_leaves_whole_lines(comm, folder):
     path = folder / "curve.csv"
     curve = TableFile(CURVE, path, comm)
-    with file_size_limit(400), pytest.raises(ResultError) as caught:
+
+    def fill():
         for k in range(1, 50):
             curve.append(row(k))
+
+    with file_size_limit(400), pytest.raises(ResultError) as caught:
+        fill()
     assert str(caught.value) == f"{path}: could not be written: File too large"
     text = path.read_text()
     assert text.endswith("approach\n") and len(text.splitlines()) == curve.rows + 1 > 2
@@ -265,7 +269,7 @@ def test_full_disk_leaves_whole_lines(comm, folder):
 
 
 def test_folder_that_is_gone(comm, folder):
-    with pytest.raises(ResultError, match="curve.csv: could not be opened: No such file or directory"):
+    with pytest.raises(ResultError, match=r"curve\.csv: could not be opened: No such file or directory"):
         TableFile(CURVE, folder / "gone" / "curve.csv", comm)
 
 
@@ -380,7 +384,7 @@ def test_foreign_grid_and_foreign_file_are_refused(comm, folder):
     if comm.rank == 0:
         (folder / "text.h5").write_text("no HDF5")
     comm.Barrier()
-    with pytest.raises(ResultError, match="text.h5: can't be continued.*it is damaged"):
+    with pytest.raises(ResultError, match=r"text\.h5: can't be continued.*it is damaged"):
         open_fields(folder / "text.h5", comm)
     assert (folder / "text.h5").read_text() == "no HDF5"
 

@@ -192,7 +192,7 @@ def test_no_results_folder(tmp_path):
         status_of(tmp_path)
     with pytest.raises(ResultError, match="no such folder"):
         status_of(tmp_path / "nowhere")
-    with pytest.raises(ResultError, match="letter.txt: a file, not a results folder"):
+    with pytest.raises(ResultError, match=r"letter\.txt: a file, not a results folder"):
         status_of(tmp_path / "letter.txt")
 
 

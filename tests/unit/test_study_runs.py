@@ -138,7 +138,7 @@ def test_only_some_cases(campaign):
         FIRST, "preload-2mN_speed-1um-s", "beside",
     ]  # fmt: skip
     assert campaign.only([]) is campaign
-    with pytest.raises(StudyError, match="--only besid: no case has such a name; did you mean beside?"):
+    with pytest.raises(StudyError, match=r"--only besid: no case has such a name; did you mean beside\?"):
         campaign.only(["besid"])
 
 

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import sys
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -212,7 +213,7 @@ def test_arrays_are_read_in_pieces(finished, monkeypatch):
         for piece in (1, side + 1, 5 * side, side * side - 1, 10**6):
             pieces = []
             monkeypatch.setattr(verify, "PIECE", piece)
-            monkeypatch.setattr(verify, "whole_sum", lambda part, first: noted(pieces, part, first))
+            monkeypatch.setattr(verify, "whole_sum", partial(noted, pieces))
             assert verify._sum_of(array, 1) == whole
             assert max(pieces) <= max(piece, side) and sum(pieces) == side * side
 
