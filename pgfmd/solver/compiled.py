@@ -16,7 +16,7 @@ import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import llvmlite.binding
 import numba
@@ -27,11 +27,14 @@ from numba.core.dispatcher import Dispatcher
 CURE = "NUMBA_CACHE_DIR names a folder to keep them in"
 
 
-def compiled(**options: Any) -> Callable[[Callable], Any]:
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+
+def compiled(**options: Any) -> Callable[[Kernel], Kernel]:
     """A decorator: `numba.njit` with these options and without Python's lock, and a cache that forgives everything."""
 
-    def decorate(function: Callable) -> Any:
-        kernel = numba.njit(nogil=True, **options)(function)
+    def decorate(function: Kernel) -> Kernel:
+        kernel: Kernel = numba.njit(nogil=True, **options)(function)
         # A plain function where NUMBA_DISABLE_JIT is set.
         if isinstance(kernel, Dispatcher):
             # What `cache=True` sets, of another class.
@@ -39,6 +42,12 @@ def compiled(**options: Any) -> Callable[[Callable], Any]:
         return kernel
 
     return decorate
+
+
+def inlined(function: Kernel) -> Kernel:
+    """A decorator for what kernels call: it becomes a part of each of them."""
+    part: Kernel = numba.njit(inline="always")(function)
+    return part
 
 
 def hear(listener: Callable[[str], None] | None) -> None:
