@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 
 from . import coarsening, parts, symmetry
-from .schemes.inertialess import Inertialess
+from .schemes.inertialess.controller import Controller, StepLimits
+from .schemes.inertialess.scheme import Inertialess
 from .solver.conjugate_gradients import ConjugateGradients
-from .solver.controller import Controller, StepLimits
 from .solver.far_field import far_weights
 from .solver.grid import Grid, PunchPoints
 from .solver.mirrored_transform import MirroredConvolution
@@ -129,9 +129,9 @@ def _inertialess(scene, comm, mirror: str):
 def _quasistatic(scene, comm, mirror: str):
     """Scheme and controller of infinitely slow loading."""
     # Nothing of it is of use to other schemes.
-    from .schemes.quasistatic import Quasistatic
-    from .solver.load_steps import LoadSteps
-    from .solver.machine import sprung
+    from .schemes.quasistatic.controller import LoadSteps
+    from .schemes.quasistatic.machine import sprung
+    from .schemes.quasistatic.scheme import Quasistatic
 
     compliance, spring = parts.quasistatic_compliance(scene), parts.machine_compliance(scene)
     solver = _solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, compliance))
@@ -146,8 +146,8 @@ def _quasistatic(scene, comm, mirror: str):
 def _gfmd(scene, comm, mirror: str):
     """Scheme and controller of the paper's method."""
     # Its kernels and its transform are of no use to other schemes.
-    from .schemes.gfmd import Gfmd
-    from .solver.fixed_steps import FixedSteps
+    from .schemes.gfmd.controller import FixedSteps
+    from .schemes.gfmd.scheme import Gfmd
 
     plane = Plane(comm, scene.grid.n)
     slab = (plane.row_start, plane.real.shape[0])

@@ -16,9 +16,9 @@ from .physics.film import Film
 from .physics.free_kernel import FreeFilm, FreeHalfSpace
 from .physics.halfspace import HalfSpace, TabulatedCompliance
 from .physics.heightfile import HIGHEST
-from .physics.inertia import Inertia, contact_stiffness, inertia_of, instability
 from .physics.rheology import PronySeries
 from .physics.topography import Topography
+from .schemes.gfmd.inertia import Inertia, contact_stiffness, inertia_of, instability
 from .solver.grid import Grid
 
 PAPER_FACTOR = 0.156

@@ -28,8 +28,8 @@ from mpi4py import MPI
 from pgfmd import parts
 from pgfmd.assemble import assemble
 from pgfmd.scene import load_scene
+from pgfmd.schemes.quasistatic.soft_mode import SoftMode
 from pgfmd.solver.simulation import Observer
-from pgfmd.solver.soft_mode import SoftMode
 
 SHARP = 0.001
 """Accuracy of references."""

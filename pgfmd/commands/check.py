@@ -14,10 +14,10 @@ from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
 from pgfmd.parts import automatic_range, compliance_of, inertia_of_scene, law_of, series_of, topography_of
-from pgfmd.physics.inertia import contact_stiffness
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
+from pgfmd.schemes.gfmd.inertia import contact_stiffness
 from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity
 

@@ -25,6 +25,8 @@ FORCE_ROUNDING = 10.0
 LARGER_PRELOAD = 10.0
 """Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just
 do: elsewhere on the path rounding may be worse."""
+SINGLE_NOISE = 1e-7
+"""Error of a step's energies in single precision, as a share of those at stake."""
 DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
 

@@ -63,7 +63,7 @@ class State:
     `past_steps`: up to two earlier ends of steps, newest first, and the steps [s] that led away from
     them, with the forces [N] there; drift: factor of the covariance of
     u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try; followed [s]: how long
-    steps may be that follow an instability (load_steps.py). least_force [N]: the lowest
+    steps may be that follow an instability (schemes/quasistatic/controller.py). least_force [N]: the lowest
     force within the last step; pull_off_force, snap_in_force [N]: within all steps of the retraction, and of the
     approach, zero or below; *_at_ends: at the ends of these steps; largest_force [N]: at the end of any, zero or
     above. contact_points, overlap_points, near_points: how many have a gap below the law's contact_gap, below zero, and

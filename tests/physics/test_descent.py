@@ -7,10 +7,10 @@ from mpi4py import MPI
 
 from pgfmd.assemble import assemble
 from pgfmd.scene import load_scene
+from pgfmd.schemes.quasistatic.soft_mode import SoftMode
 from pgfmd.solver import contact_kernels, descent_kernels
 from pgfmd.solver.descent import FLAT, Descent, newton_step
 from pgfmd.solver.simulation import Observer
-from pgfmd.solver.soft_mode import SoftMode
 
 
 def scene(name, n, *changes):

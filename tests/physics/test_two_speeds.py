@@ -16,8 +16,8 @@ from pgfmd.physics.drive import OVERSHOOT, Drive, Phase, automatic_turn
 from pgfmd.restart.history import History
 from pgfmd.restart.scene_changes import review
 from pgfmd.scene import load_scene
-from pgfmd.schemes.energy_audit import tension_of
-from pgfmd.solver.retardation import IMPLICIT_EULER
+from pgfmd.schemes.inertialess.audit import tension_of
+from pgfmd.schemes.inertialess.retardation import IMPLICIT_EULER
 
 FEW = ("grid.n=32", "drive.speed=1 um/s", "solver.accuracy=0.003")
 TACK, PUNCH = ("tri-tack", *FEW, "drive.preload=1 mN"), ("flat-punch", *FEW, "drive.preload=5 mN")

@@ -12,7 +12,7 @@ from pgfmd.physics.drive import Phase
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import prony, sinusoid, ting
 from pgfmd.scene import load_scene, scene_from_mapping
-from pgfmd.solver.retardation import SDIRK2, step_weights
+from pgfmd.schemes.inertialess.retardation import SDIRK2, step_weights
 from pgfmd.solver.simulation import Observer
 
 MODULUS, POISSON = 2e6, 0.495

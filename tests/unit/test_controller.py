@@ -7,7 +7,7 @@ import pytest
 
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import PRELOAD, Phase
-from pgfmd.solver.controller import ENERGY_CUT, MOST_REPEATS, Controller, StepLimits
+from pgfmd.schemes.inertialess.controller import ENERGY_CUT, MOST_REPEATS, Controller, StepLimits
 from pgfmd.solver.extrapolation import integral
 from pgfmd.solver.preload_search import PRELOAD_TOLERANCE, Bracket
 from pgfmd.solver.state import State

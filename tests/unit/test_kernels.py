@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pgfmd.physics.cohesion import CohesiveLaw
-from pgfmd.solver import contact_kernels, kernels, retardation_kernels, transform_kernels
+from pgfmd.schemes.inertialess import retardation_kernels
+from pgfmd.solver import contact_kernels, kernels, transform_kernels
 from pgfmd.solver.grid import Grid, PunchPoints
 
 GAMMA, RHO = 0.05, 0.75e-6

@@ -122,7 +122,7 @@ def test_rows_after_the_checkpoint_tell_of_an_error(stopped):
 
 
 def test_failed_has_its_message(tmp_path, monkeypatch):
-    from pgfmd.solver.controller import Controller
+    from pgfmd.schemes.inertialess.controller import Controller
 
     advance, calls = Controller.advance, []
 

@@ -24,7 +24,7 @@ NAMES = {file: dotted(file) for file in FILES}
 LONGEST_FILE, LONGEST_FUNCTION = 500, 60
 
 PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (PACKAGE / "physics").glob("[a-z]*.py")),
-         "characterisation.dma", "characterisation.prony_fit",
+         "schemes.gfmd.inertia", "characterisation.dma", "characterisation.prony_fit",
          "characterisation.temperature_shift"]  # fmt: skip
 READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
            "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.bearing_area",

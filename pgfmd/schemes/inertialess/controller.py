@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
+from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
 
-from .preload_search import PreloadSearch, fit, slack_of
-from .state import State
-
-SAFETY, LARGEST_GROWTH, STRONGEST_CUT, CUT_ON_FAILURE = 0.85, 2.0, 0.2, 0.25
+CUT_ON_FAILURE = 0.25
 TELLING = 2.0
 """How many times longer than a step another one has to be for their changes to tell a jump from a motion."""
 ENERGY_CUT, WORTH_AGAIN, MOST_REPEATS = {1: 8.0, 2: 24.0}, 0.6, 3

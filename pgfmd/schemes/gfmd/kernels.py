@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 
-from .compiled import compiled
-from .contact_kernels import _cosine_of, _sine_of, count_below
-from .kernels import _compile, _compile_maxima, _compile_sums
+from pgfmd.solver.compiled import compiled
+from pgfmd.solver.contact_kernels import _cosine_of, _sine_of, count_below
+from pgfmd.solver.kernels import _compile, _compile_maxima, _compile_sums
 
 
 @_compile

@@ -12,12 +12,13 @@ from __future__ import annotations
 import numpy as np
 
 from pgfmd.physics.drive import Phase
-from pgfmd.physics.inertia import Inertia
 from pgfmd.physics.rheology import PronySeries
-from pgfmd.solver import gfmd_kernels as kernels
 from pgfmd.solver.far_field import FarPoints
 from pgfmd.solver.multiplier import FEW
 from pgfmd.solver.state import State
+
+from . import kernels
+from .inertia import Inertia
 
 
 class Gfmd:

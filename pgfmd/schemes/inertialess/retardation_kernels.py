@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .kernels import _compile, _compile_sums
+from pgfmd.solver.kernels import _compile, _compile_sums
 
 
 @_compile

@@ -11,11 +11,9 @@ import math
 
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
-
-from .controller import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
-from .preload_search import PreloadSearch, fit, slack_of
-from .state import State
-from .trial import Trial
+from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT, Trial
 
 FOLLOWED, FINEST = 1.0, 0.25
 """Jumps are followed in steps of at most so many tolerances, and located to no less than this share of one."""

@@ -1,0 +1,1 @@
+"""The paper's explicit scheme: every mode of the surface is a mass on springs and dashpots."""

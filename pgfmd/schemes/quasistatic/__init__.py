@@ -1,0 +1,1 @@
+"""Infinitely slow loading: a path of equilibria, and the jumps between them."""
