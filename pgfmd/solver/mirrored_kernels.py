@@ -11,6 +11,8 @@ times a_j. Lines are passed as real arrays, real and imaginary parts in turns.
 
 from __future__ import annotations
 
+import numpy as np
+
 from .compiled import compiled
 
 # Products and sums may be contracted: that depends on the machine alone.

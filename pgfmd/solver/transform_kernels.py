@@ -7,6 +7,8 @@ columns lie tiles (tiles.py).
 
 from __future__ import annotations
 
+import numpy as np
+
 from .compiled import compiled
 
 _compile = compiled()
