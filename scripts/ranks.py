@@ -29,6 +29,7 @@ from marked_page import fill
 from ranks_model import arguments, blocks, busy, table
 
 from pgfmd.host import launch
+from pgfmd.physics.drive import DETACHED
 
 PAGE = Path(__file__).parent.parent / "docs" / "ranks.md"
 SLOW, FAST = "drive.speed=1 um/s", "drive.speed=25 um/s"
@@ -147,7 +148,7 @@ def _run(n: int, ranks: int, changes: list[str]) -> float:
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
         taken = time.perf_counter() - began
         record = json.loads(Path(folder, "run", "run.json").read_text("utf-8"))
-        if record["finished"] != "detached":
+        if record["finished"] != DETACHED:
             raise SystemExit(f"n = {n}, {ranks} ranks: {record['finished']}")
         return taken
     finally:

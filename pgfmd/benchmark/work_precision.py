@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from pgfmd.errors import RunError, SceneError
 from pgfmd.output.recorder import Recorder
+from pgfmd.physics.drive import DETACHED
 from pgfmd.results.curve import Loop
-from pgfmd.solver.simulation import FINISHED
 
 from .curve_errors import errors
 
@@ -70,7 +70,7 @@ class Laboratory:
             confirm(loaded, scene, self.comm.size)
             self._warm_up(scene, overrides, loaded.solver)
             outcome = run(loaded, self.comm)
-            if outcome.finished != FINISHED:
+            if outcome.finished != DETACHED:
                 raise RunError(f"{', '.join(name)}: {outcome.finished}, so that its curve is not whole")
             self._known[name] = outcome
         return self._known[name]

@@ -26,8 +26,6 @@ from . import uncertainty
 from .reading import Results
 
 Array = NDArray[np.float64]
-WHOLE = "detached"
-"""How a run finishes whose loop is closed (`finished` in `run.json`)."""
 TOLD = (
     "preload_N", "largest_force_N", "pull_off_force_N", "snap_in_force_N", "pull_off_force_uncertainty_N",
     "snap_in_force_uncertainty_N", "time_to_preload_s", "work_of_separation_uncertainty_J", "work_uncertainty_J",

@@ -25,6 +25,8 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
 from numba.core.dispatcher import Dispatcher
 
 CURE = "NUMBA_CACHE_DIR names a folder to keep them in"
+_COMPILED = ("**/*kernels.py", "hashing.py", "physics/cohesion/*.py")
+"""Sources, in the package, of what is compiled."""
 
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
@@ -94,8 +96,9 @@ def _mark_of(what: str) -> Path | None:
 
 @functools.cache
 def _sources() -> str:
-    """A digest of the sources of all kernels."""
-    texts = (source.read_bytes() for source in sorted(Path(__file__).parent.glob("*kernels.py")))
+    """A digest of the sources of all kernels, wherever they are in the package."""
+    package = Path(__file__).parents[1]
+    texts = (source.read_bytes() for pattern in _COMPILED for source in sorted(package.glob(pattern)))
     return hashlib.sha256(b"\0".join(texts)).hexdigest()
 
 

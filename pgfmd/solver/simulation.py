@@ -9,14 +9,13 @@ from dataclasses import dataclass, replace
 
 from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
-from pgfmd.physics.drive import Drive
+from pgfmd.physics.drive import DETACHED, Drive
 
 from .finite import not_finite_on
 from .interruption import Interrupted, Question
 from .preload_search import PRELOAD_TOLERANCE
 from .state import State
 
-FINISHED = "detached"
 STOPPED_PRELOAD = "preload not reached"
 STOPPED_STEPS = "max_steps reached"
 
@@ -181,7 +180,7 @@ class Simulation:
         elif self.retracting and state.smallest_gap >= self.scheme.law.reach:
             # From its deepest point on the punch only gets faster, and a surface that is left to itself slower, so that
             # the two don't meet again.
-            state.finished = FINISHED
+            state.finished = DETACHED
         elif phase.name == "approach" and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
         if not state.finished and state.counters.steps >= self.max_steps:

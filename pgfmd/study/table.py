@@ -16,8 +16,9 @@ from typing import Any
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.regular_files import write_atomically
+from pgfmd.physics.drive import DETACHED
 from pgfmd.results import load
-from pgfmd.results.curve import KINDS_OF_AREA, WHOLE, Loop, measure
+from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 
 from .cases import Case
 from .standing import Standing
@@ -89,7 +90,7 @@ def rows_of(
         standing = standings[case.name]
         record = standing.record or {}
         measured = {column: record.get(key) for column, key in MEASURED.items()}
-        if record.get("finished", WHOLE) != WHOLE:
+        if record.get("finished", DETACHED) != DETACHED:
             measured |= dict.fromkeys(OF_LOOP)
         measured |= areas_of(out / case.name) if out and record else dict.fromkeys(AREA_COLUMNS)
         rows.append(Row(case, standing, {axis.name: place_of(case, axis) for axis in axes}, measured))

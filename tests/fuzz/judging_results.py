@@ -16,12 +16,13 @@ import numpy as np
 from pgfmd.errors import PgfmdError, RunError, SceneError
 from pgfmd.files.table_reading import faults_of
 from pgfmd.files.tables import CURVE, TABLES
+from pgfmd.physics.drive import DETACHED
 from pgfmd.results import load
 from pgfmd.results.curve import SAME_STEP
 from pgfmd.results.uncertainty import LEAST_LOOP, UNBALANCED, at_stake
 from pgfmd.results.verify import verify
 from pgfmd.solver.newton import NewtonSolver
-from pgfmd.solver.simulation import FINISHED, STOPPED_PRELOAD, STOPPED_STEPS
+from pgfmd.solver.simulation import STOPPED_PRELOAD, STOPPED_STEPS
 
 from .declarations import KEYS
 from .faults import Fault, of_exception
@@ -180,9 +181,9 @@ def record(run: Folder) -> Iterator[Fault]:
     if not run.finished:
         return
     found = run.record
-    if found["finished"] not in (FINISHED, STOPPED_PRELOAD, STOPPED_STEPS):
+    if found["finished"] not in (DETACHED, STOPPED_PRELOAD, STOPPED_STEPS):
         yield Fault("an end that has no name", str(found["finished"]))
-    if found["finished"] != FINISHED and "stopped early" not in run.said:
+    if found["finished"] != DETACHED and "stopped early" not in run.said:
         yield Fault("a run that stopped early, untold", str(found["finished"]))
     # How far off a result may be follows from the accuracy, which the scheme gfmd has not; works need an audit too.
     untold = tuple(name for name in found if name.endswith(("_uncertainty_N", "_uncertainty_J")))
@@ -192,7 +193,7 @@ def record(run: Folder) -> Iterator[Fault]:
         may_lack = () if found["viscous_J"] is not None else tuple(name for name in untold if name.endswith("_J"))
     may_lack += tuple(name for name in untold if found.get(name.replace("_uncertainty", "")) is None)
     empty = [name for name, value in found.items() if value is None and name not in (*NULLABLE, *may_lack)]
-    if found["finished"] == FINISHED:
+    if found["finished"] == DETACHED:
         empty += [name for name in ("pull_off_force_N", "work_of_separation_J", "preload_N") if found[name] is None]
     if empty:
         yield Fault("null in the record", ", ".join(empty))
@@ -268,7 +269,7 @@ def _areas(run: Folder) -> Iterator[Fault]:
 
 def ends(run: Folder) -> Iterator[Fault]:
     """A punch that is detached carries no force and touches nothing."""
-    if not run.finished or run.record["finished"] != FINISHED:
+    if not run.finished or run.record["finished"] != DETACHED:
         return
     if abs(run.force[-1]) > run.accuracy * run.largest_force + run.unbalanced:
         yield Fault("force at the end of a detached run", f"{run.force[-1]:.3g} of {run.largest_force:.3g} N")
@@ -419,7 +420,7 @@ def _sites(run: Folder) -> Iterator[Fault]:
             )
             return
         last = time
-    if run.finished and run.record["finished"] == FINISHED and any(held.values()):
+    if run.finished and run.record["finished"] == DETACHED and any(held.values()):
         yield Fault(
             "sites: in contact at the end of a detached run", str({kind: len(now) for kind, now in held.items()})
         )
@@ -433,7 +434,7 @@ def analysed(run: Folder) -> Iterator[Fault]:
         try:
             analyse(run.path)
         except PgfmdError as error:
-            if run.record["finished"] == FINISHED:
+            if run.record["finished"] == DETACHED:
                 yield Fault("analyse refuses a finished run", str(error)[:300])
 
 
