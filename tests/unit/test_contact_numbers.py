@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_runs import SCENE, run
-from synthetic_results import as_version_0_1
 from typer.testing import CliRunner
 
 from pgfmd.analysis.contact_table import Face
@@ -23,6 +21,8 @@ from pgfmd.study.pictures import Plan, measures_figure
 from pgfmd.study.standing import standing_of
 from pgfmd.study.study_file import study_from_mapping
 from pgfmd.study.table import AREAS, COLUMNS, GAPS, overview, remarks, rows_of, write_table
+from tests.unit.small_runs import SCENE, run
+from tests.unit.synthetic_results import as_version_0_1
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ import json
 
 import pytest
 from mpi4py import MPI
-from small_runs import SCENE, run
 
 from pgfmd.commands.run import _missed_preload, _summary
 from pgfmd.errors import ResultError
@@ -19,6 +18,7 @@ from pgfmd.study.cases import cases_of
 from pgfmd.study.standing import standing_of
 from pgfmd.study.study_file import study_from_mapping
 from pgfmd.study.table import overview, rows_of, write_table
+from tests.unit.small_runs import SCENE, run
 
 
 def record_of(folder):

@@ -23,9 +23,7 @@ from pgfmd.study.pool import LaunchFailed, Pool, Task, last_words
 from pgfmd.study.standing import Standing, standing_of
 from pgfmd.study.study_file import StudyError, study_from_mapping
 from pgfmd.study.table import COLUMNS, MEASURED, overview, rows_of, write_table
-
-sys.path.insert(0, str(Path(__file__).parent))
-from small_runs import SCENE, damage_an_array, run
+from tests.unit.small_runs import SCENE, damage_an_array, run
 
 COMMON = {"grid": {"n": 24}, "output": {"snapshots": ["1 s"]}}
 SPEEDS, PRELOADS = ["1 um/s", "2 um/s"], ["1 mN", "2 mN"]
