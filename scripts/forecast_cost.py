@@ -4,7 +4,7 @@
     python scripts/forecast_cost.py all --again    the same, after the solvers have changed: rows that are there are run anew
     python scripts/forecast_cost.py run --full     the large grids and long paths too: an hour
     python scripts/forecast_cost.py fit            the numbers of pgfmd/forecast/fitted.py from the table
-    python scripts/forecast_cost.py page           docs/forecast.md from the table and the numbers
+    python scripts/forecast_cost.py page           docs/explanation/forecast.md from the table and the numbers
 
 The table is docs/figures/forecast.csv, a row as soon as its run is done; a script that is stopped goes on from there.
 """

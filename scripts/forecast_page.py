@@ -1,4 +1,4 @@
-"""Judges the forecast by the rows of forecast_cost.py, and fills docs/forecast.md."""
+"""Judges the forecast by the rows of forecast_cost.py, and fills docs/explanation/forecast.md."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pgfmd.forecast.effort import Effort, effort_of
 from pgfmd.forecast.machine_profile import NoProfile, read
 from pgfmd.forecast.run_times import problem_of
 
-PAGE = Path(__file__).parents[1] / "docs" / "forecast.md"
+PAGE = Path(__file__).parents[1] / "docs" / "explanation" / "forecast.md"
 GOOD = 1.5
 """The factor that is wanted."""
 

@@ -1,4 +1,4 @@
-"""What mixed precision changes: errors against a reference in double, and what it saves. docs/work_precision.md.
+"""What mixed precision changes: errors against a reference in double, and what it saves. docs/evidence/work_precision.md.
 
     python scripts/precision.py                  all scenes and the cost: docs/figures/precision.csv and the tables
     python scripts/precision.py errors --only film      the scenes with this word in their names
@@ -177,7 +177,7 @@ def main() -> None:
                 table.add(row)
     if "page" in parts:
         blocks = {"summary": summary, "errors": all_errors, "scatter": all_scatters, "cost": all_costs}
-        fill(DOCS / "work_precision.md", "precision", lambda name: blocks[name](table.rows))
+        fill(DOCS / "evidence" / "work_precision.md", "precision", lambda name: blocks[name](table.rows))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""What the grid, the law and the cell make of simple contacts: fills the tables of docs/resolution.md.
+"""What the grid, the law and the cell make of simple contacts: fills the tables of docs/explanation/resolution.md.
 
     .venv/bin/python scripts/resolution.py        # five minutes on one core
 
@@ -128,7 +128,7 @@ def film() -> str:
 
 def main() -> None:
     tables = {"pull-off": pull_off, "overlap": overlap, "film": film}
-    fill(ROOT / "docs/resolution.md", "table", lambda name: tables[name]())
+    fill(ROOT / "docs/explanation/resolution.md", "table", lambda name: tables[name]())
 
 
 if __name__ == "__main__":

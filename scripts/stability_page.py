@@ -1,4 +1,4 @@
-"""Puts the table of scripts/stability.py into docs/stability.md.
+"""Puts the table of scripts/stability.py into docs/evidence/stability.md.
 
 python scripts/stability.py --csv docs/figures/stability.csv
 python scripts/stability_page.py
@@ -12,7 +12,7 @@ from pathlib import Path
 from marked_page import fill
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-SOURCE, PAGE = DOCS / "figures" / "stability.csv", DOCS / "stability.md"
+SOURCE, PAGE = DOCS / "figures" / "stability.csv", DOCS / "evidence" / "stability.md"
 
 
 def lines(rows: list[dict[str, str]]) -> list[str]:

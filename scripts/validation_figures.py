@@ -1,13 +1,13 @@
 #!/usr/bin/env python
-"""Makes the figures, the table of errors and the tables of docs/validation.md, and the one of contact in docs/model.md.
+"""Makes the figures, the table of errors and the tables of docs/evidence/validation.md, and the one of contact in docs/explanation/model.md.
 
     .venv/bin/python scripts/validation_figures.py               everything; some minutes on one core
     .venv/bin/python scripts/validation_figures.py hertz jkr     some figures; rows of the others are kept
     .venv/bin/python scripts/validation_figures.py --quick       on small grids, into out/validation-quick
     .venv/bin/python scripts/validation_figures.py --list
 
-Into docs/figures/validation: a PNG a figure, and errors.csv. The tables of docs/validation.md, between its lines
-`<!-- errors NAME -->` and `<!-- end -->`, are written anew from errors.csv, and so is the table of docs/model.md, between
+Into docs/figures/validation: a PNG a figure, and errors.csv. The tables of docs/evidence/validation.md, between its lines
+`<!-- errors NAME -->` and `<!-- end -->`, are written anew from errors.csv, and so is the table of docs/explanation/model.md, between
 `<!-- contact radius -->` and `<!-- end -->`.
 """
 
@@ -26,8 +26,8 @@ from validation.drawing import Line, number, shown
 
 from pgfmd.plots.drawing import STYLE
 
-PAGE = ROOT / "docs" / "validation.md"
-MODEL_PAGE = ROOT / "docs" / "model.md"
+PAGE = ROOT / "docs" / "evidence" / "validation.md"
+MODEL_PAGE = ROOT / "docs" / "explanation" / "model.md"
 FOLDER = ROOT / "docs" / "figures" / "validation"
 COLUMNS = ("figure", "what", "settings", "closed form", "ours", "error")
 

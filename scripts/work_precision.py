@@ -1,7 +1,7 @@
 """The work-precision study: what an error costs with either scheme, and how large each kind of error is.
 
     python scripts/work_precision.py            all panels: docs/figures/work_precision.csv and .png, and the tables of
-                                                docs/work_precision.md; 20 to 25 minutes of one core
+                                                docs/evidence/work_precision.md; 20 to 25 minutes of one core
     python scripts/work_precision.py time mesh  some panels
     python scripts/work_precision.py --quick --csv out.csv --figure out.png     small versions, a minute or two
 
@@ -273,7 +273,7 @@ def measure(comm, options: argparse.Namespace) -> None:
     if not first:
         return
     figure = options.figure or (None if options.quick else DOCS / "figures" / "work_precision.png")
-    page = options.page or (None if options.quick else DOCS / "work_precision.md")
+    page = options.page or (None if options.quick else DOCS / "evidence" / "work_precision.md")
     if figure:
         draw(table.rows, figure)
         say(f"{figure} drawn")

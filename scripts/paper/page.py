@@ -1,4 +1,4 @@
-"""numbers.csv, and what is written from it into docs/paper.md, between `<!-- figure NAME -->` and `<!-- end -->`."""
+"""numbers.csv, and what is written from it into docs/evidence/paper.md, between `<!-- figure NAME -->` and `<!-- end -->`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from validation.drawing import number
 from paper import HERE, ROOT
 from paper.drawing import CONTACT, OVERLAP, Claim, Drawing
 
-PAGE = ROOT / "docs" / "paper.md"
+PAGE = ROOT / "docs" / "evidence" / "paper.md"
 FOLDER = ROOT / "docs" / "figures" / "paper"
 OLD_COUNT = HERE / "old_count.csv"
 """What the runs of earlier versions gave, which counted gaps below zero: size, figure, what, settings, ours."""
@@ -210,7 +210,7 @@ def block(figure: str, folder: Path) -> str:
         if path.exists() and (picture := path.read_bytes()) not in shown:
             shown.add(picture)
             caption = captions.get(f"{figure}-{size}", "")
-            parts.append(f"![{figure}, {SHOWN[size]}](figures/paper/{figure}-{size}.png)\n\n*{caption}*")
+            parts.append(f"![{figure}, {SHOWN[size]}](../figures/paper/{figure}-{size}.png)\n\n*{caption}*")
     rows = [row for row in read_rows(folder) if row["figure"] == figure and row["size"] in SHOWN]
     if rows:
         parts.append(table(rows))

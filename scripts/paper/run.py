@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Runs the studies behind the figures of docs/paper.md, draws the figures, and writes their numbers into the page.
+"""Runs the studies behind the figures of docs/evidence/paper.md, draws the figures, and writes their numbers into the page.
 
     python scripts/paper/run.py --size quick                    everything on small grids, into out/paper-quick
     python scripts/paper/run.py tri hex --ranks 2               two figures at the reduced size

@@ -1,4 +1,4 @@
-"""The studies behind docs/paper.md: files, shared runs, the page, and one figure from a tiny run to its table."""
+"""The studies behind docs/evidence/paper.md: files, shared runs, the page, and one figure from a tiny run to its table."""
 
 import csv
 import math
@@ -204,5 +204,5 @@ def test_the_page_is_what_its_numbers_make_it():
     assert filled(PAGE, "figure", partial(page.block, folder=page.FOLDER)) == PAGE
     counts = page.counts_block(page.FOLDER, FIGURES)
     assert filled(PAGE, "count", lambda _: counts) == PAGE
-    for name in re.findall(r"\]\(figures/paper/([\w-]+\.png)\)", PAGE):
+    for name in re.findall(r"\]\(\.\./figures/paper/([\w-]+\.png)\)", PAGE):
         assert (page.FOLDER / name).stat().st_size < 400_000

@@ -50,7 +50,7 @@ def test_each_block_of_the_page_has_a_table(monkeypatch):
     model.arguments(parser)
     options = parser.parse_args(["--bandwidth", "25", "--crowding", "1.5"])
     found = made(options)
-    page = (ROOT / "docs" / "ranks.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "evidence" / "ranks.md").read_text(encoding="utf-8")
     assert sorted(re.findall(r"<!-- model ([\w-]+) -->", page)) == sorted(found)
     assert re.findall(r"<!-- (?:shares|speed) ([\w-]+) -->", page) == ["whole", "after", "before"]
     for text in found.values():

@@ -19,7 +19,7 @@ PAGE = script.PAGE.read_text(encoding="utf-8")
 ROWS = script.read_rows(script.FOLDER)
 MODEL_PAGE = script.MODEL_PAGE.read_text(encoding="utf-8")
 SHOWN, SHOWN_OF_MODEL = (
-    re.findall(r"!\[[^\]]+\]\(figures/validation/([\w-]+)\.png\)", page) for page in (PAGE, MODEL_PAGE)
+    re.findall(r"!\[[^\]]+\]\(\.\./figures/validation/([\w-]+)\.png\)", page) for page in (PAGE, MODEL_PAGE)
 )
 
 
