@@ -48,7 +48,7 @@ class Quantity(StrEnum):
 
 
 def study(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", parser=named, help="The study: docs/studies.md.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", parser=named, help="The study: docs/how-to/studies.md.")],
     out: Out = None,
     ranks: Ranks = None,
     jobs: Annotated[

@@ -93,7 +93,7 @@ def read_study(path: str | Path) -> Study:
     try:
         text = read_text(path)
     except FileNotFoundError:
-        raise StudyError(str(path), ["there is no such file; docs/studies.md shows how one looks"]) from None
+        raise StudyError(str(path), ["there is no such file; docs/how-to/studies.md shows how one looks"]) from None
     except (OSError, ValueError) as error:
         raise StudyError(str(path), [f"could not be read: {getattr(error, 'strerror', None) or error}"]) from None
     try:

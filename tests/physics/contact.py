@@ -1,4 +1,4 @@
-"""Areas of contact at every step of a run, for the tests of contact and the figures of docs/validation.md."""
+"""Areas of contact at every step of a run, for the tests of contact and the figures of docs/evidence/validation.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The studies behind docs/paper.md: files, shared runs, the page, and one figure from a tiny run to its table."""
+"""The studies behind docs/evidence/paper.md: files, shared runs, the page, and one figure from a tiny run to its table."""
 
 import csv
 import math

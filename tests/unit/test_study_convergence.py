@@ -281,6 +281,6 @@ def test_the_known_limit_in_the_docs():
     turn = int(np.argmin(depth))
     back = slice(turn, turn + int(np.argmin(np.abs(depth[turn:]))) + 1)
     loop = float(np.sum(-0.5 * (force[back][1:] + force[back][:-1]) * np.diff(depth[back])))
-    text = (Path(__file__).parents[2] / "docs" / "studies.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "studies.md").read_text(encoding="utf-8")
     assert f"is {loop * 1e9:.2f} nJ here" in text
     assert a[back][-1] < scene.punch.radius

@@ -1,4 +1,4 @@
-"""What the grid, the law and the cell make of simple contacts: fills the tables of docs/resolution.md.
+"""What the grid, the law and the cell make of simple contacts: fills the tables of docs/explanation/resolution.md.
 
     python -m scripts.studies.accuracy.resolution        # five minutes on one core
 

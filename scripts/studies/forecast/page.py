@@ -1,4 +1,4 @@
-"""Judges the forecast by the rows of run.py, and fills docs/forecast.md."""
+"""Judges the forecast by the rows of run.py, and fills docs/explanation/forecast.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""numbers.csv, and what is written from it into docs/paper.md, between `<!-- figure NAME -->` and `<!-- end -->`."""
+"""numbers.csv, and what is written from it into docs/evidence/paper.md, between `<!-- figure NAME -->` and `<!-- end -->`."""
 
 from __future__ import annotations
 

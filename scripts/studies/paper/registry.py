@@ -12,7 +12,7 @@ from .pool import Runs
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of docs/paper.md. of: what the paper calls it, empty where it goes beyond; studies: files of this
+    """A figure of docs/evidence/paper.md. of: what the paper calls it, empty where it goes beyond; studies: files of this
     folder, empty where no run is needed."""
 
     draw: Callable[[Runs], Drawing]

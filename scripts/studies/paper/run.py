@@ -1,4 +1,4 @@
-"""Runs the studies behind the figures of docs/paper.md, draws the figures, and writes their numbers into the page.
+"""Runs the studies behind the figures of docs/evidence/paper.md, draws the figures, and writes their numbers into the page.
 
     python -m scripts.studies.paper.run --size quick                    everything on small grids, into out/paper-quick
     python -m scripts.studies.paper.run tri hex --ranks 2               two figures at the reduced size

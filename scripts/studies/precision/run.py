@@ -1,4 +1,4 @@
-"""What mixed precision changes: errors against a reference in double, and what it saves. docs/work_precision.md.
+"""What mixed precision changes: errors against a reference in double, and what it saves. docs/evidence/work_precision.md.
 
     python -m scripts.studies.precision.run                  all scenes and the cost: docs/figures/precision.csv and the tables
     python -m scripts.studies.precision.run errors --only film      the scenes with this word in their names

@@ -9,7 +9,7 @@
 `speed` runs `pgfmd run` as a process of its own, start included; the numbers of ranks take turns, and the best of several
 rounds counts. Scenes are stepped as runs choose by default, on a half of their points and in mixed precision; to compare with
 the whole punch in double precision, add `--set solver.symmetry=none --set solver.precision=double`. `--page` writes the tables
-of `speed`, `shares` and `model` into docs/ranks.md. Use an idle machine.
+of `speed`, `shares` and `model` into docs/evidence/ranks.md. Use an idle machine.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def main() -> None:
     )
     parser.add_argument("--busy", action="store_true", help="for speed: a process that computes on each core")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="further changes of the scene")
-    parser.add_argument("--page", action="store_true", help="write the tables into docs/ranks.md")
+    parser.add_argument("--page", action="store_true", help="write the tables into docs/evidence/ranks.md")
     arguments(parser.add_argument_group("assumptions of the model"))
     options = parser.parse_args()
     # Before the runs of its own.

@@ -1,4 +1,4 @@
-"""Puts the table of scripts/studies/stability/run.py into docs/stability.md.
+"""Puts the table of scripts/studies/stability/run.py into docs/evidence/stability.md.
 
 python -m scripts.studies.stability.run --csv docs/figures/stability.csv
 python -m scripts.studies.stability.page

@@ -1,12 +1,12 @@
-"""Makes the figures, the table of errors and the tables of docs/validation.md, and the one of contact in docs/model.md.
+"""Makes the figures, the table of errors and the tables of docs/evidence/validation.md, and the one of contact in docs/explanation/model.md.
 
     python -m scripts.studies.validation.figures               everything; some minutes on one core
     python -m scripts.studies.validation.figures hertz jkr     some figures; rows of the others are kept
     python -m scripts.studies.validation.figures --quick       on small grids, into out/validation-quick
     python -m scripts.studies.validation.figures --list
 
-Into docs/figures/validation: a PNG a figure, and errors.csv. The tables of docs/validation.md, between its lines
-`<!-- errors NAME -->` and `<!-- end -->`, are written anew from errors.csv, and so is the table of docs/model.md, between
+Into docs/figures/validation: a PNG a figure, and errors.csv. The tables of docs/evidence/validation.md, between its lines
+`<!-- errors NAME -->` and `<!-- end -->`, are written anew from errors.csv, and so is the table of docs/explanation/model.md, between
 `<!-- contact radius -->` and `<!-- end -->`.
 """
 

@@ -4,7 +4,7 @@
     python -m scripts.studies.work_precision.run time mesh  some panels
     python -m scripts.studies.work_precision.run --quick --csv out.csv --figure out.png     small: a minute or two
 
-Writes docs/figures/work_precision.csv and .png, and the tables of docs/work_precision.md.
+Writes docs/figures/work_precision.csv and .png, and the tables of docs/evidence/work_precision.md.
 
 Points that are in the CSV already are not measured again; delete it, or lines of it, to have them measured anew.
 
