@@ -16,8 +16,8 @@ from pgfmd.results import Results, load
 from pgfmd.results.curve import Loop
 from pgfmd.scene import load_scene
 from pgfmd.scene.model import Scene
-from pgfmd.study.cases import Case, cases_of
-from pgfmd.study.study_file import read_study
+from pgfmd.studies.cases import Case, cases_of
+from pgfmd.studies.study_file import read_study
 
 from . import HERE
 

@@ -27,8 +27,8 @@ from pgfmd.files.storage import RUN_FILE, SCENE_FILE
 from pgfmd.forecast.effort import effort_of
 from pgfmd.plots.drawing import STYLE
 from pgfmd.scene import load_scene
-from pgfmd.study.campaign import Campaign, Unfinished, Wishes
-from pgfmd.study.standing import COMPLETE
+from pgfmd.studies.campaign import Campaign, Unfinished, Wishes
+from pgfmd.studies.standing import COMPLETE
 
 from ..pages import ROOT, fill
 from . import page

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pgfmd.study.convergence import fit_power_law
+from pgfmd.studies.convergence import fit_power_law
 
 from .drawing import (
     COLOURS,
