@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .assemble import assemble
-from .errors import PgfmdError, ResultError, RunError
+from .errors import PgfmdError, ResultError, RunError, Stopped
 from .files import storage
 from .files.fields_layout import Layout
 from .files.packing import arrays_of, unpack
@@ -25,7 +25,7 @@ from .restart import resume
 from .restart.checkpoints import Checkpoints
 from .restart.disk_space import require_space
 from .restart.history import History
-from .restart.keeper import Keeper, Stopped, Timing
+from .restart.keeper import Keeper, Timing
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
 from .solver import compiled

@@ -125,7 +125,7 @@ def _ending(found: Inventory) -> str:
         return f"killed or lost: {found.holder}"
     if found.rows_from(found.valid.curve_bytes):
         return "ended by an error after its last checkpoint: see its output"
-    return f"stopped by {found.valid.head.get('why') or 'a signal or a limit of time'}"
+    return f"stopped by {found.why_stopped or 'a signal or a limit of time'}"
 
 
 def _describe(status: Status, found: Inventory) -> None:

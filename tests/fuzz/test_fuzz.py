@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.host import launch
+from pgfmd.host.launchers import environment_without
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 from pgfmd.scene.fields import quantity
@@ -102,9 +103,8 @@ def fuzz(*commands: str, folder: Path) -> subprocess.CompletedProcess:
     """Commands of the fuzzer, one after the other in a process that has not loaded MPI."""
     calls = " + ".join(f"main({[*command.split(), '--out', str(folder)]})" for command in commands)
     program = f"import sys; from tests.fuzz.__main__ import main; sys.exit({calls})"
-    alone = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX_", "PMI_"))}
     return subprocess.run(
-        [sys.executable, "-c", program], cwd=Path(__file__).parents[2], env=alone, capture_output=True, text=True,
+        [sys.executable, "-c", program], cwd=Path(__file__).parents[2], env=environment_without(), capture_output=True, text=True,
         timeout=110, check=False,
     )  # fmt: skip
 

@@ -14,13 +14,13 @@ from mpi4py import MPI
 
 import pgfmd.runner
 from pgfmd.assemble import assemble
-from pgfmd.errors import ResultError, RunError, SceneError
+from pgfmd.errors import ResultError, RunError, SceneError, Stopped
 from pgfmd.files.packing import arrays_of
 from pgfmd.host.launch import RelayedError
 from pgfmd.restart import checkpoint_file
 from pgfmd.restart.checkpoint_layout import Damaged, examine, read_head
 from pgfmd.restart.checkpoints import Checkpoints
-from pgfmd.restart.keeper import Stopped, Timing
+from pgfmd.restart.keeper import Timing
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
 from pgfmd.runner import Options, run_scene

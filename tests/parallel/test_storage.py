@@ -19,6 +19,7 @@ from pgfmd.files import fields_layout
 from pgfmd.files.storage import RESULTS, agree, make_directory, on_root, set_aside, write_run_json
 from pgfmd.files.table_writing import TableFile
 from pgfmd.files.tables import CURVE, ENERGY, CurveRow, EnergyRow
+from pgfmd.host.launchers import environment_without
 from pgfmd.output.fields_file import FieldsFile
 
 pytestmark = pytest.mark.mpi
@@ -429,11 +430,6 @@ def test_a_crash_at_any_point_of_an_addition_is_undone(comm, folder, monkeypatch
     assert fields.frames == 2
 
 
-def outside_mpi() -> dict[str, str]:
-    """The environment of a process that is not one of the ranks."""
-    return {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMIX_", "PMI_"))}
-
-
 KILLED = """
 import sys, numpy as np
 from mpi4py import MPI
@@ -452,7 +448,7 @@ def test_killed_at_random_times_the_file_is_always_continued(comm, folder):
     path, random, frames = folder / "fields.h5", np.random.default_rng(1), 0
     for _ in range(4):
         command = [sys.executable, "-c", KILLED, str(path)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=outside_mpi())
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment_without())
         assert process.stdout.readline().startswith("open")
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(random.uniform(0.05, 0.3))
@@ -482,7 +478,9 @@ def test_somebody_who_looks_at_snapshots_does_not_stop_the_run(comm, folder):
     reader = None
     if comm.rank == 0:
         command = [sys.executable, "-c", READER, str(path)]
-        reader = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=outside_mpi())
+        reader = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment_without()
+        )
         assert reader.stdout.readline() == "open\n"
     comm.Barrier()
     try:
