@@ -147,7 +147,7 @@ def _draw_curve(axis: Any, loop: Loop, colour: Any, style: Any, label: str | Non
 
 
 def _loop(folder: Path) -> Loop | None:
-    """A case's curve; None where there is none, nothing in it, or where it can't be read."""
+    """A case's curve; None where there is none, nothing in it, or where it can't be read, which the table tells."""
     try:
         with load(folder) as results:
             return Loop.of(results)

@@ -24,7 +24,7 @@ from pgfmd.studies.pictures import Plan, curves_figure, draw_study, measures_fig
 from pgfmd.studies.pool import Pool, Task, last_words
 from pgfmd.studies.standing import Standing, standing_of
 from pgfmd.studies.study_file import StudyError, study_from_mapping
-from pgfmd.studies.table import COLUMNS, MEASURED, overview, rows_of, write_table
+from pgfmd.studies.table import COLUMNS, MEASURED, overview, remarks, rows_of, write_table
 from tests.unit.small_runs import SCENE, damage_an_array, run
 
 COMMON = {"grid": {"n": 24}, "output": {"snapshots": ["1 s"]}}
@@ -335,6 +335,14 @@ def test_the_table(campaign, study, tmp_path):
         assert float(found[4][column]) == record[key], column
     lines = overview(rows)
     assert len(lines) == 6 and f"{record['pull_off_force_N'] * 1e3:.4g}" in lines[-1]
+
+
+def test_a_curve_that_is_lost_is_told_of(campaign, study):
+    (campaign.out / "beside" / "curve.csv").unlink()
+    rows = rows_of(campaign.cases, study.axes, campaign.standings(), campaign.out)
+    (told,) = remarks(rows)
+    assert told.startswith("beside has no areas and is in no picture of curves: ") and "curve.csv" in told
+    assert rows[0].measured["contact_area_at_preload [m^2]"] > 0.0
 
 
 def test_bundles_and_words_in_the_table():
