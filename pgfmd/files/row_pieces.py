@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -18,11 +19,14 @@ from pgfmd.errors import ResultError
 
 from .storage import attempt
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
 PIECE_BYTES = 2**24
 """Most that goes through one call."""
 
 
-def rows_on_root(comm, rows: np.ndarray, first: int) -> Iterator[tuple[int, np.ndarray]]:
+def rows_on_root(comm: Intracomm, rows: np.ndarray, first: int) -> Iterator[tuple[int, np.ndarray]]:
     """The rows of all ranks on rank 0, in pieces, as (first row, rows); nothing elsewhere. To be gone through to its
     end on every rank, as the others wait until rank 0 has taken all that they send.
 

@@ -6,6 +6,10 @@ It follows from measurements: scripts/studies/precision/run.py, docs/evidence/wo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .model import Scene
 
 FINEST_MIXED = 1e-5
 """The finest accuracy at which mixed precision was found to have the error of double."""
@@ -22,7 +26,7 @@ class Choice:
     reason: str
 
 
-def best_precision(scene) -> Choice:
+def best_precision(scene: Scene) -> Choice:
     """The precision that is best for a scene: mixed where that has the error of double and costs less, else double.
 
     A pure function of the resolved scene, whatever its own precision is.
@@ -41,7 +45,7 @@ def best_precision(scene) -> Choice:
     return Choice("mixed", f"it has the error of double for accuracies down to {FINEST_MIXED:g}, and costs less")
 
 
-def transform_side_about(scene) -> int:
+def transform_side_about(scene: Scene) -> int:
     """About how many points a side the transforms have: those of the cell, or twice those across a punch alone."""
     n, radius = scene.grid.n, scene.punch.radius
     if scene.substrate.boundary == "periodic" or radius is None:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,9 @@ from pgfmd.physics.contact_sites import KINDS, ContactSites
 
 from .grid import PunchPoints
 from .sites import SitePoints, reduced
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 Numbers = NDArray[np.int64]
 
@@ -126,7 +130,7 @@ def _of_all(points: PunchPoints, mine: Numbers) -> Numbers:
     return whole
 
 
-def _across_ranks(comm, edges: Numbers, sizes: list[int], periodic: bool) -> Numbers:
+def _across_ranks(comm: Intracomm, edges: Numbers, sizes: list[int], periodic: bool) -> Numbers:
     """Pairs of labels that meet between this rank's first row and the last row of the rank before it, (2, pairs).
 
     edges: the labels of this rank's first and last row.

@@ -7,6 +7,7 @@ array as this rank's share of a whole along the last axis, and goes by the metad
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -35,6 +36,16 @@ class Energies:
         return self.work - stored - self.viscous - self.released
 
 
+class Solved(Protocol):
+    """A trial step, or a single solve, and its iterations."""
+
+    @property
+    def newton_iterations(self) -> int: ...
+
+    @property
+    def cg_iterations(self) -> int: ...
+
+
 @dataclass
 class Counters:
     """What a run has cost so far."""
@@ -46,7 +57,7 @@ class Counters:
     transform_pairs: int = 0
     jumps: int = 0
 
-    def take(self, solved) -> None:
+    def take(self, solved: Solved) -> None:
         """Adds the iterations of a Trial, or of the Outcome of a single solve."""
         self.newton_iterations += solved.newton_iterations
         self.cg_iterations += solved.cg_iterations
