@@ -16,6 +16,7 @@ from pgfmd.errors import RunError, SceneError
 from pgfmd.output.recorder import Recorder
 from pgfmd.physics.drive import DETACHED
 from pgfmd.results.curve import Loop
+from pgfmd.schemes import registry
 
 from .curve_errors import errors
 
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 
     from pgfmd.scene import Scene
 
-SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=32", "solver.accuracy=0.1")}
-"""What makes a run short that only has to compile the kernels of a scheme."""
+SHORT, COARSE = ("grid.n=32", "solver.max_steps=40"), ("grid.n=32", "solver.accuracy=0.1")
+"""What makes a run short that only has to compile the kernels of a scheme: of explicit steps, and of steps with an accuracy."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ class Laboratory:
         kind = (solver.scheme, solver.precision)
         if kind not in self._warm:
             compile_kernels(self.comm, load_scene(scene, [*self.base, *overrides]))
-            run(load_scene(scene, [*self.base, *overrides, *SHORT[solver.scheme]]), self.comm)
+            short = COARSE if registry.named(solver.scheme).has_accuracy else SHORT
+            run(load_scene(scene, [*self.base, *overrides, *short]), self.comm)
             self._warm.add(kind)
 
 

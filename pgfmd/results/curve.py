@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE, EVENTS
+from pgfmd.schemes import registry
 
 from . import uncertainty
 from .reading import Results
@@ -97,7 +98,7 @@ class Loop:
         offset = float(results.run.get("indentation_offset_m") or 0.0)
         phase = column(curve, "phase")
         scene = results.scene
-        slow = scene.get("solver", {}).get("scheme") == "quasistatic"
+        slow = registry.scheme_in(scene.get("solver", {})).timeless
         held = not slow or scene.get("drive", {}).get("control") == "load"
         name = name or results.directory.name
         loop = cls(

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import PrivateAttr
 
+from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity
 
 from .fields import Section, key, number, quantity, written
@@ -355,11 +356,10 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "rheology":
         required, optional = RHEOLOGIES[scene.rheology.model]
         return frozenset(Rheology.model_fields) - required - optional - {"model"}
-    if section == "solver.gfmd":
-        if scene.solver.scheme != "gfmd":
-            return frozenset(GfmdKeys.model_fields)
-        if scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
-            return frozenset(INSTEAD_OF_OMEGA_AND_DT)
+    if section in registry.sections() and section != registry.scheme_of(scene).section:
+        return frozenset(SECTIONS[section].model_fields)
+    if section == "solver.gfmd" and scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
+        return frozenset(INSTEAD_OF_OMEGA_AND_DT)
     return frozenset()
 
 

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .model import Scene
 
+from pgfmd.schemes import registry
+
 FINEST_MIXED = 1e-5
 """The finest accuracy at which mixed precision was found to have the error of double."""
 LEAST_SIDE = 256
@@ -31,13 +33,11 @@ def best_precision(scene: Scene) -> Choice:
 
     A pure function of the resolved scene, whatever its own precision is.
     """
-    solver, side = scene.solver, transform_side_about(scene)
-    if solver.scheme == "gfmd":
-        return Choice("double", "the scheme gfmd has no other")
+    solver, side, scheme = scene.solver, transform_side_about(scene), registry.scheme_of(scene)
     if scene.drive.control == "load":
         return Choice("double", "load control has no other")
-    if solver.scheme == "quasistatic":
-        return Choice("double", "quasi-static paths in mixed precision have been measured on small grids only")
+    if scheme.only_double:
+        return Choice("double", scheme.only_double)
     if solver.accuracy < FINEST_MIXED:
         return Choice("double", f"an accuracy below {FINEST_MIXED:g} is at the rounding of single corrections")
     if side < LEAST_SIDE:

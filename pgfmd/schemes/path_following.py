@@ -90,6 +90,14 @@ class PathFollowing:
         smallest = FORCE_ROUNDING * rounded / (self.solver.force_share * EVENT_TOLERANCE)
         return LARGER_PRELOAD * max(trial.left_over * self.solver.force_scale, smallest)
 
+    def surface_of(self, state: State) -> np.ndarray:
+        """The load w, of which the surface of the whole cell is made."""
+        return state.load
+
+    def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
+        """The surface [m] of the periodic cell under a load: rows of this rank, and the first one's index. Collective."""
+        return self.solver.convolve.whole_cell(kept)
+
     @property
     def pairs(self) -> int:
         """Pairs of transforms so far."""

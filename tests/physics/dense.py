@@ -15,6 +15,7 @@ from scipy.linalg import eigvalsh
 
 from pgfmd import parts
 from pgfmd.physics.drive import PRELOAD
+from pgfmd.schemes.gfmd.plugin import inertia_of_scene
 from pgfmd.solver.simulation import Observer
 
 RTOL = 1e-11
@@ -102,7 +103,7 @@ class WithInertia(_Programme):
     method = "DOP853"
 
     def __init__(self, scene):
-        self.frequency = parts.inertia_of_scene(scene).frequency
+        self.frequency = inertia_of_scene(scene).frequency
         elements = parts.series_of(scene.rheology).elements
         law = parts.law_of(scene.adhesion)
         # Of w [Pa], of w' [Pa/s], of the branches.

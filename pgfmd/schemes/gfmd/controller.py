@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 from pgfmd.physics.drive import PRELOAD, Phase
+from pgfmd.schemes.base import ExplicitScheme
 from pgfmd.solver.state import State
 
 LEAST_SHARE = 0.02
@@ -26,7 +27,7 @@ class FixedSteps:
     The interface of every controller (base.StepController). preload [N]: the force that ends an approach.
     """
 
-    def __init__(self, scheme, step: float, preload: float):
+    def __init__(self, scheme: ExplicitScheme, step: float, preload: float):
         self.scheme, self.step, self.preload = scheme, step, preload
 
     def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Taken, str]:

@@ -30,6 +30,7 @@ class Gfmd:
     """
 
     machine_compliance = 0.0
+    solver = None
     cure = "Try a shorter step: a smaller solver.gfmd.dt, or more steps_per_tau."
 
     def __init__(
@@ -77,6 +78,14 @@ class Gfmd:
     def place(self, state: State) -> float:
         """Position d of the punch [m]."""
         return state.position
+
+    def surface_of(self, state: State) -> np.ndarray:
+        """The surface of the whole cell, this rank's rows of it."""
+        return self.plane.real.ravel()
+
+    def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
+        """The same as rows, and the first one's index."""
+        return kept.reshape(self.plane.real.shape), self.plane.row_start
 
     def new_state(self, position: float) -> State:
         """A state with the surface at rest, the punch at `position` [m] out of reach."""

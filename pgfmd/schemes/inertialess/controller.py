@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
+from pgfmd.schemes.base import ImplicitScheme
 from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
@@ -66,7 +67,7 @@ class Controller:
 
     largest_try_count = 200
 
-    def __init__(self, scheme, limits: StepLimits, preload: float):
+    def __init__(self, scheme: ImplicitScheme, limits: StepLimits, preload: float):
         self.scheme, self.limits, self.preload = scheme, limits, preload
         self.slack = slack_of(preload, limits.tolerance)
 

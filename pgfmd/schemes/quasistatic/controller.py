@@ -15,6 +15,8 @@ from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT, Trial
 
+from .scheme import Quasistatic
+
 FOLLOWED, FINEST = 1.0, 0.25
 """Jumps are followed in steps of at most so many tolerances, and located to no less than this share of one."""
 UNCERTAINTY = 10.0
@@ -37,7 +39,7 @@ class LoadSteps:
 
     largest_try_count = 100
 
-    def __init__(self, scheme, tolerance: float, reach: float, preload: float, attractive: bool):
+    def __init__(self, scheme: Quasistatic, tolerance: float, reach: float, preload: float, attractive: bool):
         self.scheme, self.tolerance, self.reach, self.preload = scheme, tolerance, reach, preload
         self.attractive = attractive
         self.slack = slack_of(preload, tolerance)
