@@ -10,7 +10,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from pgfmd.errors import RunError
+from pgfmd.errors import WRITTEN_IS_VALID, RunError
 from pgfmd.solver import contact_kernels, kernels
 from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.solver.extrapolation import lagrange_weights
@@ -81,7 +81,7 @@ class PathFollowing:
             raise RunError(
                 f"the preload is not found in step {state.counters.steps + 1} (t = {state.time:.6g} s, d = "
                 f"{state.position:.6g} m, "
-                f"force {trial.force:.3g} N). What has been written so far is valid. {self.advice(state, trial)}"
+                f"force {trial.force:.3g} N). {WRITTEN_IS_VALID} {self.advice(state, trial)}"
             )
 
     def _least_preload(self, state: State, trial: Trial) -> float:
@@ -199,8 +199,8 @@ class PathFollowing:
             return
         raise RunError(
             f"time stands still in step {state.counters.steps + 1} ({trial.phase.name}, t = {state.time:.6g} s, d = "
-            f"{state.position:.6g} m): steps of {trial.step:.3g} s vanish in it. What has been written so far is "
-            f"valid. {self.advice(state, trial)}"
+            f"{state.position:.6g} m): steps of {trial.step:.3g} s vanish in it. {WRITTEN_IS_VALID} "
+            f"{self.advice(state, trial)}"
         )
 
     def _remember(self, state: State, trial: Trial) -> None:

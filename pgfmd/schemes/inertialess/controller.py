@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pgfmd.errors import RunError
+from pgfmd.errors import WRITTEN_IS_VALID, RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.schemes.base import ImplicitScheme
 from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
@@ -143,7 +143,7 @@ class Controller:
     def _stuck(self, state: State, phase: Phase, trial) -> str:
         return (
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, t = {state.time:.6g} s, "
-            f"d = {state.position:.6g} m, step {trial.step:.3g} s). What has been written so far is valid. "
+            f"d = {state.position:.6g} m, step {trial.step:.3g} s). {WRITTEN_IS_VALID} "
             f"{self.scheme.advice(state, trial)}"
         )
 

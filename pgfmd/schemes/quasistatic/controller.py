@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from pgfmd.errors import RunError
+from pgfmd.errors import WRITTEN_IS_VALID, RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
 from pgfmd.solver.state import State
@@ -96,7 +96,7 @@ class LoadSteps:
         raise RunError(
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, "
             f"d = {self.scheme.place(state):.6g} m, "
-            f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. "
+            f"load step {step * phase.fastest:.3g} m). {WRITTEN_IS_VALID} "
             f"{self.scheme.advice(state, trial)}"
         )
 
