@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import PrivateAttr
 
+from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity
 
 from .fields import Section, key, number, quantity, written
@@ -141,6 +142,13 @@ class Rheology(Section):
     tau: tuple[float, ...] | None = quantity("time", "relaxation times tau_n, as many as weights", None, count=0)
 
 
+if TYPE_CHECKING:
+    # A scene is resolved: whoever reads one finds numbers.
+    Automatic = OfGrid = LikeAnother = float
+else:
+    Automatic, OfGrid, LikeAnother = float | Literal["auto"], float | Literal["grid"], float | None
+
+
 class Adhesion(Section):
     """The cohesive law between punch and elastomer."""
 
@@ -150,11 +158,11 @@ class Adhesion(Section):
     work_of_adhesion: float = quantity(
         "energy per area", "work of adhesion gamma; of `repulsive` it only sets the overlap's stiffness"
     )
-    range: float | Literal["auto"] = quantity(
+    range: Automatic = quantity(
         "length", "range rho; `auto` solves gamma pi^2/(2 rho^2) = range_factor q_ref E*", "auto", words=("auto",)
     )
     range_factor: float = number("factor of the automatic range; 0.156 gives the paper's ranges", 0.156, above=0.0)
-    q_ref: float | Literal["grid"] = quantity(
+    q_ref: OfGrid = quantity(
         "wavenumber", "reference wavenumber of the automatic range; `grid` is 2 pi n/L", "grid", words=("grid",)
     )
 
@@ -164,7 +172,7 @@ class Drive(Section):
 
     speed: float = quantity("speed", "speed of the approach")
     preload: float = quantity("force", "compressive force at which the punch turns round")
-    retract_speed: float | None = quantity(
+    retract_speed: LikeAnother = quantity(
         "speed", "speed of the retraction; that of the approach unless said otherwise", None
     )
     dwell: float = quantity("time", "time for which the displacement is held after the turn", 0.0, at_least=0.0)
@@ -176,7 +184,7 @@ class Drive(Section):
         "stiffness", "stiffness of the machine's spring between drive and punch; `quasistatic` only", math.inf,
         infinite=True,
     )  # fmt: skip
-    turn_time: float | Literal["auto"] = quantity(
+    turn_time: Automatic = quantity(
         "time",
         "time in which the velocity turns; `auto` moves the punch by at most 0.02 ranges beyond the preload and by "
         "at most 0.02 back: 0.08 range/speed at equal speeds, 0.04 range over the faster one where they are very "
@@ -184,7 +192,7 @@ class Drive(Section):
         "auto",
         words=("auto",),
     )
-    clearance: float | Literal["auto"] = quantity(
+    clearance: Automatic = quantity(
         "length",
         "smallest gap at the start, negative to start pressed in; `auto` is the range, just out of reach",
         "auto",
@@ -244,12 +252,14 @@ class Scene(Section):
 
         if isinstance(source, Scene):
             given = source.given
+        elif isinstance(source, Mapping):
+            given = Given.of(with_units(source))
         else:
-            given = Given.of(with_units(source)) if isinstance(source, Mapping) else Given.read(source)
-        named = dict(
-            title=title, punch=punch, substrate=substrate, rheology=rheology, adhesion=adhesion, drive=drive, grid=grid,
-            solver=solver, output=output,
-        )  # fmt: skip
+            given = Given.read(source)
+        named = {
+            "title": title, "punch": punch, "substrate": substrate, "rheology": rheology, "adhesion": adhesion,
+            "drive": drive, "grid": grid, "solver": solver, "output": output,
+        }  # fmt: skip
         changes = {name: value for name, value in named.items() if value is not None}
         found = scene_of(given.changed(with_units(changes)))
         # What pydantic keeps of a model. It is not validated anew: resolved values need not be ones that may be given.
@@ -353,11 +363,10 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "rheology":
         required, optional = RHEOLOGIES[scene.rheology.model]
         return frozenset(Rheology.model_fields) - required - optional - {"model"}
-    if section == "solver.gfmd":
-        if scene.solver.scheme != "gfmd":
-            return frozenset(GfmdKeys.model_fields)
-        if scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
-            return frozenset(INSTEAD_OF_OMEGA_AND_DT)
+    if section in registry.sections() and section != registry.scheme_of(scene).section:
+        return frozenset(SECTIONS[section].model_fields)
+    if section == "solver.gfmd" and scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
+        return frozenset(INSTEAD_OF_OMEGA_AND_DT)
     return frozenset()
 
 

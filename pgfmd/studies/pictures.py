@@ -136,7 +136,8 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Figure | None:
     for axis in grid[len(panels) :]:
         axis.remove()
     places = dict(zip(panels, grid, strict=False))
-    shades = dict(zip(plan.labels(plan.colour_axis), colours(len(plan.labels(plan.colour_axis)))))
+    labels = plan.labels(plan.colour_axis)
+    shades = dict(zip(labels, colours(len(labels)), strict=True))
     styles = {rest: LINES[k % len(LINES)] for k, rest in enumerate(plan.rests())}
     for row in plan.grid:
         if row.case.name in drawn:
@@ -171,7 +172,7 @@ def _draw_curve(axis: Axes, loop: Loop, colour: Any, style: Any, label: str | No
 
 
 def _loop(folder: Path) -> Loop | None:
-    """A case's curve; None where there is none, nothing in it, or where it can't be read."""
+    """A case's curve; None where there is none, nothing in it, or where it can't be read, which the table tells."""
     try:
         with load(folder) as results:
             return Loop.of(results)

@@ -38,7 +38,7 @@ def warnings_are_errors():
         yield
 
 
-@pytest.mark.parametrize("snapshots, nb", [(1, 33), (6, 48), (30, 16)])
+@pytest.mark.parametrize(("snapshots", "nb"), [(1, 33), (6, 48), (30, 16)])
 def test_every_picture_is_written_and_not_blank(tmp_path, snapshots, nb):
     folder = write_results(tmp_path / "out", rows=80, nb=nb, snapshots=snapshots)
     paths = plots.plot_results(folder)
@@ -81,7 +81,7 @@ def test_empty_curve_and_foreign_folder(tmp_path):
 def test_picture_that_can_not_be_written(tmp_path):
     folder = write_results(tmp_path / "out", rows=40, fields=False)
     (folder / "energy.png").mkdir()
-    with pytest.raises(ResultError, match="energy.png: is a folder, not a file; move it away"):
+    with pytest.raises(ResultError, match=r"energy\.png: is a folder, not a file; move it away"):
         plots.plot_results(folder)
 
 
@@ -191,17 +191,17 @@ def test_panels_do_not_overlap(tmp_path, snapshots):
 def test_every_snapshot_is_on_one_page(tmp_path):
     folder = write_results(tmp_path / "out", rows=80, nb=8, snapshots=25)
     pages = map_plots.pages_of(folder)
-    assert sum(pages, []) == list(range(25)) and [len(page) for page in pages] == [9, 8, 8]
+    assert [k for page in pages for k in page] == list(range(25)) and [len(page) for page in pages] == [9, 8, 8]
     assert len(images(map_plots.plot_stress_maps(folder, page=3))) >= 8
     with pytest.raises(ResultError, match="has 3 pages of maps, so no page 4"):
         map_plots.plot_contact_maps(folder, page=4)
 
 
-@pytest.mark.parametrize("largest, bar", [(225.0, 200.0), (200.0, 200.0), (199.0, 100.0), (0.07, 0.05)])
+@pytest.mark.parametrize(("largest", "bar"), [(225.0, 200.0), (200.0, 200.0), (199.0, 100.0), (0.07, 0.05)])
 def test_scale_bar_is_a_round_length(largest, bar):
     assert map_plots.round_length(largest) == pytest.approx(bar, rel=1e-12)
 
 
-@pytest.mark.parametrize("size, unit", [(2.0, "J"), (3e-8, "nJ"), (1e-9, "nJ"), (9e-13, "fJ"), (0.0, "fJ")])
+@pytest.mark.parametrize(("size", "unit"), [(2.0, "J"), (3e-8, "nJ"), (1e-9, "nJ"), (9e-13, "fJ"), (0.0, "fJ")])
 def test_energy_unit(size, unit):
     assert energy_unit(size)[1] == unit
