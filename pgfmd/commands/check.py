@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pgfmd import coarsening
 from pgfmd.forecast.advice import remarks, warnings
@@ -14,8 +15,9 @@ from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_poin
 from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
-from pgfmd.parts import automatic_range, law_of, series_of, topography_of
+from pgfmd.parts import automatic_range, confirm, law_of, series_of, topography_of
 from pgfmd.reference import corrugation, tabor
+from pgfmd.scene import Scene
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
 from pgfmd.schemes import registry
@@ -23,7 +25,6 @@ from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity
 
 if TYPE_CHECKING:
-    from pgfmd.scene import Scene
     from pgfmd.scene.model import Punch
 
 TELLING_SPREAD = 1.5
@@ -56,6 +57,17 @@ class Report:
 
     def __contains__(self, name: str) -> bool:
         return any(line.name == name for lines in self.sections.values() for line in lines)
+
+
+def check(source: Scene | str | Path | Mapping[str, Any], ranks: int = 1, *, source_name: str = "") -> Report:
+    """What can be said before a scene is run, on so many ranks: scales, memory, cost, warnings; as `pgfmd check`.
+
+    source: a scene, or what one is made from; source_name: what messages call it. Raises SceneError for a scene that
+    can't be run.
+    """
+    scene = source if isinstance(source, Scene) else Scene(source)
+    confirm(scene, source_name or (source if isinstance(source, str) else scene.title or "scene"), ranks)
+    return report(scene, ranks)
 
 
 def report(scene: Scene, ranks: int = 1) -> Report:

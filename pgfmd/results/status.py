@@ -70,9 +70,9 @@ class Status:
         return storage.plain(asdict(self))
 
 
-def status_of(folder: Path) -> Status:
+def status_of(folder: str | Path) -> Status:
     """The status of a results folder. ResultError if it is none, or can't be read."""
-    found = take_inventory(folder)
+    found = take_inventory(Path(folder))
     if found is None:
         return Status(str(folder), EMPTY, "no run yet")
     state, why = _state_of(found)

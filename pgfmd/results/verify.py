@@ -62,8 +62,9 @@ class Part:
         return f"{'OK  ' if self.fine else 'FAIL'} {self.path}: {self.found}{cure}"
 
 
-def verify(folder: Path) -> Iterator[Part]:
+def verify(folder: str | Path) -> Iterator[Part]:
     """Examines the parts of a results folder one after the other. ResultError if it is none, or can't be read."""
+    folder = Path(folder)
     inventory = take_inventory(folder)
     if inventory is None:
         yield Part(folder, True, "no run yet")

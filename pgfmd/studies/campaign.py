@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from pgfmd.errors import PgfmdError, ResultError, RunError, Stopped
 from pgfmd.files import storage
@@ -28,7 +29,12 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
 class Unfinished(PgfmdError):
-    """Not every case could be finished. The exit code is that of a run that stopped, or of one that could not go on."""
+    """Not every case could be finished. The exit code is that of a run that stopped, or of one that could not go on.
+
+    table: the table of the study (table.StudyTable), where `study` or `converge` raises it.
+    """
+
+    table: Any = None
 
     def __init__(self, message: str, failed: bool):
         super().__init__(message)

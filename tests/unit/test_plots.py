@@ -12,14 +12,23 @@ from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE
 from pgfmd.plots import folder as plots
 from pgfmd.plots import maps as map_plots
+from pgfmd.plots.curves import plot_energy, plot_force
 from pgfmd.plots.drawing import drawing, energy_unit
-from pgfmd.plots.sites import site_figure
+from pgfmd.plots.sites import plot_sites
 from pgfmd.results import load
 from pgfmd.results.curve import Loop, measure
 from pgfmd.results.sites import site_histories
 from tests.unit.synthetic_results import CONTACT_GAP, NEAR_GAP, PUNCH, history, sphere, write_results
 
-ALL = ["force-displacement.png", "contact-maps.png", "stress-maps.png", "energy.png", "sites.png"]
+
+def names(pages: int = 1) -> list[str]:
+    """Of the pictures of a folder that has data for all."""
+    maps = [
+        f"{kind}{f'-{page}' if page > 1 else ''}"
+        for kind in ("contact-maps", "stress-maps")
+        for page in range(1, pages + 1)
+    ]
+    return [f"{name}.png" for name in ("force-displacement", "time", *maps, "energy", "sites")]
 
 
 @pytest.fixture(autouse=True)
@@ -33,7 +42,7 @@ def warnings_are_errors():
 def test_every_picture_is_written_and_not_blank(tmp_path, snapshots, nb):
     folder = write_results(tmp_path / "out", rows=80, nb=nb, snapshots=snapshots)
     paths = plots.plot_results(folder)
-    assert [path.name for path in paths] == ALL
+    assert [path.name for path in paths] == names(-(-snapshots // 12))
     for path in paths:
         picture = imread(path)
         assert picture.shape[0] > 300 and picture.shape[1] > 500
@@ -42,14 +51,14 @@ def test_every_picture_is_written_and_not_blank(tmp_path, snapshots, nb):
 
 def test_only_what_the_folder_has_data_for(tmp_path):
     folder = write_results(tmp_path / "out", rows=80, energy=False, fields=False, contact=False)
-    assert [path.name for path in plots.plot_results(folder)] == ALL[:1]
+    assert [path.name for path in plots.plot_results(folder)] == names()[:2]
 
 
 def test_without_pandas_and_xarray(tmp_path, monkeypatch):
     folder = write_results(tmp_path / "out", rows=40, nb=16, snapshots=2)
     monkeypatch.setitem(sys.modules, "pandas", None)
     monkeypatch.setitem(sys.modules, "xarray", None)
-    assert [path.name for path in plots.plot_results(folder)] == ALL
+    assert [path.name for path in plots.plot_results(folder)] == names()
 
 
 def test_settings_of_the_caller_are_left_alone(tmp_path):
@@ -79,7 +88,7 @@ def test_picture_that_can_not_be_written(tmp_path):
 def test_curves_are_in_mN_um_and_mm2_with_landmarks(tmp_path):
     rows = history(200)
     with load(write_results(tmp_path / "out", rows=200, fields=False)) as results:
-        upper, lower = plots.force_figure(results).axes
+        upper, lower = plot_force(results).axes
         found = measure(Loop.of(results))
     lines = {line.get_label(): line for line in upper.lines}
     first_out = next(k for k, row in enumerate(rows) if row.phase == "retract")
@@ -103,7 +112,7 @@ def test_sites_are_counted_along_the_curve(tmp_path):
     rows = history(200)
     with load(write_results(tmp_path / "out", rows=200, fields=False)) as results:
         sites, (found,) = results.sites, site_histories(results, Loop.of(results))
-        upper, lower = site_figure(results).axes
+        upper, lower = plot_sites(results).axes
     touched = np.array([row.contact_area > 0 for row in rows])
     joins, leaves = (sites["time [s]"][k] for k in range(2))
     # Each row of the curve once, and each change before and after it.
@@ -124,7 +133,7 @@ def images(figure) -> list:
 
 def test_contact_map_has_its_levels_in_place(tmp_path):
     with load(write_results(tmp_path / "out", rows=80, nb=48, snapshots=6)) as results:
-        figure = map_plots.contact_figure(results)
+        figure = map_plots.plot_contact_maps(results)
         shown = images(figure)
         assert len(shown) == 6
         inside, gap, _, _ = sphere(48, np.sqrt(history(80)[int(0.292 * 79)].contact_area / np.pi))
@@ -138,7 +147,7 @@ def test_contact_map_has_its_levels_in_place(tmp_path):
 
 def test_stress_map_is_symmetric_in_kPa_and_y_points_up(tmp_path):
     with load(write_results(tmp_path / "out", rows=80, nb=48, snapshots=6)) as results:
-        figure = map_plots.stress_figure(results)
+        figure = map_plots.plot_stress_maps(results)
         traction = results.frame("traction", 1)
     shown = images(figure)
     limits = {image.get_clim() for image in shown}
@@ -151,7 +160,7 @@ def test_stress_map_is_symmetric_in_kPa_and_y_points_up(tmp_path):
 def test_fine_grids_are_thinned_out_but_keep_their_size(tmp_path, monkeypatch):
     monkeypatch.setattr(map_plots, "MOST_PIXELS", 20)
     with load(write_results(tmp_path / "out", rows=80, nb=48, snapshots=1)) as results:
-        shown = images(map_plots.stress_figure(results))[0]
+        shown = images(map_plots.plot_stress_maps(results))[0]
     assert shown.get_array().shape == (16, 16)
     np.testing.assert_allclose(shown.get_extent(), 1e6 * PUNCH * np.array([-1, 1, -1, 1]), rtol=1e-12)
 
@@ -169,7 +178,7 @@ def test_colour_limit_is_not_set_by_one_point_or_by_empty_snapshots():
 @pytest.mark.parametrize("snapshots", [2, 7])
 def test_panels_do_not_overlap(tmp_path, snapshots):
     with load(write_results(tmp_path / "out", rows=80, nb=16, snapshots=snapshots)) as results, drawing():
-        for make in (map_plots.contact_figure, map_plots.stress_figure, plots.force_figure, plots.energy_figure):
+        for make in (map_plots.plot_contact_maps, map_plots.plot_stress_maps, plot_force, plot_energy):
             figure = make(results)
             figure.draw_without_rendering()
             boxes = [axis.get_tightbbox() for axis in figure.axes]
@@ -179,10 +188,13 @@ def test_panels_do_not_overlap(tmp_path, snapshots):
             assert all(box.y0 >= 0 and box.y1 <= figure.bbox.y1 for box in boxes)
 
 
-def test_snapshots_chosen_for_one_page():
-    assert map_plots.chosen_snapshots(3) == [0, 1, 2]
-    chosen = map_plots.chosen_snapshots(40)
-    assert len(chosen) == 12 and chosen[0] == 0 and chosen[-1] == 39
+def test_every_snapshot_is_on_one_page(tmp_path):
+    folder = write_results(tmp_path / "out", rows=80, nb=8, snapshots=25)
+    pages = map_plots.pages_of(folder)
+    assert [k for page in pages for k in page] == list(range(25)) and [len(page) for page in pages] == [9, 8, 8]
+    assert len(images(map_plots.plot_stress_maps(folder, page=3))) >= 8
+    with pytest.raises(ResultError, match="has 3 pages of maps, so no page 4"):
+        map_plots.plot_contact_maps(folder, page=4)
 
 
 @pytest.mark.parametrize(("largest", "bar"), [(225.0, 200.0), (200.0, 200.0), (199.0, 100.0), (0.07, 0.05)])

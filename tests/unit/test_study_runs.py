@@ -24,7 +24,7 @@ from pgfmd.studies.pictures import Plan, curves_figure, draw_study, measures_fig
 from pgfmd.studies.pool import Pool, Task, last_words
 from pgfmd.studies.standing import Standing, standing_of
 from pgfmd.studies.study_file import StudyError, study_from_mapping
-from pgfmd.studies.table import COLUMNS, MEASURED, overview, remarks, rows_of, write_table
+from pgfmd.studies.table import COLUMNS, MEASURED, StudyTable, overview, remarks, rows_of, write_table
 from tests.unit.small_runs import SCENE, damage_an_array, run
 
 COMMON = {"grid": {"n": 24}, "output": {"snapshots": ["1 s"]}}
@@ -389,7 +389,10 @@ def test_the_figures_show_every_case(campaign, study):
 
 def test_figures_without_a_curve_are_left_out(campaign, study, tmp_path):
     cases = {case.name: Standing("new") for case in campaign.cases}
-    assert draw_study(tmp_path, rows_of(campaign.cases, study.axes, cases), study.axes) == []
+    assert draw_study(StudyTable(rows_of(campaign.cases, study.axes, cases), study.axes, tmp_path)) == []
     damage_an_array(campaign.out / FIRST / "checkpoint.h5")
     (campaign.out / FIRST / "curve.csv").write_text("nonsense\n")
-    assert len(draw_study(campaign.out, rows_of(campaign.cases, study.axes, campaign.standings()), study.axes)) == 2
+    assert (
+        len(draw_study(StudyTable(rows_of(campaign.cases, study.axes, campaign.standings()), study.axes, campaign.out)))
+        == 2
+    )
