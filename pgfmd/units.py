@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
@@ -70,7 +70,7 @@ class UnitError(ValueError):
 
 
 @functools.cache
-def _registry() -> UnitRegistry:
+def _registry() -> UnitRegistry[Any]:
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)

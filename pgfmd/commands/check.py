@@ -18,6 +18,7 @@ from pgfmd.forecast.run_times import run_times
 from pgfmd.parts import automatic_range, confirm, law_of, series_of, topography_of
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene import Scene
+from pgfmd.scene.fields import extra_of
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
 from pgfmd.schemes import registry
@@ -97,7 +98,7 @@ def _values(scene: Scene) -> Iterator[Line]:
             value = getattr(section, field)
             if value is None or value == () or field in unused_keys(scene, name):
                 continue
-            extra = info.json_schema_extra or {}
+            extra = extra_of(info)
             note = f"because {best_precision(scene).reason}" if _is_chosen(scene, field) else ""
             yield Line(f"{name}.{field}", _plain(value), _unit(extra.get("dimension", "")), note)
 

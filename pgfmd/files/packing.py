@@ -71,16 +71,16 @@ def unpack(target: Any, numbers: Numbers, read: Read, path: str = "") -> None:
             setattr(target, name, packed)
 
 
-def _fields(packed: Any) -> Iterator[tuple[str, Any, dict]]:
+def _fields(packed: Any) -> Iterator[tuple[str, Any, dict[str, Any]]]:
     for entry in fields(packed):
         yield entry.name, getattr(packed, entry.name), entry.metadata
 
 
-def _is_list_of_arrays(value: Any, about: dict) -> bool:
+def _is_list_of_arrays(value: Any, about: dict[str, Any]) -> bool:
     return "like" in about or (isinstance(value, list) and bool(value) and isinstance(value[0], np.ndarray))
 
 
-def _number(where: str, value: Any, about: dict) -> Any:
+def _number(where: str, value: Any, about: dict[str, Any]) -> Any:
     if is_dataclass(value):
         return numbers_of(value)
     if isinstance(value, np.ndarray):

@@ -19,7 +19,7 @@ from pgfmd.solver.state import State
 from .fields_file import FieldsFile
 
 if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
+    from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
     from pgfmd.solver.simulation import Event, Simulation
@@ -287,7 +287,7 @@ def time_of(state: State, fraction: float) -> float:
 class Progress(Observer):
     """Prints a line every few seconds: rank 0 alone, on its own clock, so that nothing waits for it."""
 
-    def __init__(self, comm: Comm, say: Callable[[str], None], every: float = 5.0):
+    def __init__(self, comm: Intracomm, say: Callable[[str], None], every: float = 5.0):
         self.silent, self.say, self.every = comm.rank != 0, say, every
         self.last = self.began = time.perf_counter()
         self.first_step: int | None = None

@@ -24,7 +24,7 @@ from .fields_file import FieldsFile
 from .patch_observer import ContactWatch, PatchTable
 
 if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
+    from mpi4py.MPI import Intracomm
 
     from pgfmd.restart.keeper import Keeper
     from pgfmd.scene import Scene
@@ -39,7 +39,7 @@ class Outputs:
     """
 
     def __init__(
-        self, simulation: Simulation, scene: Scene, comm: Comm, folder: Path, say: Callable[[str], None],
+        self, simulation: Simulation, scene: Scene, comm: Intracomm, folder: Path, say: Callable[[str], None],
         guard: Callable[[], None] = lambda: None,
     ):  # fmt: skip
         """guard: see FieldsFile."""
@@ -107,7 +107,7 @@ class Outputs:
 
 
 def snapshots_wanted(
-    scene: Scene, state: State, comm: Comm, say: Callable[[str], None], keeper: Keeper | None = None
+    scene: Scene, state: State, comm: Intracomm, say: Callable[[str], None], keeper: Keeper | None = None
 ) -> tuple[list[tuple[float, str]], list[float]]:
     """Times [s] with labels of the snapshots that a scene asks for, and fractions of t_pl above 1, whose times are not
     known yet. See `Outputs.plan_snapshots`. Collective."""

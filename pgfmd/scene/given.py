@@ -17,7 +17,7 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.files.text import read_text
 from pgfmd.units import DIMENSIONS
 
-from .fields import written
+from .fields import extra_of, written
 from .model import PATTERNS, RHEOLOGIES, SECTIONS, toml_text
 
 SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES))
@@ -127,7 +127,8 @@ def shipped_text(name: str) -> str:
         known = ", ".join(shipped_scenes())
         problem = Problem("scene", name, f"a shipped scene: {known}", did_you_mean(name, shipped_scenes()))
         raise SceneError(name, [problem])
-    return (_shelf() / f"{name}.toml").read_text(encoding="utf-8")
+    text: str = (_shelf() / f"{name}.toml").read_text(encoding="utf-8")
+    return text
 
 
 def _shelf() -> Any:
@@ -194,7 +195,7 @@ def with_units(tables: Mapping[str, Any]) -> dict[str, Any]:
     for section, model in SECTIONS.items():
         if isinstance(found.get(section), dict):
             for key, field in model.model_fields.items():
-                extra = field.json_schema_extra or {}
+                extra = extra_of(field)
                 if key in found[section] and extra.get("dimension") in DIMENSIONS:
                     found[section][key] = written(_floats(found[section][key]), extra)
     return found

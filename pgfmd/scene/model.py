@@ -19,7 +19,7 @@ from pydantic import PrivateAttr
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity
 
-from .fields import Section, key, number, quantity, written
+from .fields import Section, extra_of, key, number, quantity, written
 from .output_section import Output
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys, Solver
 
@@ -62,12 +62,18 @@ LARGEST_MODULUS_RATIO = 1e6
 if TYPE_CHECKING:
     # A scene is resolved: whoever reads one finds numbers in the place of words; and keys that its pattern or model has no
     # use for are None, which nobody reads who has looked at these.
-    Automatic = OfGrid = LikeAnother = IfUsed = float
-    CountIfUsed, NumbersIfUsed = int, tuple[float, ...]
+    Automatic = float
+    OfGrid = float
+    LikeAnother = float
+    IfUsed = float
+    CountIfUsed = int
+    NumbersIfUsed = tuple[float, ...]
 else:
-    Automatic, OfGrid = float | Literal["auto"], float | Literal["grid"]
+    Automatic = float | Literal["auto"]
+    OfGrid = float | Literal["grid"]
     LikeAnother = IfUsed = float | None
-    CountIfUsed, NumbersIfUsed = int | None, tuple[float, ...] | None
+    CountIfUsed = int | None
+    NumbersIfUsed = tuple[float, ...] | None
 
 
 class Punch(Section):
@@ -277,12 +283,12 @@ class Scene(Section):
 
         return self._given or Given.of(parse_toml(self.to_toml()))
 
-    def remembering(self, given: Given) -> Self:
+    def remembering(self, given: Given | None) -> Self:
         """The same scene, which knows what it was made from."""
         self._given = given
         return self
 
-    def replace(self, **changes: Keywords | str) -> Scene:
+    def replace(self, **changes: Any) -> Scene:
         """Another scene with other keys, such as `replace(grid={"n": 1024}, title="finer")`; what is automatic follows.
 
         Takes what the constructor takes. Raises SceneError with every problem found.
@@ -320,7 +326,8 @@ class Scene(Section):
 
     def section(self, name: str) -> Section:
         """The section that a scene calls by this name, such as "solver.gfmd"."""
-        return getattr(self, name.replace(".", "_"))
+        section: Section = getattr(self, name.replace(".", "_"))
+        return section
 
     def __eq__(self, other: object) -> bool:
         return self.to_toml() == other.to_toml() if isinstance(other, Scene) else NotImplemented
@@ -344,7 +351,7 @@ class Scene(Section):
             if unused.issuperset(model.model_fields):
                 continue
             found[name] = {
-                key: written(getattr(section, key), field.json_schema_extra)
+                key: written(getattr(section, key), extra_of(field))
                 for key, field in model.model_fields.items()
                 if key not in unused and getattr(section, key) is not None
             }
@@ -354,7 +361,7 @@ class Scene(Section):
 SECTIONS: dict[str, type[Section]] = {
     "solver.gfmd" if name == "solver_gfmd" else name: field.annotation
     for name, field in Scene.model_fields.items()
-    if field.annotation is not str
+    if isinstance(field.annotation, type) and issubclass(field.annotation, Section)
 }
 """The sections by the names that a scene gives them, in the order of the resolved scene."""
 

@@ -7,6 +7,7 @@ the difference between that and the solution is what the step's error is made of
 from __future__ import annotations
 
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
@@ -232,7 +233,7 @@ def _times_of(state: State) -> list[float]:
     return [0.0, *(-span for span in accumulate(state.past_steps))]
 
 
-def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:
+def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple[Any, ...]:
     """Weight, surface, weight, surface, weight, surface: what kernels take as a sum, with zeros where there are
     fewer."""
     c, a = [*weights, 0.0, 0.0], [*surfaces, surfaces[0], surfaces[0]]

@@ -117,14 +117,14 @@ class _Cache(FunctionCache):
     """numba's own cache. It looks for changes in a kernel's own file; but kernels have what they call from other files
     compiled in, and must not outlive it."""
 
-    def _index_key(self, *about: Any) -> tuple:
+    def _index_key(self, *about: Any) -> tuple[Any, ...]:
         return (*super()._index_key(*about), _sources())
 
 
 class KernelCache(NullCache):
     """numba's own cache of a function, with a second one where that fails. Never raises."""
 
-    def __init__(self, function: Callable):
+    def __init__(self, function: Callable[..., Any]):
         self._function = function
         self._opened: dict[type, FunctionCache | None] = {}
 
@@ -212,7 +212,7 @@ _UserWideLocator = getattr(caching, "UserWideCacheLocator", None) or caching._Us
 class _TemporaryLocator(_UserWideLocator):
     """Below `temporary_folder`."""
 
-    def __init__(self, function: Callable, file: str):
+    def __init__(self, function: Callable[..., Any], file: str):
         super().__init__(function, file)
         folder = temporary_folder()
         if folder is None:

@@ -85,7 +85,7 @@ def label_contact(points: PunchPoints, contact: NDArray[np.bool_], periodic: boo
     found = comm.allgather((points.rows, count))
     before = sum(count for _, count in found[: comm.rank])
 
-    def everywhere(line: NDArray) -> Numbers:
+    def everywhere(line: NDArray[np.float64]) -> Numbers:
         """The labels of a line of points among those of all ranks; -1 without contact."""
         return np.where(line > 0, line + np.int64(before - 1), -1)
 
@@ -102,7 +102,7 @@ def label_contact(points: PunchPoints, contact: NDArray[np.bool_], periodic: boo
     return Labels(labels, np.array(np.divmod(first, points.nb)))
 
 
-def _first_points(points: PunchPoints, local: NDArray, count: int) -> Numbers:
+def _first_points(points: PunchPoints, local: NDArray[np.float64], count: int) -> Numbers:
     """Where in the punch block, row by row, the first point of each label 1 ... count of this rank is."""
     first = np.zeros(count, np.int64)
     # From behind: what is first comes last.
@@ -175,7 +175,12 @@ def _joined(pairs: Numbers, firsts: Numbers) -> tuple[Numbers, Numbers]:
 
 
 def patches_of(
-    points: PunchPoints, gap: NDArray, traction: NDArray, places: SitePoints, contact_gap: float, periodic: bool = False
+    points: PunchPoints,
+    gap: NDArray[np.float64],
+    traction: NDArray[np.float64],
+    places: SitePoints,
+    contact_gap: float,
+    periodic: bool = False,
 ) -> list[Patch]:
     """The patches of a gap [m] under a traction [Pa] (size,), in order; contact: below contact_gap [m]. The same list
     on every rank. Collective."""
@@ -201,7 +206,9 @@ def _kind(held: Numbers) -> str:
     return MERGED if kinds.size > 1 else KINDS[kinds[0]] if kinds.size else ""
 
 
-def _nearest_kinds(sites: ContactSites, x: NDArray, y: NDArray, side: float | None) -> list[str]:
+def _nearest_kinds(
+    sites: ContactSites, x: NDArray[np.float64], y: NDArray[np.float64], side: float | None
+) -> list[str]:
     if not len(sites):
         return [""] * x.size
     places, wanted = np.column_stack([sites.x, sites.y]), np.column_stack([x, y])
@@ -212,7 +219,9 @@ def _nearest_kinds(sites: ContactSites, x: NDArray, y: NDArray, side: float | No
     return [KINDS[kind] for kind in sites.kind[nearest]]
 
 
-def centres(points: PunchPoints, labels: Labels, periodic: bool) -> tuple[Numbers, NDArray, NDArray]:
+def centres(
+    points: PunchPoints, labels: Labels, periodic: bool
+) -> tuple[Numbers, NDArray[np.float64], NDArray[np.float64]]:
     """Number of points of each patch, and x and y [m] of the centre of its area. Collective.
 
     In a periodic cell distances from the patch's first point are counted the shorter way around; a patch that
@@ -244,7 +253,7 @@ def _rows_in_contact(points: PunchPoints, labels: Labels) -> Iterator[tuple[int,
             yield row, labels.of_point[begin + held], points.first[row] + held, begin + held
 
 
-def _tractions(points: PunchPoints, labels: Labels, traction: NDArray) -> NDArray:
+def _tractions(points: PunchPoints, labels: Labels, traction: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sum of the traction [Pa] over each patch's points."""
     # A row belongs to one rank: sums over a row's points are the same for any number of ranks. From rank to rank, each
     # adding its rows: no rank needs those of all.

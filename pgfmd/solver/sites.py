@@ -37,7 +37,7 @@ class SitePoints:
         self.mine = np.flatnonzero((self.index >= 0) & (local >= 0) & (local < points.size))
         self.local = local[self.mine]
 
-    def collect(self, values: NDArray) -> NDArray:
+    def collect(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Of each site of the face, from those of this rank: a whole number, -1 without a point; or a truth value. Collective."""
         found = np.full(len(self.sites), -1, np.int64)
         found[self.mine] = values
@@ -45,7 +45,7 @@ class SitePoints:
         return found > 0 if values.dtype == bool else found
 
 
-def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
+def _nearest_points(points: PunchPoints, x: NDArray[np.float64], y: NDArray[np.float64]) -> Numbers:
     """Index, among the points of all ranks, of the point under the punch that is nearest to each place [m]; -1 if there
     is none. Collective."""
     grid, best, index = points.grid, np.full(x.size, np.inf), np.full(x.size, -1, np.int64)
@@ -67,7 +67,7 @@ def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
     return np.where(index == none, -1, index)
 
 
-def reduced(comm: Intracomm, values: NDArray, operation: str) -> NDArray:
+def reduced(comm: Intracomm, values: NDArray[np.float64], operation: str) -> NDArray[np.float64]:
     """Numbers reduced over all ranks, by "SUM", "MIN" or "MAX"."""
     if comm.size == 1 or not values.size:
         return values

@@ -17,7 +17,7 @@ from pgfmd.host import launch
 from pgfmd.host.walltime import seconds_of
 from pgfmd.restart.scene_changes import require_known
 from pgfmd.scene import Scene
-from pgfmd.scene.fields import written
+from pgfmd.scene.fields import extra_of, written
 from pgfmd.scene.given import plain
 from pgfmd.scene.model import SECTIONS
 from pgfmd.units import DIMENSIONS, UnitError, handy_quantity, parse_quantity
@@ -210,7 +210,7 @@ def _value(key: str, value: Any) -> Any:
     """A value of Python as a file has it: a number of a quantity, which is in SI units, as a text with a handy one."""
     section, _, name = key.rpartition(".")
     field = SECTIONS[section].model_fields.get(name) if section in SECTIONS else None
-    extra = (field.json_schema_extra or {}) if field else {}
+    extra = extra_of(field) if field else {}
     value = plain(value)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or extra.get("dimension") not in DIMENSIONS:
         return value

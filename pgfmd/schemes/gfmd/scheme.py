@@ -9,7 +9,7 @@ linear within the step; one forward and one backward transform of the whole plan
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -154,7 +154,7 @@ class Gfmd:
             self._fold, self._sums,
         )  # fmt: skip
 
-    def _coefficients_of(self, step: float, between: float) -> tuple:
+    def _coefficients_of(self, step: float, between: float) -> tuple[Any, ...]:
         """Of the velocity (what it keeps, its gain from the force), and of the elements; `between` the middles [s]."""
         damping = self.inertia.frequency * between
         keep = (1.0 - damping) / (1.0 + damping)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -68,7 +68,7 @@ class SoftMode:
         self._own_response = self.points.maximum_of(float(moved.max(initial=0.0)))
         self._independent = INDEPENDENT[solver.rough.dtype.name]
 
-    def search(self, mode: np.ndarray, dual: np.ndarray, seed: int, before: tuple | None = None) -> Curvature:
+    def search(self, mode: np.ndarray, dual: np.ndarray, seed: int, before: tuple[Any, ...] | None = None) -> Curvature:
         """Moves mode [m] and its dual [Pa] (size,) to the softest mode at the present surface. Collective.
 
         before: position [m] and surface [m] (size,) of the last equilibrium; None: out of reach. A mode of zeros starts
@@ -117,7 +117,7 @@ class SoftMode:
                 break
         return Curvature(1.0 + mu, error, count)
 
-    def _softened(self, seed: int, before: tuple | None) -> bool:
+    def _softened(self, seed: int, before: tuple[Any, ...] | None) -> bool:
         """Whether points have softened since `before`; their loads are then in the residual's vector. Collective."""
         solver, g = self.solver, self.solver.cg.r
         position, u = before if before else (math.inf, self.solver.cg.z)
