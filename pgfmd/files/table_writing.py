@@ -171,4 +171,4 @@ def begins_as_marked(path: Path, mark: dict[str, Any]) -> bool:
         while left and (piece := file.read(min(left, PIECE))):
             digest.update(piece)
             left -= len(piece)
-    return digest.hexdigest() == mark["sha256"]
+    return bool(digest.hexdigest() == mark["sha256"])

@@ -134,9 +134,10 @@ class HeightMap:
     ) -> HeightMap:
         """Read a map; a given size wins over the file's. Raises ValueError, OSError."""
         heights, stored_size = read_heights(path)
-        if size is None and stored_size is None:
+        given = size or stored_size
+        if given is None:
             raise ValueError(f"{path}: says no size; give file_size = (x, y) [m]")
-        return cls(heights, size if size is not None else stored_size, periodic, order)
+        return cls(heights, given, periodic, order)
 
     @property
     def pixel(self) -> tuple[float, float]:
@@ -163,7 +164,8 @@ class HeightMap:
         # Here and below, not at the top: only a map needs them.
         from scipy.ndimage import map_coordinates
 
-        return map_coordinates(coefficients, places, order=self.order, mode=mode, prefilter=False)
+        found: Array = map_coordinates(coefficients, places, order=self.order, mode=mode, prefilter=False)
+        return found
 
     def _whole(self, mode: str) -> tuple[int, Array]:
         """What a small map is interpolated from, made once, and how many samples have been added around it."""
@@ -212,4 +214,5 @@ class HeightMap:
             samples = self.heights[places[0]].astype(float)[:, places[1]]
             self._kept["coefficients"] = spline_filter(samples, self.order, output=float) if self.order > 1 else samples
             self._kept["stripe"] = stripe
-        return self._kept["coefficients"]
+        coefficients: Array = self._kept["coefficients"]
+        return coefficients

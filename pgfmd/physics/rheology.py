@@ -68,7 +68,8 @@ def _secular_roots(constant: float, strengths: Array, poles: Array) -> tuple[Arr
     reach = np.append(np.diff(poles) / 2, strengths.sum() / constant if constant > 0 else [])
 
     def value(origin: NDArray[np.intp], signed: Array) -> Array:
-        return constant + np.sum(strengths / (separation[origin] - signed[:, None]), axis=1)
+        found: Array = constant + np.sum(strengths / (separation[origin] - signed[:, None]), axis=1)
+        return found
 
     lower_pole = np.arange(count)
     in_upper_half = (value(lower_pole, reach) < 0) & (lower_pole < poles.size - 1)
@@ -100,7 +101,8 @@ def _residues(to_poles: Array, to_roots: Array) -> Array:
     """
     own = np.abs(np.diagonal(to_poles))
     ratio = np.abs(to_poles) / (np.abs(to_roots) + np.diag(own))
-    return own * np.prod(ratio, axis=1)
+    found: Array = own * np.prod(ratio, axis=1)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +171,14 @@ class PronySeries:
     def storage(self, omega: ArrayLike) -> Array:
         """Storage modulus over E(0): 1 + sum kappa_n x^2/(1 + x^2), x = omega tau_n; same shape as omega (rad/s)."""
         x = np.multiply.outer(np.asarray(omega, dtype=float), self.tau)
-        return 1.0 + (x**2 / (1 + x**2)) @ self.kappa
+        found: Array = 1.0 + (x**2 / (1 + x**2)) @ self.kappa
+        return found
 
     def loss(self, omega: ArrayLike) -> Array:
         """Loss modulus over E(0): sum kappa_n x/(1 + x^2), x = omega tau_n; same shape as omega (rad/s)."""
         x = np.multiply.outer(np.asarray(omega, dtype=float), self.tau)
-        return (x / (1 + x**2)) @ self.kappa
+        found: Array = (x / (1 + x**2)) @ self.kappa
+        return found
 
     def relaxation(self, time: ArrayLike) -> Array:
         """Stress after a strain step at time 0, over the static one: 1 + sum kappa_n exp(-t/tau_n); 0 for t < 0."""
@@ -231,7 +235,8 @@ class CreepSeries:
     def compliance_of(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Complex compliance ratio 1/kappa(i omega) at angular frequency omega (rad/s), same shape as omega."""
         x = np.multiply.outer(np.asarray(omega, dtype=float), self.retardation_times)
-        return self.J_inf + (1 / (1 + 1j * x)) @ self.J
+        found: NDArray[np.complex128] = self.J_inf + (1 / (1 + 1j * x)) @ self.J
+        return found
 
     def creep(self, time: ArrayLike) -> Array:
         """Strain after a stress step at time 0, over the static one.
