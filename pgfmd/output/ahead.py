@@ -21,13 +21,13 @@ from .observers import Progress
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
-    from pgfmd.restart.keeper import Keeper
     from pgfmd.scene import Scene
+    from pgfmd.solver.interruption import Impatient
     from pgfmd.solver.simulation import Simulation
 
 
 def run_ahead(
-    scene: Scene, comm: Intracomm, say: Callable[[str], None], keeper: Keeper = None
+    scene: Scene, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None = None
 ) -> list[tuple[float, str]]:
     """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
 
@@ -51,7 +51,9 @@ def run_ahead(
     return times
 
 
-def _shared(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Keeper) -> tuple[list[Met], int]:
+def _shared(
+    coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None
+) -> tuple[list[Met], int]:
     """What `_run` gives, on every rank, of those ranks that the coarse grids have rows and columns for."""
     most = min(_most_ranks(one) for one in coarse)
     if comm.size <= most:
@@ -82,7 +84,7 @@ def _most_ranks(scene: Scene) -> int:
     return min(shared_out(scene, points_of(scene, "").nb))
 
 
-def _run(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Keeper) -> tuple[list[Met], int]:
+def _run(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None) -> tuple[list[Met], int]:
     """Where the coarse approaches met surface and preload, up to the first that met none, and their transform pairs."""
     heed = {}
     if keeper:

@@ -165,7 +165,7 @@ def _samples(face: Topography, side: float) -> tuple[Array, Array]:
             first, last = max(first, 0), min(last, count - 1)
         # Not a pixel may be under a small punch.
         step = max(1, math.ceil((last - first + 1) / MOST_SAMPLES))
-        lines.append((np.arange(first, last + 1, step) - middle) * pixel)
+        lines.append((np.arange(first, last + 1, step, dtype=float) - middle) * pixel)
     return lines[0], lines[1]
 
 
@@ -206,7 +206,7 @@ def _candidates(face: Topography, reach: float, in_row: bool) -> tuple[Array, Ar
     """
     # Beyond the outline too, so that a site at the rim has all its neighbours.
     count = math.ceil(reach * PER_WAVE / face.wavelength) + 2
-    line: Array = np.arange(-count, count + 1) * (face.wavelength / PER_WAVE)
+    line = np.arange(-count, count + 1, dtype=float) * (face.wavelength / PER_WAVE)
     if in_row:
         slope = np.abs(np.gradient(face.heights(line, 0.0)))
         lowest = slope <= minimum_filter(slope, 3)
@@ -225,19 +225,27 @@ def _candidates(face: Topography, reach: float, in_row: bool) -> tuple[Array, Ar
 
 def _chosen(face: Topography, x: Array, y: Array) -> NDArray[np.bool_]:
     """Which points of a lattice are candidates, (y, x)."""
-    slope_y, slope_x = np.gradient(face.heights(*np.meshgrid(x, y)))
-    _, xx = np.gradient(slope_x)
-    yy, xy = np.gradient(slope_y)
+    slope_y, slope_x = _gradient(face.heights(*np.meshgrid(x, y)))
+    _, xx = _gradient(slope_x)
+    yy, xy = _gradient(slope_y)
     slope = np.hypot(slope_x, slope_y)
     step = np.hypot(*_newton_step((slope_x, slope_y, xx, yy, xy), in_row=False))
     chosen: NDArray[np.bool_] = (slope <= minimum_filter(slope, 3)) | (step < SHORT)
     return chosen
 
 
+def _gradient(z: Array) -> tuple[Array, Array]:
+    """Differences along y and x from point to point."""
+    along_y: Array
+    along_y, along_x = np.gradient(z)
+    return along_y, along_x
+
+
 def _derivatives(height: Callable[[Array, Array], Array], x: Array, y: Array, d: float) -> tuple[Array, ...]:
     """z_x, z_y, z_xx, z_yy, z_xy at points, by central differences of fourth order (the last of second order)."""
     here = height(x, y)
-    slopes, bends = [], []
+    slopes: list[Array] = []
+    bends: list[Array] = []
     for a, b in ((d, 0.0), (0.0, d)):
         near = height(x + a, y + b), height(x - a, y - b)
         far = height(x + 2 * a, y + 2 * b), height(x - 2 * a, y - 2 * b)

@@ -71,17 +71,19 @@ def read_heights(path: str | Path) -> tuple[Array, tuple[float, float] | None]:
 def _read_npy(path: Path) -> Array:
     """An array; a large one stays on the disk, as all ranks of a node share what they read of it."""
     if path.stat().st_size > 8 * WHOLE:
-        return np.load(path, mmap_mode="r", allow_pickle=False)
+        mapped: Array = np.load(path, mmap_mode="r", allow_pickle=False)
+        return mapped
     with open(path, "rb") as file:
         # numpy.load would take an empty file for a pickle that has ended.
-        return np.lib.format.read_array(file, allow_pickle=False)
+        found: Array = np.lib.format.read_array(file, allow_pickle=False)
+        return found
 
 
-def _size_of(stored: Array) -> tuple[float, ...]:
+def _size_of(stored: Array) -> tuple[float, float]:
     """A size from a file, as plain numbers; whether it is one is seen by HeightMap."""
-    if stored.ndim != 1:
+    if stored.shape != (2,):
         raise ValueError(f"size has the shape {stored.shape}, expected (size_x, size_y)")
-    return tuple(float(side) for side in stored)
+    return float(stored[0]), float(stored[1])
 
 
 def map_bytes(path: str | Path, order: int = 1) -> float:

@@ -16,7 +16,7 @@ import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar, cast
 
 import llvmlite.binding
 import numba
@@ -36,20 +36,20 @@ def compiled(**options: Any) -> Callable[[Kernel], Kernel]:
     """A decorator: `numba.njit` with these options and without Python's lock, and a cache that forgives everything."""
 
     def decorate(function: Kernel) -> Kernel:
-        kernel: Kernel = numba.njit(nogil=True, **options)(function)
+        kernel: Any = numba.njit(nogil=True, **options)(function)
         # A plain function where NUMBA_DISABLE_JIT is set.
         if isinstance(kernel, Dispatcher):
+            kernel = cast("Any", kernel)
             # What `cache=True` sets, of another class.
             kernel._cache = KernelCache(function)
-        return kernel
+        return cast("Kernel", kernel)
 
     return decorate
 
 
 def inlined(function: Kernel) -> Kernel:
     """A decorator for what kernels call: it becomes a part of each of them."""
-    part: Kernel = numba.njit(inline="always")(function)
-    return part
+    return cast("Kernel", numba.njit(inline="always")(function))
 
 
 def hear(listener: Callable[[str], None] | None) -> None:
@@ -145,7 +145,8 @@ class KernelCache(NullCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is in either cache; None if it has to be compiled."""
         found = self._load(self.first(), sig, target_context)
-        if found is None and temporary_folder() is not None and temporary_folder().is_dir():
+        folder = temporary_folder()
+        if found is None and folder is not None and folder.is_dir():
             found = self._load(self.second(), sig, target_context)
         return found
 
@@ -206,7 +207,7 @@ def temporary_folder() -> Path | None:
 
 
 # Its name until numba 0.61.
-_UserWideLocator = getattr(caching, "UserWideCacheLocator", None) or caching._UserWideCacheLocator
+_UserWideLocator: Any = getattr(caching, "UserWideCacheLocator", None) or caching._UserWideCacheLocator
 
 
 class _TemporaryLocator(_UserWideLocator):

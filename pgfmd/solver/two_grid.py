@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
     from pgfmd.physics.cohesion import CohesiveLaw
 
+    from .node import RowExchange
+
 MARGIN = 1.5
 """Coarse points reach beyond the punch by so many of their spacings: each point under it then lies between four."""
 MOST = 30
@@ -82,7 +84,7 @@ class Cells:
         row, column = np.nonzero(coarse.inside()[:, left:])
         self._index, self._inner = (row, column), (row + 1, column + 1)
         self._change = np.zeros(self.shape)
-        self._exchange = None
+        self._exchange: RowExchange | None = None
 
     def means(self, v: np.ndarray, cells: np.ndarray) -> None:
         """Means over cells of a point vector, zero where there are no points. Collective."""

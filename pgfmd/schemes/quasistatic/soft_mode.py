@@ -135,7 +135,7 @@ class SoftMode:
 
     def _best(
         self, k: np.ndarray, x: np.ndarray, dx: np.ndarray, z: np.ndarray, dz: np.ndarray, p: np.ndarray, dp: np.ndarray
-    ) -> tuple[float, tuple[float, ...], float] | None:
+    ) -> tuple[float, tuple[float, float, float], float] | None:
         """(mu, weights of x, z and p, error) of the lowest quotient in their span; None where it is x alone."""
         kernels_of_modes.quotients(k, x, dx, z, dz, p, dp, self.points.offset, self._rows)
         bend, norm = (_symmetric(values) for values in np.split(self._total(12), 2))
@@ -155,9 +155,11 @@ class SoftMode:
         weights[keep] = vectors[:, 0]
         # Of the gradient before this step: an eigenvalue lies as near to the quotient as it is long.
         gradient = size[1] if used[1] else 0.0
-        return float(values[0]), tuple(weights / size), float(gradient)
+        of_x, of_z, of_p = weights / size
+        return float(values[0]), (of_x, of_z, of_p), float(gradient)
 
 
 def _symmetric(six: np.ndarray) -> np.ndarray:
     """A symmetric 3 x 3 matrix of its entries 00, 01, 02, 11, 12, 22."""
-    return six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+    matrix: np.ndarray = six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+    return matrix
