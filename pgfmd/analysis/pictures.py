@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -58,8 +58,8 @@ def plot_bulges(analysis: Analysis) -> Figure:
 
 def plot_compliance(analysis: Analysis) -> Figure:
     """u_inf against force, and k_cc. ResultError where it can't be fitted."""
-    _require(analysis.cell, analysis, "compliance of its cell")
-    return _with_footer(compliance_figure(analysis.loop, analysis.cell), analysis.about)
+    cell = _require(analysis.cell, analysis, "compliance of its cell")
+    return _with_footer(compliance_figure(analysis.loop, cell), analysis.about)
 
 
 def plot_hysteresis(analysis: Analysis) -> Figure:
@@ -70,8 +70,8 @@ def plot_hysteresis(analysis: Analysis) -> Figure:
 
 def plot_twin(analysis: Analysis) -> Figure:
     """The loop over that of its quasi-static twin. ResultError without one."""
-    _require(analysis.twin_loop, analysis, "twin; name its folder to `analyse`")
-    return _with_footer(overlay_figure([analysis.loop, analysis.twin_loop]), analysis.about)
+    twin = _require(analysis.twin_loop, analysis, "twin; name its folder to `analyse`")
+    return _with_footer(overlay_figure([analysis.loop, twin]), analysis.about)
 
 
 def plot_bearing_area(analysis: Analysis) -> Figure:
@@ -81,9 +81,13 @@ def plot_bearing_area(analysis: Analysis) -> Figure:
     return _with_footer(overlay_figure(loops), analysis.about)
 
 
-def _require(part: object, analysis: Analysis, name: str) -> None:
+Wanted = TypeVar("Wanted")
+
+
+def _require(part: Wanted | None, analysis: Analysis, name: str) -> Wanted:
     if not part:
         raise ResultError(f"{analysis.directory}: this analysis has no {name}")
+    return part
 
 
 def _with_footer(figure: Figure, text: str) -> Figure:
@@ -131,9 +135,9 @@ def bulge_figure(loop: Loop, found: list[Bulge]) -> Figure:
     for kind, marker in (("minimum", "v"), ("inflection", "d")):
         own = [bulge for bulge in found if bulge.kind == kind]
         if own:
-            x = [1e6 * (-bulge.displacement - loop.offset) for bulge in own]
+            places = [1e6 * (-bulge.displacement - loop.offset) for bulge in own]
             y = [1e3 * bulge.force for bulge in own]
-            axis.plot(x, y, marker, color=RED, markersize=5, linestyle="none", label=kind)
+            axis.plot(places, y, marker, color=RED, markersize=5, linestyle="none", label=kind)
     axis.legend(loc="upper left")
     axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
     return figure
@@ -146,7 +150,7 @@ def compliance_figure(loop: Loop, cell: CellCompliance) -> Figure:
     axis = figure.subplots()
     for name, rows in loop.branches.items():
         colour = GREY if name == "approach" else TURQUOISE
-        style = {"linestyle": DASHES if name == "approach" else "-", "label": name}
+        style: dict[str, Any] = {"linestyle": DASHES if name == "approach" else "-", "label": name}
         axis.plot(*seen(1e3 * loop.force[rows], 1e6 * loop.u_inf[rows]), color=colour, **style)
     ends = np.array([loop.force.min(), loop.force.max()])
     label = f"F/k_cc,  k_cc = {cell.stiffness / 1e3:.4g} kN/m"
@@ -165,8 +169,8 @@ def hysteresis_figure(audit: Audit | None, twin: Twin | None) -> Figure:
         values = (audit.viscous, audit.released, audit.work - audit.viscous - audit.released)
         bars.append(("energy audit", [(name, colour, v) for (name, colour), v in zip(PARTS, values, strict=True)]))
     if twin is not None:
-        values = (twin.twin_loop, twin.rest)
-        parts = [(name, colour, v) for (name, colour), v in zip(TWIN_PARTS, values, strict=True)]
+        of_twin = (twin.twin_loop, twin.rest)
+        parts = [(name, colour, v) for (name, colour), v in zip(TWIN_PARTS, of_twin, strict=True)]
         bars.append(("against the\nquasi-static twin", parts))
     largest = max(abs(value) for _, parts in bars for _, _, value in parts)
     factor, unit = energy_unit(largest)

@@ -108,7 +108,7 @@ def _is_chosen(scene: Scene, field: str) -> bool:
     return field == "precision" and scene.solver.automatic_precision
 
 
-def _plain(value: object) -> float | int | str:
+def _plain(value: Any) -> float | int | str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple):

@@ -175,7 +175,7 @@ def write_run_json(
     on_root(comm, f"{path}: could not be written", write)
 
 
-def plain(value: object) -> object:
+def plain(value: Any) -> Any:
     """A value as JSON knows it: NumPy numbers and arrays, tuples and paths unwrapped, NaN and infinity as None."""
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}

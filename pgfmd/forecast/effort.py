@@ -165,7 +165,7 @@ def fitted_effort(scene: Scene) -> Effort:
     )  # fmt: skip
 
 
-def ahead_of(scene: Scene) -> list[tuple[object, float]]:
+def ahead_of(scene: Scene) -> list[tuple[Scene, float]]:
     """The coarse approaches that are run ahead of a run (run_ahead.py), each with its expected transform pairs."""
     return [(coarse, effort_of(coarse).approach[1]) for coarse in coarse_scenes(scene)]
 
@@ -204,7 +204,7 @@ def stiffness_of_law(scene: Scene) -> float:
     """K_0 l/E*, see Way. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
     punch = scene.punch
     if punch.pattern in ("sphere", "power"):
-        size = min(punch.radius, math.sqrt(punch.curvature_radius * depth_of(scene)))
+        size = min(punch.outline, math.sqrt(punch.curvature_radius * depth_of(scene)))
     elif punch.wavelength:
         size = 0.5 * punch.wavelength
     else:

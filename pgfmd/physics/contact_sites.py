@@ -236,9 +236,8 @@ def _chosen(face: Topography, x: Array, y: Array) -> NDArray[np.bool_]:
 
 def _gradient(z: Array) -> tuple[Array, Array]:
     """Differences along y and x from point to point."""
-    along_y: Array
-    along_y, along_x = np.gradient(z)
-    return along_y, along_x
+    found: tuple[Array, Array] = np.gradient(z)  # type: ignore[assignment]  # of two axes
+    return found
 
 
 def _derivatives(height: Callable[[Array, Array], Array], x: Array, y: Array, d: float) -> tuple[Array, ...]:

@@ -125,7 +125,7 @@ class Results:
             earlier = is_earlier(path)
         except OSError as problem:
             raise ResultError(f"{path}: could not be read: {reason(problem)}") from problem
-        return earlier and LAWS.get(self._adhesion.get("law"), True)
+        return earlier and LAWS.get(str(self._adhesion.get("law")), True)
 
     @property
     def contact_gap(self) -> float:
@@ -135,7 +135,7 @@ class Results:
         if "contact_gap_m" in self.run:
             return float(self.run["contact_gap_m"])
         # Of a run that goes on: there is no record before its end.
-        attractive = LAWS.get(self._adhesion.get("law"), True)
+        attractive = LAWS.get(str(self._adhesion.get("law")), True)
         if not (attractive and "range" in self._adhesion):
             return 0.0
         energy, reach = self._adhesion["work_of_adhesion"], self._adhesion["range"]

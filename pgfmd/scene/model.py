@@ -114,6 +114,12 @@ class Punch(Section):
         None,
     )
 
+    @property
+    def outline(self) -> float:
+        """The radius [m], of a punch that has one: any but those that may fill the cell."""
+        assert self.radius is not None, "a punch that fills the cell has no radius"
+        return self.radius
+
 
 class Substrate(Section):
     """The elastomer's static elasticity and how it is held."""

@@ -210,7 +210,8 @@ class NewtonSolver:
 
     def _slack_of(self, potential: float) -> float:
         """How far Phi may rise by rounding, per area of a point."""
-        return float(self._slack) * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+        slack: float = self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+        return slack
 
     def _noise(self, compliance: float, u: np.ndarray, w: np.ndarray) -> float:
         """What the rounding of u alone makes of Phi, per area of a point: the end of a soft spring is so far away that

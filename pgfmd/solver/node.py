@@ -12,14 +12,13 @@ import math
 import time
 import weakref
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from _typeshed import ReadableBuffer as Buffer
     from mpi4py.MPI import Intracomm, Win
     from numpy.typing import DTypeLike
 
@@ -41,10 +40,10 @@ def _mpi() -> ModuleType:
 
 @dataclass
 class _Piece:
-    """Memory shared by the ranks of a node: its window, a buffer a rank, their sizes [bytes]."""
+    """Memory shared by the ranks of a node: its window, a buffer of mpi4py's a rank, their sizes [bytes]."""
 
     window: Win
-    buffers: list[Buffer]
+    buffers: list[Any]
     sizes: list[int]
     free: bool = True
 
@@ -118,7 +117,7 @@ class Node:
         self.local.Barrier()
         return True
 
-    def take(self, owner: object, size: int) -> list[Buffer]:
+    def take(self, owner: object, size: int) -> list[Any]:
         """Memory that the ranks of the node share for as long as `owner` lives: one buffer a rank, this one's of at
         least `size` bytes. Collective on the node; MemoryError, on all of its ranks, where there is no more.
 

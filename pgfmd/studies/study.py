@@ -254,9 +254,11 @@ def converge(
         SceneError: for a scene that can't be; Unfinished, where levels could not be finished; ResultError: where fewer
         than two are.
     """
-    if out is None and isinstance(scene, Scene):
-        raise ValueError("converge: out names the folder that the levels go to")
-    out = Path(out) if out is not None else Path("out", f"converge-{Path(scene).stem}-{axis}")
+    if out is None:
+        if isinstance(scene, Scene):
+            raise ValueError("converge: out names the folder that the levels go to")
+        out = Path("out", f"converge-{Path(scene).stem}-{axis}")
+    out = Path(out)
     source = _scene_file(scene, out)
     ladder, plan = refined(
         source, (), axis, levels, None if start is None else f"{start!r}", factor, largest_n, ranks, out, checkpoint_every,

@@ -108,9 +108,9 @@ class SoftMode:
             if best is None and not known:
                 break
             if best is not None:
-                last, (mu, weights, error) = mu, best
-                kernels_of_modes.recombine(*weights, mode, z, p)
-                kernels_of_modes.recombine(*weights, dual, g, dp)
+                last, (mu, (a, b, c), error) = mu, best
+                kernels_of_modes.recombine(a, b, c, mode, z, p)
+                kernels_of_modes.recombine(a, b, c, dual, g, dp)
             known = False
             g[:] = 0.0
             if mu < -1.0 or (count >= self.least_iterations and mu < 0.0 and last - mu <= STEADY * (1.0 + mu)):
