@@ -33,6 +33,11 @@ STEP_SHARE = 0.7
 tri-tack at n = 512 takes 9 % more transforms at the default accuracy, and its audit closes to 0.4 instead of 0.55 %."""
 
 
+def tolerance_of(scene) -> float:
+    """Tolerance of a step's error, in ranges of adhesion or as a share of the largest force."""
+    return STEP_SHARE * scene.solver.accuracy
+
+
 def convolution_of(
     scene: Scene, points: PunchPoints, whole_cell: bool = False, dtype: DTypeLike = np.float64
 ) -> Convolution | MirroredConvolution:  # fmt: skip

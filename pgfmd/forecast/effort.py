@@ -230,8 +230,8 @@ def _unlike(scene: Scene) -> Iterator[str]:
 
 
 def effort_of_steps(scene: Scene, step: float, pair: float, cost: float) -> Effort:
-    """The same for explicit steps of known length [s], with a pair each, which takes `pair` times `pair_seconds`; cost: as in Effort. The time of the
-    programme is that of the depth, with what adhesion adds to the way back."""
+    """The same for explicit steps of known length [s], with a pair each. The time of the programme is that of the depth, with
+    what adhesion adds to the way back. pair: time of a pair, relative to `pair_seconds`; cost: as in Effort."""
     drive, depth = scene.drive, depth_at_preload(scene)
     into = (depth + max(drive.clearance, 0.0)) / drive.speed
     out = (depth + pull_off_height(scene)) / drive.retract_speed + drive.turn_time + drive.dwell

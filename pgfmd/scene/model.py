@@ -59,6 +59,17 @@ RHEOLOGIES: dict[str, Keys] = {
 LARGEST_MODULUS_RATIO = 1e6
 
 
+if TYPE_CHECKING:
+    # A scene is resolved: whoever reads one finds numbers in the place of words; and keys that its pattern or model has no
+    # use for are None, which nobody reads who has looked at these.
+    Automatic = OfGrid = LikeAnother = IfUsed = float
+    CountIfUsed, NumbersIfUsed = int, tuple[float, ...]
+else:
+    Automatic, OfGrid = float | Literal["auto"], float | Literal["grid"]
+    LikeAnother = IfUsed = float | None
+    CountIfUsed, NumbersIfUsed = int | None, tuple[float, ...] | None
+
+
 class Punch(Section):
     """The rigid punch: its outline and the height profile z(x, y) of its lower face; lower z touches first."""
 
@@ -69,15 +80,15 @@ class Punch(Section):
     radius: float | None = quantity(
         "length", "radius a of the punch's outline; without it a `sinusoid` or a `file` fills the whole cell", None
     )
-    wavelength: float | None = quantity("length", "wavelength of the pattern", None)
-    amplitude: float | None = quantity("length", "amplitude z0: half of the difference of largest and smallest z", None)
+    wavelength: IfUsed = quantity("length", "wavelength of the pattern", None)
+    amplitude: IfUsed = quantity("length", "amplitude z0: half of the difference of largest and smallest z", None)
     curvature_radius: float = quantity(
         "length",
         "radius R of the sphere or power law; for every other pattern the macroscopic curvature, which adds r^2/(2R)",
         math.inf,
         infinite=True,
     )
-    exponent: float | None = number("exponent p of `power`", None, above=1.0)
+    exponent: IfUsed = number("exponent p of `power`", None, above=1.0)
     layer_step: float = quantity("length", "height step of a layer-by-layer print, 0 for none", 0.0, at_least=0.0)
     height_jitter: float = quantity(
         "length",
@@ -131,22 +142,15 @@ class Rheology(Section):
     model: Literal["elastic", "single", "geometric", "prony"] = key(
         "`elastic`, a `single` Maxwell element, a `geometric` series of them, or your own `prony` series"
     )
-    modulus_ratio: float | None = number("E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO)
-    relaxation_time: float | None = quantity("time", "relaxation time; of `geometric` the shortest", None)
-    elements: int | None = key("number N of Maxwell elements", None, ge=1, le=200)
-    time_ratio: float | None = number("ratio s of successive relaxation times: tau_{n+1} = tau_n / s", None, above=1.0)
-    exponent: float | None = number(
+    modulus_ratio: IfUsed = number("E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO)
+    relaxation_time: IfUsed = quantity("time", "relaxation time; of `geometric` the shortest", None)
+    elements: CountIfUsed = key("number N of Maxwell elements", None, ge=1, le=200)
+    time_ratio: IfUsed = number("ratio s of successive relaxation times: tau_{n+1} = tau_n / s", None, above=1.0)
+    exponent: IfUsed = number(
         "exponent beta of the weights: kappa_{n+1} = s^beta kappa_n", None, at_least=0.0, at_most=2.0
     )
-    kappa: tuple[float, ...] | None = number("weights kappa_n = k_n/k_0", None, at_least=0.0, count=0)
-    tau: tuple[float, ...] | None = quantity("time", "relaxation times tau_n, as many as weights", None, count=0)
-
-
-if TYPE_CHECKING:
-    # A scene is resolved: whoever reads one finds numbers.
-    Automatic = OfGrid = LikeAnother = float
-else:
-    Automatic, OfGrid, LikeAnother = float | Literal["auto"], float | Literal["grid"], float | None
+    kappa: NumbersIfUsed = number("weights kappa_n = k_n/k_0", None, at_least=0.0, count=0)
+    tau: NumbersIfUsed = quantity("time", "relaxation times tau_n, as many as weights", None, count=0)
 
 
 class Adhesion(Section):
