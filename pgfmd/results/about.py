@@ -6,6 +6,7 @@ import time
 from datetime import datetime
 
 from pgfmd.files.storage import SCENE_FILE
+from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity, parse_quantity
 
 from .reading import Results
@@ -25,7 +26,7 @@ def about(results: Results) -> str:
 def speed_of(results: Results) -> str:
     """The speed of the punch, both where it retracts at another one; "quasi-static" where it has none."""
     drive, solver = (results.scene.get(section, {}) for section in ("drive", "solver"))
-    if solver.get("scheme") == "quasistatic":
+    if registry.scheme_in(solver).timeless:
         return "quasi-static"
     if "speed" not in drive:
         return ""

@@ -116,10 +116,17 @@ def test_a_new_folder_is_named_by_contact(tmp_path):
 def test_options_of_the_command(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(plots, "plot_results", lambda *arguments: asked.append(arguments) or [])
-    run = CliRunner().invoke
-    assert run(app, ["plot", "DIR"]).exit_code == 0
-    assert run(app, ["plot", "DIR", "--greys", "3", "--contact-gap", "0.2um", "--near-gap", "0 nm"]).exit_code == 0
-    assert [arguments[2:] for arguments in asked] == [(4, None, None), (3, pytest.approx(2e-7), 0.0)]
-    for wrong in (["--greys", "5"], ["--contact-gap", "0.2"], ["--near-gap", "-1 nm"], ["--near-gap", "inf"]):
-        assert run(app, ["plot", "DIR", *wrong]).exit_code == 2, wrong
-    assert len(asked) == 2
+    run, folder = CliRunner().invoke, str(write_results(tmp_path / "out", rows=20, fields=False))
+    chosen = ["--greys", "3", "--contact-gap", "0.2um", "--gap", "range", "--format", "pdf", "--width", "double",
+              "--stress-limit", "20 kPa"]  # fmt: skip
+    for options in ([], ["--near-gap", "0 nm"], chosen):
+        assert run(app, ["plot", folder, *options]).exit_code == 0
+    assert [arguments[2:] for arguments in asked] == [
+        (4, None, None, "png", None, None),
+        (4, None, 0.0, "png", None, None),
+        (3, pytest.approx(2e-7), "range", "pdf", "double", 2e4),
+    ]
+    for wrong in (["--greys", "5"], ["--contact-gap", "0.2"], ["--near-gap", "-1 nm"], ["--near-gap", "inf"],
+                  ["--stress-limit", "0 Pa"], ["--format", "jpg"], ["--width", "3"], ["--log", "z"]):  # fmt: skip
+        assert run(app, ["plot", folder, *wrong]).exit_code == 2, wrong
+    assert len(asked) == 3

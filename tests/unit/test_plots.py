@@ -1,5 +1,6 @@
 """Pictures: the right data in the right units, every kind of results folder, nothing left behind in matplotlib."""
 
+import re
 import sys
 import warnings
 
@@ -12,8 +13,8 @@ from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE
 from pgfmd.plots import folder as plots
 from pgfmd.plots import maps as map_plots
-from pgfmd.plots.curves import plot_energy, plot_force
-from pgfmd.plots.drawing import drawing, energy_unit
+from pgfmd.plots.curves import plot_curve, plot_energy, plot_force, plot_time
+from pgfmd.plots.drawing import WIDTHS, drawing, energy_unit
 from pgfmd.plots.sites import plot_sites
 from pgfmd.results import load
 from pgfmd.results.curve import Loop, measure
@@ -38,7 +39,7 @@ def warnings_are_errors():
         yield
 
 
-@pytest.mark.parametrize(("snapshots", "nb"), [(1, 33), (6, 48), (30, 16)])
+@pytest.mark.parametrize(("snapshots", "nb"), [(1, 33), (13, 16)])
 def test_every_picture_is_written_and_not_blank(tmp_path, snapshots, nb):
     folder = write_results(tmp_path / "out", rows=80, nb=nb, snapshots=snapshots)
     paths = plots.plot_results(folder)
@@ -88,7 +89,7 @@ def test_picture_that_can_not_be_written(tmp_path):
 def test_curves_are_in_mN_um_and_mm2_with_landmarks(tmp_path):
     rows = history(200)
     with load(write_results(tmp_path / "out", rows=200, fields=False)) as results:
-        upper, lower = plot_force(results).axes
+        upper, lower, _ = plot_force(results).axes
         found = measure(Loop.of(results))
     lines = {line.get_label(): line for line in upper.lines}
     first_out = next(k for k, row in enumerate(rows) if row.phase == "retract")
@@ -205,3 +206,101 @@ def test_scale_bar_is_a_round_length(largest, bar):
 @pytest.mark.parametrize(("size", "unit"), [(2.0, "J"), (3e-8, "nJ"), (1e-9, "nJ"), (9e-13, "fJ"), (0.0, "fJ")])
 def test_energy_unit(size, unit):
     assert energy_unit(size)[1] == unit
+
+
+def test_a_small_tension_has_a_panel_of_its_own(tmp_path):
+    with load(write_results(tmp_path / "out", rows=200, fields=False)) as results:
+        curve = results.curve
+        figure = plot_force(results)
+        close, lowest = figure.axes[2], 1e3 * curve["force [N]"].min()
+        with drawing("single"):
+            narrow = plot_force(results)
+            narrow.draw_without_rendering()
+        # Ten times as much tension is no small one.
+        curve["force [N]"] = curve["force [N]"].where(curve["force [N]"] > 0.0, 10.0 * curve["force [N]"])
+        assert len(plot_force(results).axes) == 2
+    assert close.get_ylim() == pytest.approx((1.2 * lowest, -2.0 * lowest)) and close.get_title() == "tension"
+    np.testing.assert_array_equal(close.lines[1].get_ydata(), figure.axes[0].lines[1].get_ydata())
+    assert narrow.get_figwidth() == 3.5 and narrow.axes[2].get_position().y1 < narrow.axes[1].get_position().y0
+
+
+def test_runs_share_a_picture_and_its_foot_says_what_they_are(tmp_path):
+    folders = [write_results(tmp_path / name / "run", rows=60, fields=False) for name in ("one", "two")]
+    (folders[0] / "scene.resolved.toml").write_text(
+        'title = "Test of $5"\n[drive]\nspeed = "1e-06 m/s"\nretract_speed = "2.5e-05 m/s"\n[grid]\nn = 192\n'
+    )
+    figure = plot_force(*folders)
+    names = [text.get_text() for text in figure.axes[0].get_legend().texts]
+    assert names == ["one/run", "two/run"]
+    looks = {
+        (line.get_color(), str(line.get_linestyle())) for line in figure.axes[0].lines if line.get_label() in names
+    }
+    assert len(looks) == 2
+    (foot,) = figure.texts
+    assert foot.get_text().startswith("2 runs; the first: Test of \\$5  ·  1 µm/s in, 25 µm/s out  ·  n = 192  ·  ")
+    (alone,) = plot_time(folders[1]).texts
+    assert alone.get_text().startswith("run  ·  ")
+
+
+def test_force_and_indentation_against_time_with_jumps(tmp_path):
+    rows = history(200)
+    upper, lower = plot_time(write_results(tmp_path / "out", rows=200, fields=False)).axes
+    np.testing.assert_allclose(upper.lines[0].get_xydata(), [(row.time, 1e3 * row.force) for row in rows], rtol=1e-14)
+    np.testing.assert_allclose(lower.lines[0].get_ydata(), [1e6 * row.indentation for row in rows], rtol=1e-14)
+    jumps = next(line for line in upper.lines if line.get_label() == "jumps").get_xdata()
+    assert len(jumps) == 1 and rows[100].time < jumps[0] < rows[-1].time
+
+
+def test_any_column_against_any_other(tmp_path):
+    folder, rows = write_results(tmp_path / "out", rows=100, fields=False), history(100)
+    axis = plot_curve(folder, x="time", y="contact").axes[0]
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("time (s)", "contact area (mm²)")
+    drawn = np.concatenate([line.get_ydata() for line in axis.lines])
+    assert drawn.max() == pytest.approx(1e6 * max(row.contact_area for row in rows))
+    axis = plot_curve(folder, x="force", y="viscous", log="xy").axes[0]
+    assert (axis.get_xscale(), axis.get_yscale(), axis.get_ylabel()) == ("log", "log", "viscous energy (nJ)")
+    with pytest.raises(ValueError, match="'forc': expected one of time, displacement"):
+        plot_curve(folder, x="forc")
+    with pytest.raises(ResultError, match="its u_inf is nowhere above zero"):
+        plot_curve(folder, y="u_inf", log="y")
+    (folder / "energy.csv").unlink()
+    with pytest.raises(ResultError, match="no viscous for every row"):
+        plot_curve(folder, y="viscous")
+
+
+def test_no_traction_is_told_from_one_that_is_zero(tmp_path):
+    folder = write_results(tmp_path / "out", rows=80, nb=48, snapshots=2)
+    with load(folder) as results:
+        figure, gap, traction = (
+            map_plots.plot_stress_maps(results),
+            results.frame("gap", 0),
+            results.frame("traction", 0),
+        )
+        limit = map_plots.stress_limit(results)
+        given = map_plots.plot_stress_maps(results, limit=5e4)
+    inside = np.isfinite(gap)
+    shown = figure.axes[0].images
+    is_open = ~np.ma.getmaskarray(shown[1].get_array())
+    np.testing.assert_array_equal(is_open, inside & (gap > 0.0) & (np.abs(traction) <= 1e-6 * limit))
+    assert is_open.any() and not is_open.all() and figure.legends[0].texts[0].get_text() == "open, no traction"
+    assert given.axes[0].images[0].get_clim() == (-50.0, 50.0)
+
+
+def test_maps_by_the_range_of_adhesion(tmp_path):
+    folder = write_results(tmp_path / "out", rows=80, nb=24, snapshots=2)
+    with pytest.raises(ResultError, match="tells no range of adhesion"):
+        map_plots.plot_contact_maps(folder, near_gap="range")
+    with open(folder / "scene.resolved.toml", "a") as file:
+        file.write('[adhesion]\nrange = "1.2e-06 m"\n')
+    legend = map_plots.plot_contact_maps(folder, near_gap="range").legends[0].texts
+    assert [text.get_text() for text in legend][2] == "near (gap < 1.2 µm)"
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+def test_widths_of_journals(tmp_path, width):
+    folder = write_results(tmp_path / "out", rows=60, nb=16, snapshots=5)
+    paths = plots.plot_results(folder, tmp_path / width, form="svg", width=width)
+    assert len(paths) == 6
+    for path in paths:
+        points = re.search(r'width="([\d.]+)pt"', path.read_text())[1]
+        assert float(points) == pytest.approx(72 * WIDTHS[width])

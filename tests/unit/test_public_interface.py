@@ -60,7 +60,9 @@ def callables(name, thing):
     for own, member in vars(thing).items():
         member = getattr(member, "func", member.fget if isinstance(member, property) else member)
         member = getattr(member, "__func__", member)
-        if inspect.isfunction(member) and (own == "__init__" or not own.startswith("_")):
+        # A protocol has an __init__ that is not its own.
+        shown = inspect.isfunction(member) and member.__module__ == thing.__module__
+        if shown and (own == "__init__" or not own.startswith("_")):
             yield f"{name}.{own}", member
 
 
