@@ -18,7 +18,7 @@ from pgfmd.files.text import read_text
 from pgfmd.units import DIMENSIONS
 
 from .fields import extra_of, written
-from .model import PATTERNS, RHEOLOGIES, SECTIONS, toml_text
+from .model import PATTERNS, RHEOLOGIES, SECTIONS, toml_of
 
 SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES))
 """Keys whose choice decides which other keys their section may have, with those keys."""
@@ -102,14 +102,12 @@ class Given:
 
     def to_toml(self) -> str:
         """The same as a TOML text, which may be read anywhere: with absolute paths, and with what is automatic left so."""
-        lines = [f"title = {toml_text(self.mapping['title'])}"] if self.mapping.get("title") else []
-        for section, values in self.mapping.items():
-            if isinstance(values, dict):
-                lines += ["", f"[{section}]"]
-                lines += [
-                    f"{key} = {toml_text(self._at_home(f'{section}.{key}', value))}" for key, value in values.items()
-                ]
-        return "\n".join(lines) + "\n"
+        tables = {
+            section: {key: self._at_home(f"{section}.{key}", value) for key, value in values.items()}
+            for section, values in self.mapping.items()
+            if isinstance(values, dict)
+        }
+        return toml_of(self.mapping.get("title", ""), tables)
 
     def _at_home(self, key: str, value: Any) -> Any:
         named = key in PATHS and isinstance(value, str)

@@ -343,11 +343,7 @@ class Scene(Section):
 
     def to_toml(self) -> str:
         """The complete scene as TOML in SI units; loading it gives an equal scene. Keys without a use are left out."""
-        lines = [f"title = {toml_text(self.title)}"] if self.title else []
-        for name, values in self.tables().items():
-            lines += [""] * bool(lines) + [f"[{name}]"]
-            lines += [f"{key} = {toml_text(value)}" for key, value in values.items()]
-        return "\n".join(lines) + "\n"
+        return toml_of(self.title, self.tables())
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """The sections and their keys that have a use, quantities as texts with SI units."""
@@ -385,6 +381,15 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "solver.gfmd" and scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
         return frozenset(INSTEAD_OF_OMEGA_AND_DT)
     return frozenset()
+
+
+def toml_of(title: str, tables: Mapping[str, Mapping[str, Any]]) -> str:
+    """A scene as TOML: its title, if it has one, and its sections, in their order."""
+    lines = [f"title = {toml_text(title)}"] if title else []
+    for name, values in tables.items():
+        lines += [""] * bool(lines) + [f"[{name}]"]
+        lines += [f"{key} = {toml_text(value)}" for key, value in values.items()]
+    return "\n".join(lines) + "\n"
 
 
 def toml_text(value: Any) -> str:
