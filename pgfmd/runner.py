@@ -37,6 +37,7 @@ from .solver.node import Node
 from .solver.simulation import STOPPED_STEPS
 
 if TYPE_CHECKING:
+    import numpy as np
     from mpi4py.MPI import Intracomm
 
     from .scene import Scene
@@ -147,7 +148,7 @@ def _run(
     options: Options,
     plan: resume.Plan,
     began: float,
-    lock,
+    lock: RunLock | None,
 ) -> dict:
     """From the first step, or from a checkpoint, to the end. lock: rank 0's."""
     guard = lock.require_held if lock else lambda: None
@@ -209,7 +210,7 @@ def _to_the_end(simulation: Simulation, keeper: Keeper, scene: Scene, folder: Pa
         )
 
 
-def _write_scene(folder: Path, text: bytes, guard) -> None:
+def _write_scene(folder: Path, text: bytes, guard: Callable[[], None]) -> None:
     guard()
     write_atomically(folder / storage.SCENE_FILE, text)
 
@@ -230,7 +231,7 @@ def _restore(
     """Puts the simulation and its outputs where a checkpoint left them."""
     comm, state, found = checkpoints.comm, simulation.state, {}
 
-    def apply(head: dict, read) -> None:
+    def apply(head: dict, read: Callable[[str, np.ndarray], None]) -> None:
         found["changed"] = launch.on_first(comm, lambda: review(head, scene, allow, checkpoints.newest.parent))
         found["head"] = head
         unpack(state, head["state"], lambda name, share: read(f"state/{name}", share))

@@ -186,7 +186,7 @@ def _steps(comm: Intracomm, n: int, precision: str, mirror: str) -> dict:
     watch, points = Watch(simulation), simulation.points
     wanted, began = _pairs_for(simulation), {}
 
-    def attend(run) -> bool:
+    def attend(run: Simulation) -> bool:
         if run.state.counters.steps == 2:
             began.update(watch.now())
         return bool(began) and run.scheme.pairs - began["pairs"] >= wanted

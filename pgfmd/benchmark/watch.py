@@ -66,8 +66,8 @@ class Watch:
         there, columns, back = (total[name] / len(taken) for name, taken in self.calls.items())
         return {"rows": there + back, "columns": columns}
 
-    def _timed(self, action, taken: list[float]):
-        def timed(*given):
+    def _timed(self, action: Callable[..., Any], taken: list[float]) -> Callable[..., Any]:
+        def timed(*given: Any) -> Any:
             began, before = self.work_clock(), self.outside
             found = action(*given)
             seconds = self.work_clock() - began - (self.outside - before)
@@ -77,16 +77,16 @@ class Watch:
 
         return timed
 
-    def _left_out(self, action):
-        def apart():
+    def _left_out(self, action: Callable[[], None]) -> Callable[[], None]:
+        def apart() -> None:
             began = self.work_clock()
             action()
             self.outside += self.work_clock() - began
 
         return apart
 
-    def _counted(self, action, part: str):
-        def counted(*given):
+    def _counted(self, action: Callable[..., Any], part: str) -> Callable[..., Any]:
+        def counted(*given: Any) -> Any:
             self.spent[part] += 1
             return action(*given)
 

@@ -215,7 +215,9 @@ def _factor(where: str, quantity: str, unit: str) -> float:
     raise MeasurementError(f"{where}: expected {expected}, {found}; write for instance {example}")
 
 
-def _values(path, rows, columns, delimiter) -> dict[str, NDArray]:
+def _values(
+    path: str | Path, rows: list[tuple[int, list[str]]], columns: dict[str, tuple[int, float]], delimiter: str
+) -> dict[str, NDArray]:
     """The columns in SI units, checked; every wrong line is reported, up to a few."""
     values: dict[str, list[float]] = {quantity: [] for quantity in columns}
     problems = []
@@ -243,7 +245,7 @@ def _values(path, rows, columns, delimiter) -> dict[str, NDArray]:
     return arrays
 
 
-def _isotherms(path, values: dict[str, NDArray]) -> list[Sweep]:
+def _isotherms(path: str | Path, values: dict[str, NDArray]) -> list[Sweep]:
     """Rows of the same temperature, put together and sorted by frequency."""
     temperature = values.get("temperature")
     if temperature is None:

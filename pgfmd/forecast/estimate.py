@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -202,7 +203,7 @@ def pair_seconds(scene: Scene) -> float:
     width, lines = side // 2 + 1, max(4, min(64, 2**16 // side))
     real, columns = np.ones((lines, side)), np.ones((lines, side), complex)
 
-    def seconds(action) -> float:
+    def seconds(action: Callable[[], object]) -> float:
         action()
         times = []
         for _ in range(5):

@@ -218,7 +218,7 @@ def pair_seconds(
 
 
 def _between_nodes(
-    problem: Problem, shares, pair: Traffic, per_node: int, network: Network
+    problem: Problem, shares: tuple[np.ndarray, np.ndarray, np.ndarray], pair: Traffic, per_node: int, network: Network
 ) -> tuple[float, float, float]:
     """Seconds of a sum, and of a pair's messages by latency and by bandwidth, that nodes take."""
     rows, columns, _ = shares

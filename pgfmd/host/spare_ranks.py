@@ -70,12 +70,12 @@ def _told(ranks: int, working: int) -> str:
     )
 
 
-def _tell(channel, spare: list[int], code: int) -> None:
+def _tell(channel: Intracomm, spare: list[int], code: int) -> None:
     for rank in spare:
         channel.Send(bytes([code]), rank)
 
 
-def _wait(channel) -> None:
+def _wait(channel: Intracomm) -> None:
     """Until rank 0 is done. RelayedError if that was by an error."""
     for number in _ENDING:
         # The end of launch.guarded puts the handlers of before back.

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from pgfmd.scene import Scene
     from pgfmd.solver.simulation import Simulation
+    from pgfmd.solver.state import State
 
 _LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
 
@@ -107,7 +108,7 @@ def _has_retracted(simulation: Simulation) -> bool:
     return simulation.state.preload_time is not None and simulation.retracting
 
 
-def _span(state) -> float | None:
+def _span(state: State) -> float | None:
     """t_pl [s]: from first contact to the preload."""
     if state.preload_time is None or state.first_contact_time is None:
         return None

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pgfmd.errors import Problem, SceneError
 from pgfmd.forecast.estimate import memory_of
 from pgfmd.parts import confirm
-from pgfmd.scene import load_scene
+from pgfmd.scene import Scene, load_scene
 from pgfmd.schemes import registry
 
 from .cases import Case
@@ -95,7 +95,7 @@ def levels_of(
     return Levels(axis, cases, remarks)
 
 
-def _places(coarse, axis: str, count: int, start: str | None, factor: float) -> list:
+def _places(coarse: Scene, axis: str, count: int, start: str | None, factor: float) -> list:
     """n or the accuracy of each level."""
     kind, words = (float, "a number above 0") if axis == ACCURACY else (int, "a number of grid points")
     first = coarse.solver.accuracy if axis == ACCURACY else coarse.grid.n
