@@ -1,7 +1,7 @@
 """The tables of a run, each declared once: its columns with name, unit and meaning, and what a number in them can be.
 
 Headers, the writer (table_writing.py), the reader and its checks (table_reading.py) and the tables of the page "Files
-of a run" (scripts/tables_page.py) are made from these declarations. A new column is a field of a row; one that tables
+of a run" (scripts/studies/reference_pages/columns.py) are made from these declarations. A new column is a field of a row; one that tables
 of an earlier version do not have says so (`after`), and reads as NaN from those.
 
 All tables are in the order of time, and what they have in common (`time`, `displacement`, `force`) is written from the

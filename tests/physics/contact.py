@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
-from runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 from pgfmd.assemble import assemble
 from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.solver.simulation import Observer
+from tests.physics.runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 SPHERE = 10e-3
 """Radius [m] of the sphere of the scene `hertz`."""

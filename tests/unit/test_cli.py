@@ -14,9 +14,7 @@ import pgfmd
 from pgfmd.forecast.advice import warnings as warnings_of
 from pgfmd.host import launch
 from pgfmd.scene import load_scene, shipped_scenes, shipped_text
-
-sys.path.insert(0, str(Path(__file__).parent))
-from synthetic_results import write_results
+from tests.unit.synthetic_results import write_results
 
 HEAVY = ("mpi4py.MPI", "numba", "h5py", "matplotlib")
 LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")

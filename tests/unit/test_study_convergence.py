@@ -11,13 +11,13 @@ import pytest
 from pgfmd.errors import ResultError, SceneError
 from pgfmd.reference import jkr
 from pgfmd.scene import load_scene
-from pgfmd.study import refinement
-from pgfmd.study.cases import Case
-from pgfmd.study.convergence import HIGHEST, LOWEST, disagreement, doubts, finest_limit, fit_power_law, local_powers
-from pgfmd.study.extrapolation import extrapolate, figure_of, report, write
-from pgfmd.study.refinement import HYSTERESIS_POWER, MEASURES, expected_power, levels_of
-from pgfmd.study.standing import FINISHED, Standing
-from pgfmd.study.table import rows_of
+from pgfmd.studies import refinement
+from pgfmd.studies.cases import Case
+from pgfmd.studies.convergence import HIGHEST, LOWEST, disagreement, doubts, finest_limit, fit_power_law, local_powers
+from pgfmd.studies.extrapolation import extrapolate, figure_of, report, write
+from pgfmd.studies.refinement import HYSTERESIS_POWER, MEASURES, expected_power, levels_of
+from pgfmd.studies.standing import FINISHED, Standing
+from pgfmd.studies.table import rows_of
 
 SIZES = 2.0 ** -np.arange(5)
 

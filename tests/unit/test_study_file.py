@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from pgfmd.scene import load_scene
-from pgfmd.study.cases import cases_of
-from pgfmd.study.study_file import StudyError, read_study
-from pgfmd.study.values import handy, override_of, slug
+from pgfmd.studies.cases import cases_of
+from pgfmd.studies.study_file import StudyError, read_study
+from pgfmd.studies.values import handy, override_of, slug
 
 EXAMPLE = """
 title = "Preloads and speeds"
