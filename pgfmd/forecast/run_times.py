@@ -5,6 +5,7 @@ from __future__ import annotations
 from pgfmd import coarsening
 from pgfmd.host.processes import cores
 from pgfmd.parts import transform_side
+from pgfmd.schemes import registry
 from pgfmd.symmetry import expected, points_of
 
 from .effort import Effort, ahead_of, effort_of
@@ -56,7 +57,7 @@ def problem_of(scene, mirror: str | None = None) -> Problem:
 
 def _not_measured(scene, profile: Profile) -> str:
     """Why a profile tells nothing of such a scene; empty where it does."""
-    if scene.solver.scheme == "gfmd":
+    if registry.scheme_of(scene).explicit:
         return "the machine is measured with implicit schemes only"
     if problem_of(scene).kind not in profile.costs:
         return f"the machine is not measured in {scene.solver.precision} precision"

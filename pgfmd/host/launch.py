@@ -20,9 +20,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from pgfmd.errors import WRITTEN_IS_VALID, PgfmdError
+from pgfmd.errors import WRITTEN_IS_VALID, LaunchError, PgfmdError
 
 from . import faults
+from .launchers import is_launched, launched
 from .processes import end_with_launcher
 from .streams import complain
 
@@ -30,19 +31,6 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 PATIENCE = 5.0
 """Time [s] that a rank with an error waits for the others to have it too, before it ends the job."""
-_LAUNCHERS = (
-    ("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"),
-    ("PMI_SIZE", "PMI_RANK"),
-    ("MV2_COMM_WORLD_SIZE", "MV2_COMM_WORLD_RANK"),
-    ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID"),
-)
-"""Variables in which launchers tell a process how many there are, and which one it is."""
-
-
-class LaunchError(PgfmdError):
-    """MPI can't be loaded, or the processes that were started don't see each other."""
-
-    exit_code = 5
 
 
 class RelayedError(PgfmdError):
@@ -53,14 +41,6 @@ class RelayedError(PgfmdError):
         self.exit_code = exit_code
 
 
-def launched() -> tuple[int, int]:
-    """(processes, rank) as the launcher's environment tells; (1, 0) where there is none."""
-    for size, rank in _LAUNCHERS:
-        if os.environ.get(size, "").isdecimal() and os.environ.get(rank, "0").isdecimal():
-            return int(os.environ[size]), int(os.environ.get(rank, "0"))
-    return 1, 0
-
-
 def world():
     """MPI's communicator of all ranks. Raises LaunchError if the launcher started more processes than MPI sees.
 
@@ -68,7 +48,7 @@ def world():
     than 0, ends all ranks if it does not come on all of them.
     """
     processes, _ = launched()
-    if any(size in os.environ for size, _ in _LAUNCHERS):
+    if is_launched():
         end_with_launcher()
     try:
         from mpi4py import MPI

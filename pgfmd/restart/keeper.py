@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pgfmd.errors import PgfmdError
 from pgfmd.files.packing import arrays_of, numbers_of
 from pgfmd.host.stop_signals import PATIENCE, StopSignals
+from pgfmd.host.walltime import LIMIT_OF_TIME
 
 from .checkpoints import Checkpoints, Saved
 from .history import History
@@ -29,12 +29,6 @@ STEPS_OF_PATIENCE = 4.0
 """So many of the longest steps ranks may take to hear of a signal, before one of them gives up."""
 SLOW_DISK = 50e6
 """Speed [bytes/s] at which a checkpoint is supposed to be written, before one has been."""
-
-
-class Stopped(PgfmdError):
-    """A run that was stopped, with a checkpoint from which it goes on."""
-
-    exit_code = 75
 
 
 @dataclass(frozen=True)
@@ -112,7 +106,7 @@ class Keeper:
     def _why(self, stop: int) -> str:
         if stop != OUT_OF_TIME:
             return StopSignals.name_of(stop)
-        return f"the limit of time ({self.timing.whose})" if self.timing.whose else "the limit of time"
+        return f"{LIMIT_OF_TIME} ({self.timing.whose})" if self.timing.whose else LIMIT_OF_TIME
 
     def go_on(self, simulation) -> None:
         """The simulation has come from a checkpoint: it needs no new one, and knows how long one takes."""

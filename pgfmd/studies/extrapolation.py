@@ -116,7 +116,7 @@ def _doubts(
 
 def report(found: Extrapolation) -> list[str]:
     """The levels, the fits and the doubts as lines."""
-    measure, unit, words = MEASURES[found.quantity]
+    _, unit, words = MEASURES[found.quantity]
     factor, unit = handy([level.value for level in found.levels], unit)
     lines = [f"{'level':16} {'n':>6} {'rho [um]':>9} {'h [um]':>8} {'accuracy':>9} {words + ' [' + unit + ']':>24}"]
     for level in found.levels:

@@ -111,7 +111,8 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
     for axis in grid[len(panels) :]:
         axis.remove()
     places = dict(zip(panels, grid, strict=False))
-    shades = dict(zip(plan.labels(plan.colour_axis), colours(len(plan.labels(plan.colour_axis)))))
+    labels = plan.labels(plan.colour_axis)
+    shades = dict(zip(labels, colours(len(labels)), strict=True))
     styles = {rest: STYLES[k % len(STYLES)] for k, rest in enumerate(plan.rests())}
     for row in plan.grid:
         if row.case.name in drawn:
@@ -146,7 +147,7 @@ def _draw_curve(axis: Any, loop: Loop, colour: Any, style: Any, label: str | Non
 
 
 def _loop(folder: Path) -> Loop | None:
-    """A case's curve; None where there is none, nothing in it, or where it can't be read."""
+    """A case's curve; None where there is none, nothing in it, or where it can't be read, which the table tells."""
     try:
         with load(folder) as results:
             return Loop.of(results)
@@ -189,7 +190,9 @@ def measures_figure(plan: Plan, title: str) -> Any | None:
             points = [(_across(plan, row, across, bool(numeric)), row.measured[measure]) for row in rows]
             points = sorted((x, y / factor) for x, y in points if x is not None and y is not None)
             marker = MARKERS[number % len(MARKERS)]
-            panel.plot(*zip(*points), marker + "-", color=shades[number], label=label, markersize=4) if points else None
+            panel.plot(
+                *zip(*points, strict=True), marker + "-", color=shades[number], label=label, markersize=4
+            ) if points else None
         _singles(panel, [row for row in done if not row.case.places], across, measure, factor, bool(numeric))
         _x_axis(panel, plan, across, bool(numeric), done)
         overlapping = sum(counted_overlap(row.measured) for row in done)

@@ -16,8 +16,9 @@ from typing import Any
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.regular_files import write_atomically
+from pgfmd.physics.drive import DETACHED
 from pgfmd.results import load
-from pgfmd.results.curve import KINDS_OF_AREA, WHOLE, Loop, measure
+from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 
 from .cases import Case
 from .standing import Standing
@@ -72,12 +73,14 @@ OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
 @dataclass(frozen=True)
 class Row:
     """A case with its standing. places: its value on each axis, an SI number, a text, or None for a single case on an
-    axis of bundles; measured: numbers by COLUMNS, None where there is none yet."""
+    axis of bundles; measured: numbers by COLUMNS, None where there is none yet. trouble: why the curve of a case that
+    has run can't be read."""
 
     case: Case
     standing: Standing
     places: dict[str, Any]
     measured: dict[str, float | None]
+    trouble: str = ""
 
 
 def rows_of(
@@ -89,21 +92,24 @@ def rows_of(
         standing = standings[case.name]
         record = standing.record or {}
         measured = {column: record.get(key) for column, key in MEASURED.items()}
-        if record.get("finished", WHOLE) != WHOLE:
+        if record.get("finished", DETACHED) != DETACHED:
             measured |= dict.fromkeys(OF_LOOP)
-        measured |= areas_of(out / case.name) if out and record else dict.fromkeys(AREA_COLUMNS)
-        rows.append(Row(case, standing, {axis.name: place_of(case, axis) for axis in axes}, measured))
+        measured |= dict.fromkeys(AREA_COLUMNS)
+        trouble = ""
+        if out and record:
+            try:
+                measured |= areas_of(out / case.name)
+            except ResultError as error:
+                trouble = str(error)
+        rows.append(Row(case, standing, {axis.name: place_of(case, axis) for axis in axes}, measured, trouble))
     return rows
 
 
 def areas_of(folder: Path) -> dict[str, float | None]:
-    """Numbers by AREA_COLUMNS, None where they are not known; all are None where the curve can't be read."""
-    try:
-        with load(folder) as results:
-            found = measure(Loop.of(results)).areas
-            gaps = {"contact": results.contact_gap, "near": results.near_gap}
-    except ResultError:
-        return dict.fromkeys(AREA_COLUMNS)
+    """Numbers by AREA_COLUMNS, None where they are not known. Raises ResultError if the curve can't be read."""
+    with load(folder) as results:
+        found = measure(Loop.of(results)).areas
+        gaps = {"contact": results.contact_gap, "near": results.near_gap}
     areas = {column: getattr(found.get(kind), moment, None) for column, (kind, moment) in AREAS.items()}
     return areas | {column: gaps[kind] if kind in found else None for column, kind in GAPS.items()}
 
@@ -145,17 +151,20 @@ def counted_overlap(numbers: Mapping[str, float | None]) -> bool:
 
 
 def remarks(rows: Sequence[Row]) -> list[str]:
-    """What is to be said of cases that counted overlap alone."""
+    """What is to be said of cases that have no curve any more, and of those that counted overlap alone."""
+    lost = [
+        f"{row.case.name} has no areas and is in no picture of curves: {row.trouble}" for row in rows if row.trouble
+    ]
     old = [row.case.name for row in rows if counted_overlap(row.measured)]
     if not old:
-        return []
+        return lost
     names = ", ".join(old[:MOST_NAMED]) + (f" and {len(old) - MOST_NAMED} more" if len(old) > MOST_NAMED else "")
     which = names if len(old) < len(rows) else "all cases"
     counted = "areas of overlap (gap < 0), not of contact"
     text = f"{which}: run by version 0.1 of pgfmd, which counted {counted}"
     if any(row.measured.get(AT_PRELOAD.format("contact")) is not None for row in rows):
         text += "; the other cases count contact: to compare them, move these folders away and run the study again"
-    return [text]
+    return [*lost, text]
 
 
 def overview(rows: Sequence[Row]) -> list[str]:
@@ -175,4 +184,4 @@ def overview(rows: Sequence[Row]) -> list[str]:
         cells = ["" if value is None else f"{value * factor + 0.0:.4g}" for value, factor in found]
         lines.append([row.case.name, *cells, str(row.standing).splitlines()[0]])
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in lines]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]

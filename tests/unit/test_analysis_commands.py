@@ -82,7 +82,7 @@ def test_a_run_that_has_just_begun_is_analysed_as_far_as_it_goes(tmp_path):
 
 def measured(path, loop, stiffness):
     """A measurement of a loop with a machine of this stiffness [N/m]."""
-    rows = zip((1e6 * (loop.indentation + loop.force / stiffness)).tolist(), (1e3 * loop.force).tolist())
+    rows = zip((1e6 * (loop.indentation + loop.force / stiffness)).tolist(), (1e3 * loop.force).tolist(), strict=True)
     path.write_text("displacement (um),force (mN)\n" + "".join(f"{x!r},{f!r}\n" for x, f in rows))
     return path
 

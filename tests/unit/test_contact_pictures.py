@@ -32,7 +32,7 @@ def test_greys_are_told_apart_in_print(greys):
 
 
 @pytest.mark.parametrize(
-    "thresholds, labels, greys",
+    ("thresholds", "labels", "greys"),
     [
         ((RANGE_HALF, NEAR), ["overlap (gap < 0)", "contact (gap < 264 nm)", "near (gap < 500 nm)", "open"],
          FOUR_GREYS),

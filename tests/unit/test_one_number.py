@@ -59,7 +59,7 @@ def quick(tmp_path_factory):
 
 
 def test_every_command_tells_the_same_numbers(quick, tmp_path):
-    out, folder, record = quick
+    _, folder, record = quick
     pull_off, spread = record["pull_off_force_N"], record["pull_off_force_uncertainty_N"]
     assert 0.0 < spread < 0.2 * pull_off
     told = f"pull-off force {1e3 * pull_off:.4g} ± {1e3 * spread:.2g} mN"

@@ -88,7 +88,7 @@ def test_as_many_parameters_as_points_have_no_error():
 )  # fmt: skip
 @pytest.mark.parametrize("power", [None, 1.0])
 def test_degenerate_input_is_refused(sizes, values, power):
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match=r"must be finite and as many of each|different sizes are needed"):
         fit_power_law(sizes, values, power)
 
 

@@ -27,8 +27,9 @@ from mpi4py import MPI
 from pgfmd import parts
 from pgfmd.assemble import assemble
 from pgfmd.scene import load_scene
+from pgfmd.schemes.quasistatic.soft_mode import SoftMode
 from pgfmd.solver.simulation import Observer
-from pgfmd.solver.soft_mode import SoftMode
+from tests.physics.dense import LowestCurvatures
 
 SHARP = 0.001
 """Accuracy of references."""
@@ -214,28 +215,6 @@ def evaluations(scene, position: float, energy: float) -> str:
     return str(int(np.argmax(low)) + 1) if low.any() else "-"
 
 
-class Curvatures(Observer):
-    """Observer that keeps the lowest curvature at the end of each step, of the whole matrix."""
-
-    def __init__(self, simulation):
-        points, self.scheme = simulation.points, simulation.scheme
-        dense, unit = np.zeros((points.size, points.size)), np.zeros(points.size)
-        for i in range(points.size):
-            unit[:], unit[i] = 0.0, 1.0
-            self.scheme.solver.convolve(unit, dense[i])
-        self.root, self.lowest = np.linalg.cholesky(dense), []
-
-    def observe(self, simulation, event):
-        """Takes in what has happened."""
-        state, law = simulation.state, self.scheme.law
-        gap = state.position + self.scheme.height - state.displacement
-        bend = law.stiffness * np.where(gap < 0, 1.0, np.where(gap < law.range, np.cos(np.pi * gap / law.range), 0.0))
-        near = np.flatnonzero(bend)
-        if event.kind in ("step", "jump") and near.size:
-            matrix = (self.root[near].T * bend[near]) @ self.root[near]
-            self.lowest.append(1.0 + scipy.linalg.eigvalsh(matrix, subset_by_index=[0, 0])[0])
-
-
 def saddles(chosen) -> None:
     """How many steps end at a saddle, and how far below zero the lowest curvature is there."""
     print("| scene | accuracy | search | pairs | steps | below 0 | below -0.01 | lowest |")
@@ -250,7 +229,7 @@ def saddles(chosen) -> None:
                     changes = ["solver.scheme=quasistatic", f"drive.preload={chosen.preload}"]
                     changes += [f"solver.accuracy={accuracy}", f"grid.n={n}"]
                     simulation = assemble(load_scene(scene, changes), MPI.COMM_SELF)
-                    watch, before = Curvatures(simulation), simulation.scheme.pairs
+                    watch, before = LowestCurvatures(simulation), simulation.scheme.pairs
                     simulation.observers.append(watch)
                     pairs = simulation.run().counters.transform_pairs - before
                     lowest = np.array(watch.lowest)

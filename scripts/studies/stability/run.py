@@ -26,7 +26,8 @@ from mpi4py import MPI
 
 from pgfmd.errors import PgfmdError
 from pgfmd.host import launch
-from pgfmd.solver.simulation import FINISHED, STOPPED_PRELOAD, Observer
+from pgfmd.physics.drive import DETACHED
+from pgfmd.solver.simulation import STOPPED_PRELOAD, Observer
 
 LARGEST_RESIDUAL = 0.02
 """Of the energy audit, relative to the work of the loop, at accuracy FINE or finer."""
@@ -241,7 +242,7 @@ def verdict(state, residual: float, accuracy: float) -> str:
     sound = all(map(math.isfinite, numbers)) and (accuracy > FINE * (1 + 1e-9) or residual <= LARGEST_RESIDUAL)
     if sound and state.finished == STOPPED_PRELOAD:
         return "stopped"
-    return "ok" if sound and state.finished == FINISHED and state.force == 0.0 else "FAILED"
+    return "ok" if sound and state.finished == DETACHED and state.force == 0.0 else "FAILED"
 
 
 def selected(options: argparse.Namespace):

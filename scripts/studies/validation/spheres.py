@@ -111,7 +111,7 @@ def lee_radok(quick: bool):
     end = spread**2 / radius / speed
     figure, (left, right) = panels()
     lines = []
-    for index, (name, series) in enumerate(SPHERE_SPECTRA.items()):
+    for index, series in enumerate(SPHERE_SPECTRA.values()):
         preload = float(ting.force(end, speed, radius, CONTACT_MODULUS, series))
         scene = scene_from_mapping(
             {
@@ -225,7 +225,7 @@ def maugis_figure(quick: bool):
                 reach = result.scene.adhesion.range * MICRO
                 settings = f"n = {result.scene.grid.n}, range {reach:.2f} µm, lambda = {value:.2f}"
                 lines.append(Line("pull-off force, equal range [pi w R]", settings, expected, found))
-    for index, (strength, rows) in enumerate(points.items()):
+    for index, rows in enumerate(points.values()):
         value, found, error = np.array(rows).T
         name = ("equal range", "equal strength")[index]
         ours(left, value, found, index, label=name)

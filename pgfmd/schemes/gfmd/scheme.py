@@ -12,12 +12,13 @@ from __future__ import annotations
 import numpy as np
 
 from pgfmd.physics.drive import Phase
-from pgfmd.physics.inertia import Inertia
 from pgfmd.physics.rheology import PronySeries
-from pgfmd.solver import gfmd_kernels as kernels
 from pgfmd.solver.far_field import FarPoints
 from pgfmd.solver.multiplier import FEW
 from pgfmd.solver.state import State
+
+from . import kernels
+from .inertia import Inertia
 
 
 class Gfmd:
@@ -29,6 +30,7 @@ class Gfmd:
     """
 
     machine_compliance = 0.0
+    solver = None
     cure = "Try a shorter step: a smaller solver.gfmd.dt, or more steps_per_tau."
 
     def __init__(
@@ -76,6 +78,14 @@ class Gfmd:
     def place(self, state: State) -> float:
         """Position d of the punch [m]."""
         return state.position
+
+    def surface_of(self, state: State) -> np.ndarray:
+        """The surface of the whole cell, this rank's rows of it."""
+        return self.plane.real.ravel()
+
+    def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
+        """The same as rows, and the first one's index."""
+        return kept.reshape(self.plane.real.shape), self.plane.row_start
 
     def new_state(self, position: float) -> State:
         """A state with the surface at rest, the punch at `position` [m] out of reach."""

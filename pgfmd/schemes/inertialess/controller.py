@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pgfmd.errors import RunError
+from pgfmd.errors import WRITTEN_IS_VALID, RunError
 from pgfmd.physics.drive import Phase
+from pgfmd.schemes.base import ImplicitScheme
+from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
 
-from .preload_search import PreloadSearch, fit, slack_of
-from .state import State
-
-SAFETY, LARGEST_GROWTH, STRONGEST_CUT, CUT_ON_FAILURE = 0.85, 2.0, 0.2, 0.25
+CUT_ON_FAILURE = 0.25
 TELLING = 2.0
 """How many times longer than a step another one has to be for their changes to tell a jump from a motion."""
 ENERGY_CUT, WORTH_AGAIN, MOST_REPEATS = {1: 8.0, 2: 24.0}, 0.6, 3
@@ -66,7 +67,7 @@ class Controller:
 
     largest_try_count = 200
 
-    def __init__(self, scheme, limits: StepLimits, preload: float):
+    def __init__(self, scheme: ImplicitScheme, limits: StepLimits, preload: float):
         self.scheme, self.limits, self.preload = scheme, limits, preload
         self.slack = slack_of(preload, limits.tolerance)
 
@@ -142,7 +143,7 @@ class Controller:
     def _stuck(self, state: State, phase: Phase, trial) -> str:
         return (
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, t = {state.time:.6g} s, "
-            f"d = {state.position:.6g} m, step {trial.step:.3g} s). What has been written so far is valid. "
+            f"d = {state.position:.6g} m, step {trial.step:.3g} s). {WRITTEN_IS_VALID} "
             f"{self.scheme.advice(state, trial)}"
         )
 

@@ -20,7 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from . import kernels
+from pgfmd.solver import kernels
+
 from . import stability_kernels as kernels_of_modes
 
 NOISE = 1.0
