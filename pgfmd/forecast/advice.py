@@ -28,8 +28,10 @@ PRESSED_IN = 2.0
 """A start that is deeper than the estimated depth at the preload by this factor is warned of."""
 MANY_ROWS = 1e5
 """Rows of curve.csv, a hundred bytes each, that are more than anyone plots."""
-GLASSY, QUASI_STATIC = 1e-2, 1e3
-"""rho/v below this share of the shortest relaxation time; above this multiple of the longest retardation time."""
+GLASSY = 1e-2
+"""The elastomer is glassy if rho/v is below this fraction of the shortest relaxation time."""
+QUASI_STATIC = 1e3
+"""A test is nearly quasi-static if rho/v is above this multiple of the longest retardation time."""
 
 
 def warnings(scene, ranks: int = 1) -> Iterator[str]:

@@ -35,13 +35,16 @@ from .indentation import depth_at_preload, pull_off_height
 
 JUMP_FACTOR = 0.38
 """A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
-EXPLICIT_SPREAD, FLAT_SPREAD = 1.5, 2.0
-"""Of explicit steps, whose length is known: that of the time which the programme takes, and that of flat punches, which stretch the
-elastomer by a way that depends on their speed."""
+EXPLICIT_SPREAD = 1.5
+"""Stated factor for explicit steps, whose length is known: that of the duration of the programme."""
+FLAT_SPREAD = 2.0
+"""The same for flat punches, which stretch the elastomer by a distance that depends on their speed."""
 UNLIKE = 2.0
-"""By this factor more a scene may be off that is unlike those that the numbers were fitted to."""
-COARSEST, FINEST = 0.1, 1e-4
-"""Accuracies that are not far from those of the fit."""
+"""Additional factor for scenes unlike those that the constants were fitted to."""
+COARSEST = 0.1
+"""Coarsest accuracy at which the fit is taken to hold."""
+FINEST = 1e-4
+"""Finest accuracy at which the fit is taken to hold."""
 
 
 @dataclass(frozen=True)

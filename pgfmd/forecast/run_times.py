@@ -13,10 +13,12 @@ from .estimate import guessed_seconds, pair_cost, pair_seconds
 from .machine_profile import NoProfile, Profile, read
 from .scaling import Problem
 
-CELL_PAIRS, BESIDE = 10.0, 0.14
-"""What a coarser grid takes for each pair on all points: as long as so many pairs of a run on a grid as fine as its cells, by
-one rank, as each rank has them all; and this share of the time that the pair itself takes. Fitted to tri-tack at n = 1024 and
-2048 on 1 and 2 ranks, where it is within 5 % of whole runs; 4 pairs are counted, and there are fewer pairs a step."""
+CELL_PAIRS = 10.0
+"""Time of the coarse grid for each pair on all points, in pairs of a run on a grid as coarse, on one rank (each rank
+solves the complete coarse problem). Fitted with BESIDE to tri-tack at n = 1024 and 2048 on 1 and 2 ranks, where it is
+within 5 % of whole runs. (4 pairs are counted, and there are fewer pairs per step.)"""
+BESIDE = 0.14
+"""Further time of the coarse grid, as a fraction of the time of the pair itself."""
 WORTH_TELLING = 1.1
 """Another number of ranks is named where a run takes more than so many times as long as on that."""
 ROUGH = "a rough guess; `pgfmd bench ranks` measures this machine"

@@ -25,10 +25,12 @@ from pgfmd.schemes import registry
 from .inventory import Checkpoint, Inventory, take_inventory
 
 RUNNING, FINISHED, RESUMABLE, DAMAGED, EMPTY = "running", "finished", "resumable", "damaged", "empty"
-GOOD_SPAN, LEAST_SPAN = 10.0, 1.0
-"""Time [s] over which a rate is taken, where there is as much of it, and at least."""
+GOOD_SPAN = 10.0
+"""Time [s] over which a rate is averaged, if available."""
+LEAST_SPAN = 1.0
+"""Least time [s] over which a rate is averaged."""
 LOST_AFTER = 3600.0
-"""Time [s] without a sign of life after which a run on another host is doubted."""
+"""Time [s] without new data after which a run on another host may be dead."""
 
 
 @dataclass

@@ -22,9 +22,12 @@ from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
 ROUNDING = 1.0 + 1e-9
 LONGEST_TIME = 1e15
-SINGLE_ROUNDING, SINGLE_SHARE, FINEST_SINGLE = 6e-8, 0.02, 1e-3
-"""Single precision: its rounding, which the traction f = (w - w_hist)/J carries times E(inf)/E(0); what share of the
-accuracy that may be; and the finest accuracy."""
+SINGLE_ROUNDING = 6e-8
+"""Rounding error of single precision. The traction f = (w - w_hist)/J has this error times E(inf)/E(0)."""
+SINGLE_SHARE = 0.02
+"""Largest allowed error of the traction in single precision, as a fraction of the accuracy."""
+FINEST_SINGLE = 1e-3
+"""Finest accuracy in single precision."""
 _MIXED = 'set solver.precision = "mixed"'
 
 

@@ -35,9 +35,10 @@ Sums = tuple[float, float, float, float]
 """Of f, r and Gamma, and the growth of the rest of Phi, per area of a point."""
 SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32", "float32"): 1e-6}
 """How far Phi may rise by rounding, relative to itself: by the precision of u and w, and of the corrections."""
-SLIDES, MOST_SLIDE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), 4.0
-"""A saddle is left by first this many ranges of adhesion, by less where that leads upward, and by twice as much again
-and again, up to the last number, as long as that leads down."""
+SLIDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
+"""Lengths of the first move away from a saddle point, in ranges of adhesion: the first that decreases the potential."""
+MOST_SLIDE = 4.0
+"""Longest such move. The length is doubled up to this as long as the potential decreases."""
 
 
 @dataclass(frozen=True)

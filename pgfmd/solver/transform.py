@@ -32,9 +32,11 @@ if TYPE_CHECKING:
     from numpy.typing import DTypeLike
 
 EFFORTS = {"estimate": fftw.FFTW_ESTIMATE, "measure": fftw.FFTW_MEASURE}
-_COLUMN_BYTES, ROW_BYTES = 1 << 18, 1 << 19
-"""Working set of one batch of columns, a quarter of a usual second-level cache, or of rows: these are written into tiles in
-longer stretches if there are more of them (n = 4096, double: 8 instead of 4 make rows 1.5 times as fast)."""
+_COLUMN_BYTES = 1 << 18
+"""Working set of one batch of columns: a quarter of a usual second-level cache."""
+ROW_BYTES = 1 << 19
+"""Working set of one batch of rows. Larger batches are written into tiles in longer stretches (n = 4096, double: 8
+instead of 4 rows make them 1.5 times as fast)."""
 _LARGEST_BATCH = 16
 """Most transforms done at a time. With 8, those below n = 1024 take 4 to 25 % longer; with more, ranks that have few
 columns do more transforms than they need."""

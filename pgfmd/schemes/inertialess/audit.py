@@ -18,23 +18,31 @@ from pgfmd.solver.trial import Trial
 from . import retardation_kernels
 from .retardation import StagedTrial, StepWeights, Tableau
 
-FINE, ENERGY_SHARE, LEAST_SHARE = 1.5e-3, 7.0, 1e-3
-"""From this tolerance on, the audit's residual of a step is bounded too: by this multiple of the tolerance, but no less
-than this, as a share of the energy dissipated."""
-LEAST_WAY, SMALLEST_LOOP = 1e-3, 1e-7
-"""Least part of the way of the punch that a step counts as (below it are the errors of the solves), and the least
-energy that a loop is supposed to dissipate, as a share of the elastic energy and of the adhesive energy of a whole
-contact."""
-POINTS_OF_WORK, NEAREST_PAST = 3, 0.2
-"""The work of a step comes from at most so many forces; the last step's start is one, unless that was shorter than this
-share of the step: too close to tell a slope."""
+FINE = 1.5e-3
+"""At tolerances below this, the audit's residual of a step limits the step as well."""
+ENERGY_SHARE = 7.0
+"""Largest residual of a step at these tolerances, relative to the dissipated energy, as a multiple of the tolerance."""
+LEAST_SHARE = 1e-3
+"""Lower bound of this limit."""
+LEAST_WAY = 1e-3
+"""Added to the fraction of the punch's travel that a step covers, for the errors of the solves in short steps."""
+SMALLEST_LOOP = 1e-7
+"""Least energy that a loop is assumed to dissipate, as a fraction of the elastic energy and of the adhesive energy of
+full contact."""
+POINTS_OF_WORK = 3
+"""Most forces from which the work of a step is interpolated."""
+NEAREST_PAST = 0.2
+"""The start of the last step is one of them if that step was at least this fraction of the present one: a closer point
+does not determine a slope."""
 TENSION_SAMPLES = 65
-"""Points of a step at which its force is looked at for tension."""
-FINE_SHARPNESS, SPENT_SHARPNESS = 0.1, 5.0
-"""The work of the punch has the error of its forces, and in a nearly elastic loop, thousands of times smaller than the
-energies that come and go, it would show. So fine steps are solved to a smaller share of the tolerance where less than
-one over the second number of the energy stored has been dissipated: to no less than the first. (With 50 instead of 5, a
-spectrum of two elements twelve decades apart took three times the steps, and its audit did not close.)"""
+"""Points of a step at which its force is examined for tension."""
+SPENT_SHARPNESS = 5.0
+"""The error of the forces enters the work of the punch, and would dominate a nearly elastic loop, whose work is
+thousands of times smaller than the stored energies. So fine steps are solved to a smaller fraction of the tolerance if
+less than 1/SPENT_SHARPNESS of the stored energy has been dissipated. (With 50 instead of 5, a spectrum of two elements
+twelve decades apart took three times the steps, and its audit did not close.)"""
+FINE_SHARPNESS = 0.1
+"""Smallest fraction of the tolerance used for this reason."""
 
 
 class EnergyAudit:

@@ -21,13 +21,17 @@ from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
 CUT_ON_FAILURE = 0.25
 TELLING = 2.0
 """How many times longer than a step another one has to be for their changes to tell a jump from a motion."""
-ENERGY_CUT, WORTH_AGAIN, MOST_REPEATS = {1: 8.0, 2: 24.0}, 0.6, 3
-"""For the sake of the energy audit steps get shorter by at most this factor (by the scheme's order; in elastic scenes
-the errors of the solves, which don't shrink with the step, come sooner), and are taken again where they should have
-been shorter than this share of what they were, at most so many times."""
-JUMP_STEP, JUMP_MOTION = 1e-3, 0.5
-"""A refused step becomes a jump when it is below this fraction of the shortest relaxation time, and below this fraction
-of the time in which the punch moves by tolerance times range."""
+ENERGY_CUT = {1: 8.0, 2: 24.0}
+"""Largest factor by which the energy audit may shorten a step, by the order of the scheme. (In elastic scenes errors of
+the solves, which do not shrink with the step, limit it sooner.)"""
+WORTH_AGAIN = 0.6
+"""A step is repeated for the audit if it should have been shorter than this fraction of its length."""
+MOST_REPEATS = 3
+"""Most repetitions of a step for this reason."""
+JUMP_STEP = 1e-3
+"""A rejected step may be a jump if it is below this fraction of the shortest relaxation time, and JUMP_MOTION holds."""
+JUMP_MOTION = 0.5
+"""The step must also be below this fraction of the time in which the punch moves by tolerance times range."""
 
 
 @dataclass(frozen=True)

@@ -31,10 +31,12 @@ preload has to be met to."""
 JUMP_SHARPNESS = 1e-3
 """Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
 tiny, and a loose solve lingers on it."""
-NEARLY_ELASTIC, ELASTIC_PATIENCE = 0.5, 2
-"""Patience of CG (newton.py) where more than this share of the compliance is instantaneous, as where it is elastic."""
+NEARLY_ELASTIC = 0.5
+"""An elastomer is nearly elastic if more than this fraction of its compliance is instantaneous."""
+ELASTIC_PATIENCE = 2
+"""Patience of the conjugate gradients (newton.py) for elastic and nearly elastic elastomers."""
 ELASTIC_SHARPNESS = 0.25
-"""Elastic scenes: share of the tolerance to which steps are solved: an elastic step's only error is its solve's."""
+"""Tolerance of the solves in elastic scenes, as a fraction of that of the step: they are the only source of error."""
 
 
 class Inertialess(PathFollowing):

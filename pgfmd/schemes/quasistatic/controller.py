@@ -17,13 +17,17 @@ from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT, Trial
 
 from .scheme import Quasistatic
 
-FOLLOWED, FINEST = 1.0, 0.25
-"""Jumps are followed in steps of at most so many tolerances, and located to no less than this share of one."""
+FOLLOWED = 1.0
+"""Longest step in which a jump is followed, in tolerances."""
+FINEST = 0.25
+"""Shortest step to which a jump is located, in tolerances."""
 UNCERTAINTY = 10.0
 """Accepted uncertainty of the energy that a jump releases, in tolerances."""
-LONGEST_FOLLOWED, ROOM = 0.25, 0.25
-"""Jumps that hardly count, their uncertainty being below this part of what is allowed, are followed in longer and
-longer steps: up to this part of the range of adhesion."""
+ROOM = 0.25
+"""A jump is negligible if the uncertainty of its energy is below this fraction of the accepted one. It is followed in
+longer and longer steps."""
+LONGEST_FOLLOWED = 0.25
+"""Longest step in which a negligible jump is followed, in ranges of adhesion."""
 CUT = 0.25
 LONGEST_PULLING = 0.125
 """Longest step in which the punch pulls, in ranges of adhesion: there the force turns round within about one of

@@ -35,19 +35,22 @@ SHARPNESS = 0.25
 """Share of the tolerance to which equilibria are solved: a step's only error is its solve's."""
 PATIENCE = 2
 """Of CG (newton.py): for a relaxed surface it is slow, and one small move may be followed by larger ones."""
-MOST_SLIDES, QUIET_SLIDES = 20, 3
-"""Saddles on the way down from one instability at which a step is given up; and, of those in a row that are no higher
-than the noise of a solve, at which the equilibrium is taken for a minimum."""
-BENT, STRAIGHT = 1.0, 1e-2
-"""Error of the trapezoid that is reckoned with: this multiple of what the polynomial makes of it, and at least this
-share of half of the changes of force and place."""
-LEAST_SIGN, FAST = 1e-2, 4.0
-"""A step that met no instability may have passed over a jump only where its error is at least this share of the
-tolerance: the surface is then elsewhere than where it was heading for. Where that is not known, only where the surface
-moved so many times as far as the punch."""
+MOST_SLIDES = 20
+"""A step is abandoned after so many saddle points in the descent from one instability."""
+QUIET_SLIDES = 3
+"""An equilibrium is accepted as a minimum after so many consecutive saddle points no higher than the noise of a solve."""
+BENT = 1.0
+"""Assumed error of the trapezoidal rule, as a multiple of the estimate by the polynomial."""
+STRAIGHT = 1e-2
+"""Lower bound of this error, as a fraction of half the product of the changes of force and displacement."""
+LEAST_SIGN = 1e-2
+"""A step that met no instability may have passed over a jump only if its error is at least this fraction of the
+tolerance: the surface is then not where the extrapolation predicted."""
+FAST = 4.0
+"""If there is no such prediction: only if the surface moved so many times as far as the punch."""
 LEAST_TENSION = 1e-2
-"""Where the punch pulls, changes of its force are measured by the largest tension so far, at least this share of the
-preload: a pull-off force may be far below that."""
+"""Under tension, changes of the force are relative to the largest tension so far, or at least to this fraction of the
+preload: a pull-off force may be much smaller than the preload."""
 NOISE = 1e-13
 """Rounding of a step's energies in double precision, as a share of those at stake."""
 
