@@ -2,8 +2,8 @@
 
 The file is HDF5 with a user block. Each array of the state is one contiguous dataset, under the name that packing.py
 gives it. The dataset `head` has everything else as JSON text. The user block, the first bytes of the file, is the seal.
-It is written last. It has the size of the file, and SHA-256 sums of all bytes that belong to no array and of itself. The
-arrays have their own checksums (files/checksum.py) in the head. So a change of any byte is detected.
+It is written last. It has the size of the file, and SHA-256 sums of all bytes that belong to no array and of itself.
+The arrays have their own checksums (files/checksum.py) in the head. So a change of any byte is detected.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ class Damaged(Exception):
 
 
 def none_valid(problems: list[str], further: str = "") -> ResultError:
-    """The error for a folder without a valid checkpoint. problems: one for each file; further: an additional sentence."""
+    """The error for a folder without a valid checkpoint. problems: one for each file; further: an additional
+    sentence."""
     return ResultError(
         "no valid checkpoint to go on from:\n  - " + "\n  - ".join(problems) + "\n"
         f"{further}Start anew with --fresh, which keeps the old results"

@@ -12,8 +12,8 @@ COPIES = 3
 
 
 def require_space(folder: Path, checkpoint_bytes: int, snapshot_bytes: int) -> None:
-    """Raises ResultError if there is not enough space for checkpoints (of this size each) and snapshots (in total). Files
-    that already exist in the folder of a continued run count as space."""
+    """Raises ResultError if there is not enough space for checkpoints (of this size each) and snapshots (in total).
+    Files that already exist in the folder of a continued run count as space."""
     about = shutil.disk_usage(folder)
     if about.total == 0:
         # Some file systems in user space do not report their free space. A full disk is then detected when it is full.

@@ -11,8 +11,8 @@ from pgfmd.host import batch
 
 @dataclass
 class Link:
-    """One process of a run: when and where it started, its first step, its times [s], and the keys that it was allowed to
-    change."""
+    """One process of a run: when and where it started, its first step, its times [s], and the keys that it was allowed
+    to change."""
 
     started: str
     host: str

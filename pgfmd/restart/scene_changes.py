@@ -1,7 +1,7 @@
 """Whether a run may continue with a scene that differs from the one it began with. No MPI.
 
-The scene has to describe all results. So only output, future phases of the programme, and the accuracy of time steps may
-change, and only if the user allows it.
+The scene has to describe all results. So only output, future phases of the programme, and the accuracy of time steps
+may change, and only if the user allows it.
 """
 
 from __future__ import annotations
