@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
-from pgfmd.physics.drive import DETACHED, Drive
+from pgfmd.physics.drive import DETACHED, Drive, Phase
 
 from .finite import not_finite_on
 from .interruption import Interrupted, Question
@@ -61,7 +61,7 @@ class Simulation:
         self.state: State = scheme.new_state(drive.clearance)
 
     @property
-    def phase(self):
+    def phase(self) -> Phase:
         """The phase of the next step."""
         return self.phases[self.state.phase]
 
@@ -171,7 +171,7 @@ class Simulation:
                 "drive.preload, or start higher: a larger drive.clearance, or none, to start just out of reach."
             )
 
-    def _turn_page(self, phase, why: str) -> None:
+    def _turn_page(self, phase: Phase, why: str) -> None:
         """Ends phases and the run."""
         state = self.state
         if why in ("duration", "preload"):
