@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
 OF_EARLIER = (
-    "holds a run of version 0.1 of pgfmd, which counts as contact only what overlaps: this version can't go on with it. "
-    "Go on with that version, or start anew with --fresh, which keeps the old results"
+    "holds a run of version 0.1 of pgfmd, which took a negative gap for contact. This version counts contact in another way "
+    "and can't go on with it: finish it with version 0.1, or start anew with --fresh, which keeps the old results"
 )
 """Why a run of 0.1 can't be continued: its next rows would define contact differently."""
 FAILED = "failed"
