@@ -51,7 +51,7 @@ def fractions_ahead(scene: Scene) -> list[float]:
     return [value for value, relative in scene.output.snapshot_times if relative and value < 1.0]
 
 
-def coarse_scenes(scene: Scene) -> list:
+def coarse_scenes(scene: Scene) -> list[Scene]:
     """The scenes that are run to the preload to tell where it is: two ranges on a coarse grid; one where that grid carries
     the scene's own range. None where no snapshot asks for it."""
     if not fractions_ahead(scene):

@@ -117,8 +117,8 @@ def _planned(folder: Path, scene: Scene, options: Options) -> resume.Plan:
         return resume.plan(folder, scene, options.fresh, options.allow)
 
     found, error = storage.attempt(f"{folder}: can't be used as a results folder", plan)
-    if error is not None:
-        raise error
+    if error is not None or found is None:
+        raise error or AssertionError("a plan is a plan")
     return found
 
 

@@ -59,6 +59,12 @@ class Sweep:
     loss: NDArray
     temperature: float | None = None
 
+    @property
+    def kelvin(self) -> float:
+        """The temperature [K], of a sweep that has one."""
+        assert self.temperature is not None, "asked for without a temperature"
+        return self.temperature
+
 
 def read_dma(path: str | Path) -> list[Sweep]:
     """The sweeps of a file, one for each temperature, coldest first; one without temperature if it names none.

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pgfmd import coarsening
 from pgfmd.forecast.advice import remarks, warnings
@@ -14,8 +15,10 @@ from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_poin
 from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
-from pgfmd.parts import automatic_range, law_of, series_of, topography_of
+from pgfmd.parts import automatic_range, confirm, law_of, series_of, topography_of
 from pgfmd.reference import corrugation, tabor
+from pgfmd.scene import Scene
+from pgfmd.scene.fields import extra_of
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
 from pgfmd.schemes import registry
@@ -23,7 +26,6 @@ from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity
 
 if TYPE_CHECKING:
-    from pgfmd.scene import Scene
     from pgfmd.scene.model import Punch
 
 TELLING_SPREAD = 1.5
@@ -58,6 +60,17 @@ class Report:
         return any(line.name == name for lines in self.sections.values() for line in lines)
 
 
+def check(source: Scene | str | Path | Mapping[str, Any], ranks: int = 1, *, source_name: str = "") -> Report:
+    """What can be said before a scene is run, on so many ranks: scales, memory, cost, warnings; as `pgfmd check`.
+
+    source: a scene, or what one is made from; source_name: what messages call it. Raises SceneError for a scene that
+    can't be run.
+    """
+    scene = source if isinstance(source, Scene) else Scene(source)
+    confirm(scene, source_name or (source if isinstance(source, str) else scene.title or "scene"), ranks)
+    return report(scene, ranks)
+
+
 def report(scene: Scene, ranks: int = 1) -> Report:
     """Everything that can be said about a scene, for a run on `ranks` ranks."""
     sections = {
@@ -85,7 +98,7 @@ def _values(scene: Scene) -> Iterator[Line]:
             value = getattr(section, field)
             if value is None or value == () or field in unused_keys(scene, name):
                 continue
-            extra = info.json_schema_extra or {}
+            extra = extra_of(info)
             note = f"because {best_precision(scene).reason}" if _is_chosen(scene, field) else ""
             yield Line(f"{name}.{field}", _plain(value), _unit(extra.get("dimension", "")), note)
 
@@ -95,7 +108,7 @@ def _is_chosen(scene: Scene, field: str) -> bool:
     return field == "precision" and scene.solver.automatic_precision
 
 
-def _plain(value: object) -> float | int | str:
+def _plain(value: Any) -> float | int | str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple):

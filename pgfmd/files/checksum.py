@@ -43,9 +43,9 @@ def whole_sum(share: np.ndarray, first: int) -> np.uint64:
     """This share's part of one checksum for the whole: elements `first` ... of it, in their order. Modulo 2^64."""
     words = share.reshape(-1).view(_WORDS[share.itemsize])
     sums = [_scrambled_sum(words[k : k + BLOCK], first + k) for k in range(0, words.size, BLOCK)]
-    return np.array(sums, dtype=np.uint64).sum(dtype=np.uint64)
+    return np.uint64(np.array(sums, dtype=np.uint64).sum(dtype=np.uint64))
 
 
 def _scrambled_sum(words: np.ndarray, place: int) -> np.uint64:
     shift = np.array([place & (2**64 - 1)], dtype=np.uint64) * STRIDE
-    return scrambled(words + (_SHIFTS[: words.size] + shift)).sum(dtype=np.uint64)
+    return np.uint64(scrambled(words + (_SHIFTS[: words.size] + shift)).sum(dtype=np.uint64))

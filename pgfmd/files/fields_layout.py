@@ -192,7 +192,7 @@ def checksum_of(name: str) -> str:
 def label_of(labels: h5py.Dataset, frame: int) -> bytes:
     """The label of one snapshot, in UTF-8, from the variable `label` of a file of this version or of an earlier one,
     which kept text of fixed length."""
-    return labels[frame].tobytes().rstrip(b"\0")
+    return bytes(labels[frame].tobytes().rstrip(b"\0"))
 
 
 def _write_label(labels: h5py.Dataset, frame: int, text: bytes) -> None:
@@ -210,11 +210,11 @@ def sum_of_numbers(label: bytes, numbers: Sequence[float]) -> np.uint64:
     return whole_sum(np.concatenate([np.array(numbers, dtype=np.float64).view(np.uint64), text]), 0)
 
 
-def describe(path: Path, frame: int, label: str, sums: dict[str, int], **numbers: float) -> None:
+def describe(path: Path, frame: int, label: str, sums: Mapping[str, int | np.uint64], **numbers: float) -> None:
     """Write label, checksums of the arrays and `SNAPSHOT_NUMBERS` of one snapshot. A label longer than 80 bytes is cut
     between characters."""
     cut = label.encode()[:LABEL_BYTES].decode(errors="ignore").encode()
-    sums = sums | {NUMBERS: sum_of_numbers(cut, [numbers[name] for name in SNAPSHOT_NUMBERS])}
+    sums = {**sums, NUMBERS: sum_of_numbers(cut, [numbers[name] for name in SNAPSHOT_NUMBERS])}
     with open_serial(path, "r+") as file:
         _write_label(file["label"], frame, cut)
         for name in SNAPSHOT_NUMBERS:

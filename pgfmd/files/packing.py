@@ -9,7 +9,7 @@ packed by a version that did not have it yet. Plain NumPy, no MPI.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -30,7 +30,7 @@ def numbers_of(packed: Any) -> Numbers:
 
 def arrays_of(packed: Any, path: str = "") -> dict[str, np.ndarray]:
     """name -> share, for every array of a dataclass and of those within it; names are paths such as "past_u/0"."""
-    found = {}
+    found: dict[str, np.ndarray] = {}
     for name, value, about in _fields(packed):
         if is_dataclass(value):
             found |= arrays_of(value, f"{path}{name}/")
@@ -71,16 +71,16 @@ def unpack(target: Any, numbers: Numbers, read: Read, path: str = "") -> None:
             setattr(target, name, packed)
 
 
-def _fields(packed: Any) -> Iterator[tuple[str, Any, dict]]:
+def _fields(packed: Any) -> Iterator[tuple[str, Any, Mapping[str, Any]]]:
     for entry in fields(packed):
         yield entry.name, getattr(packed, entry.name), entry.metadata
 
 
-def _is_list_of_arrays(value: Any, about: dict) -> bool:
+def _is_list_of_arrays(value: Any, about: Mapping[str, Any]) -> bool:
     return "like" in about or (isinstance(value, list) and bool(value) and isinstance(value[0], np.ndarray))
 
 
-def _number(where: str, value: Any, about: dict) -> Any:
+def _number(where: str, value: Any, about: Mapping[str, Any]) -> Any:
     if is_dataclass(value):
         return numbers_of(value)
     if isinstance(value, np.ndarray):

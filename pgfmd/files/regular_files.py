@@ -154,11 +154,12 @@ def remove_unfinished(folder: Path, own: Collection[str] = ()) -> None:
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in list(entries):
             match = _UNFINISHED.fullmatch(entry.name)
-            if not (match or entry.name in earlier):
+            if match is None and entry.name not in earlier:
                 continue
             with contextlib.suppress(OSError):
                 about = entry.stat(follow_symlinks=False)
-                may_go = entry.name in earlier or match["name"] in own or time.time() - about.st_mtime > LEFT_BEHIND
+                ours = entry.name in earlier or (match is not None and match["name"] in own)
+                may_go = ours or time.time() - about.st_mtime > LEFT_BEHIND
                 if stat.S_ISREG(about.st_mode) and about.st_uid == os.geteuid() and may_go:
                     os.unlink(entry.path)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -70,7 +70,7 @@ def write_together(what: str, calls: Iterator[tuple[h5py.Dataset, np.ndarray, tu
     return problem
 
 
-def _ready(dataset: h5py.Dataset, piece: np.ndarray, begin: tuple[int, ...]) -> tuple:
+def _ready(dataset: h5py.Dataset, piece: np.ndarray, begin: tuple[int, ...]) -> tuple[Any, ...]:
     """Places in memory and in the file, and what is to be written there; a rank may have nothing."""
     space = dataset.id.get_space()
     if piece.size:

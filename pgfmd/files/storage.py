@@ -142,14 +142,16 @@ def secure_space(path: Path, start: int, size: int) -> None:
                 raise
 
 
-def require_record(path: Path, found: Any) -> dict:
+def require_record(path: Path, found: Any) -> dict[str, Any]:
     """What was read from `run.json`, if it is the record of a run that has ended; else ResultError."""
     if not isinstance(found, dict) or not isinstance(found.get("finished"), str):
         raise ResultError(f"{path}: damaged: it does not say how a run has finished; move it away")
     return found
 
 
-def write_run_json(path: str | Path, comm: Intracomm, record: dict, guard: Callable[[], None] = lambda: None) -> None:
+def write_run_json(
+    path: str | Path, comm: Intracomm, record: dict[str, Any], guard: Callable[[], None] = lambda: None
+) -> None:
     """Write the record of a run, keys in the order given; numbers that are not finite become null.
 
     Args:
@@ -173,7 +175,7 @@ def write_run_json(path: str | Path, comm: Intracomm, record: dict, guard: Calla
     on_root(comm, f"{path}: could not be written", write)
 
 
-def plain(value: object) -> object:
+def plain(value: Any) -> Any:
     """A value as JSON knows it: NumPy numbers and arrays, tuples and paths unwrapped, NaN and infinity as None."""
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}

@@ -105,7 +105,7 @@ def _depth_at_once(scene: Scene) -> float:
         return float(jkr.indentation(radius, *contact))
     if punch.pattern == "power":
         return math.inf if attractive else depth_of(scene, stiffening)
-    bow = 0.0 if punch.pattern == "sphere" else punch.radius**2 / (2.0 * punch.curvature_radius)
+    bow = 0.0 if punch.pattern == "sphere" else punch.outline**2 / (2.0 * punch.curvature_radius)
     return depth_of(scene, stiffening) + 2.0 * (punch.amplitude or 0.0) + bow
 
 

@@ -168,7 +168,7 @@ def fitted_effort(scene: Scene) -> Effort:
     )  # fmt: skip
 
 
-def ahead_of(scene: Scene) -> list[tuple[object, float]]:
+def ahead_of(scene: Scene) -> list[tuple[Scene, float]]:
     """The coarse approaches that are run ahead of a run (run_ahead.py), each with its expected transform pairs."""
     return [(coarse, effort_of(coarse).approach[1]) for coarse in coarse_scenes(scene)]
 
@@ -207,7 +207,7 @@ def stiffness_of_law(scene: Scene) -> float:
     """K_0 l/E*, see Way. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
     punch = scene.punch
     if punch.pattern in ("sphere", "power"):
-        size = min(punch.radius, math.sqrt(punch.curvature_radius * depth_of(scene)))
+        size = min(punch.outline, math.sqrt(punch.curvature_radius * depth_of(scene)))
     elif punch.wavelength:
         size = 0.5 * punch.wavelength
     else:
@@ -233,8 +233,8 @@ def _unlike(scene: Scene) -> Iterator[str]:
 
 
 def effort_of_steps(scene: Scene, step: float, pair: float, cost: float) -> Effort:
-    """The same for explicit steps of known length [s], with a pair each, which takes `pair` times `pair_seconds`; cost: as in Effort. The time of the
-    programme is that of the depth, with what adhesion adds to the way back."""
+    """The same for explicit steps of known length [s], with a pair each. The time of the programme is that of the depth, with
+    what adhesion adds to the way back. pair: time of a pair, relative to `pair_seconds`; cost: as in Effort."""
     drive, depth = scene.drive, depth_at_preload(scene)
     into = (depth + max(drive.clearance, 0.0)) / drive.speed
     out = (depth + pull_off_height(scene)) / drive.retract_speed + drive.turn_time + drive.dwell

@@ -159,7 +159,7 @@ def _transform_of(scene: Scene, points: PunchPoints, ranks: int) -> tuple[int, i
 
 def map_bytes_of(punch: Punch) -> float:
     """A height map while heights are taken from it."""
-    return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
+    return map_bytes(punch.file, topography_of(punch).file_order) if punch.file else 0.0
 
 
 def modulus_of(scene: Scene) -> float:

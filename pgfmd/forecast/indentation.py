@@ -65,7 +65,7 @@ def depth_at_preload(scene: Scene) -> float:
 def _heights(scene: Scene) -> np.ndarray | None:
     """Heights [m] of the face above its lowest point, at a sample of its points; None for a map that can't be read any
     more."""
-    x = np.linspace(-scene.punch.radius, scene.punch.radius, SAMPLES + 1)
+    x = np.linspace(-scene.punch.outline, scene.punch.outline, SAMPLES + 1)
     x, y = np.meshgrid(x, x)
     inside = np.hypot(x, y) <= scene.punch.radius
     try:
@@ -86,7 +86,7 @@ def _depth_with(scene: Scene, stiffening: float, heights: np.ndarray | None) -> 
         )
     if heights is None:
         return depth_of(scene, stiffening)
-    modulus, area = stiffening * modulus_of(scene), math.pi * punch.radius**2
+    modulus, area = stiffening * modulus_of(scene), math.pi * punch.outline**2
     springs = 1.0 / law.stiffness
     if punch.wavelength:
         springs += punch.wavelength / (2.0 * math.pi * modulus)
@@ -96,8 +96,8 @@ def _depth_with(scene: Scene, stiffening: float, heights: np.ndarray | None) -> 
         middle = 0.5 * (low + high)
         carried = area / springs * float(np.maximum(middle - heights, 0.0).mean())
         low, high = (middle, high) if carried < load else (low, middle)
-    whole = images_share(scene) * load / float(flat_punch.force(1.0, punch.radius, modulus))
-    return low + whole * softness_of_film(scene, punch.radius)
+    whole = images_share(scene) * load / float(flat_punch.force(1.0, punch.outline, modulus))
+    return low + whole * softness_of_film(scene, punch.outline)
 
 
 def pull_off_height(scene: Scene) -> float:
@@ -114,7 +114,7 @@ def stretch(scene: Scene) -> float:
     """How far [m] a flat punch stretches the elastomer before it comes off, as that is in this time; 0 for others."""
     if scene.punch.pattern != "flat":
         return 0.0
-    relaxed = math.sqrt(2.0 * math.pi * scene.adhesion.work_of_adhesion * scene.punch.radius / modulus_of(scene))
+    relaxed = math.sqrt(2.0 * math.pi * scene.adhesion.work_of_adhesion * scene.punch.outline / modulus_of(scene))
     return relaxed / math.sqrt(mean_kappa(scene, relaxed / scene.drive.retract_speed))
 
 

@@ -165,6 +165,8 @@ def _map_fits_the_cell(scene: Scene) -> Iterator[str]:
     if punch.pattern != "file" or punch.radius is not None:
         return
     size = face_of(scene).size
+    if size is None:
+        return
     if any(abs(length / side - max(round(length / side), 1)) > WHOLE * length / side for side in size):
         sides = " x ".join(shown(side, "length") for side in size)
         yield (

@@ -96,8 +96,10 @@ def _way(scene: Scene, moment: Moment) -> Way:
     if moment.phase == "approach":
         depth = max(_depth_ahead(scene, moment), -position)
         return Way(clearance - position, depth + position, 0.0, depth + beyond)
-    back = moment.depth + position if moment.phase == "retract" else 0.0
-    return Way(clearance + moment.depth, 0.0, max(back, 0.0), max(moment.depth + beyond - back, 0.0))
+    met = moment.depth
+    assert met is not None, "`outlook` has seen to that"
+    back = met + position if moment.phase == "retract" else 0.0
+    return Way(clearance + met, 0.0, max(back, 0.0), max(met + beyond - back, 0.0))
 
 
 def _depth_ahead(scene: Scene, moment: Moment) -> float:
@@ -118,14 +120,14 @@ def steps_by_way(scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:
     share = way.share(math.sqrt(drive.speed / drive.retract_speed) if viscous else 1.0)
     steps = (1.0 - share) * ((1.0 - share) * effort_of(scene).steps + moment.steps - moment.dwell_steps)
     if moment.phase == "dwell" and moment.preload_time is not None:
-        return steps + _dwell_steps(scene, moment), ""
+        return steps + _dwell_steps(scene, moment, moment.preload_time), ""
     coming = moment.preload_time is None or moment.time < moment.preload_time + drive.dwell
     return steps, f"and what the dwell of {drive.dwell:g} s takes" if coming and drive.dwell > 0.0 else ""
 
 
-def _dwell_steps(scene: Scene, moment: Moment) -> float:
-    """Steps to the end of the dwell, if they go on growing in proportion to its time."""
-    elapsed = max(moment.time - moment.preload_time - 0.5 * scene.drive.turn_time, moment.step)
+def _dwell_steps(scene: Scene, moment: Moment, since: float) -> float:
+    """Steps to the end of the dwell, if they go on growing in proportion to its time. since [s]: when it began."""
+    elapsed = max(moment.time - since - 0.5 * scene.drive.turn_time, moment.step)
     return elapsed / moment.step * math.log(max(scene.drive.dwell / elapsed, 1.0))
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.parts import compliance_of, law_of, relaxation_of, topography_of
+from pgfmd.parts import BONDED, compliance_of, law_of, relaxation_of, topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.film import Film
 from pgfmd.physics.topography import layered
@@ -171,7 +171,7 @@ def softness_of_film(scene: Scene, size: float) -> float:
     substrate = scene.substrate
     if math.isinf(substrate.thickness):
         return 1.0
-    film = Film(substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base)
+    film = Film(substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base or BONDED)
     return float(film(1.0 / size, 0.0)) * substrate.contact_modulus / (2.0 * size)
 
 
@@ -193,7 +193,7 @@ def image_stiffness(scene: Scene) -> float:
     film, punch, length = compliance_of(scene), scene.punch, scene.grid.length
     radius = punch.radius
     if punch.pattern in ("sphere", "power"):
-        radius = min(radius, math.sqrt(punch.curvature_radius * depth_of(scene)))
+        radius = min(punch.outline, math.sqrt(punch.curvature_radius * depth_of(scene)))
 
     # Not at the top: only checks of scenes with images need them.
     from scipy.integrate import simpson

@@ -201,9 +201,8 @@ def pair_seconds(
         costs.sums * costs.of_point(int(problem.ends[-1]) // ranks),
     )  # fmt: skip
     work = [costs.crowd(per_node) * seconds * counts for seconds, counts in zip(each, shares, strict=True)]
-    slowest = sum(
-        float(sum(share * part for share, part in zip(stretch, work, strict=True)).max()) for stretch in STRETCHES
-    )
+    stretches = [[share * part for share, part in zip(stretch, work, strict=True)] for stretch in STRETCHES]
+    slowest = sum([float(sum(parts[1:], start=parts[0]).max()) for parts in stretches])
     fair = [float(part.sum()) / ranks for part in work]
     nodes = nodes_of(ranks, per_node)
     # The first rank has a row and a column more, where they don't divide.

@@ -133,8 +133,8 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene: Scene, allow: Seque
     if finished and record and not (finished == STOPPED_STEPS and "solver.max_steps" in changed):
         return Plan(record=record)
     kept = precision_kept(head["scene"], scene)
-    changed = kept is not None and kept != scene.solver.precision
-    told = [f"solver.precision stays {kept!r}, with which this run began"] if changed else []
+    stays = kept is not None and kept != scene.solver.precision
+    told = [f"solver.precision stays {kept!r}, with which this run began"] if stays else []
     # A head without this key is of a run on all points.
     return Plan(go_on=True, mirror=head.get("mirror", ""), told=told, precision=kept)
 

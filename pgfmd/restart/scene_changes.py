@@ -93,7 +93,7 @@ def differing(text: str, scene: Scene, known: dict[str, str] | None = None) -> I
 
 def precision_kept(text: str, scene: Scene) -> str | None:
     """The precision of a continued run, from the text of its scene; None if the new scene names one."""
-    return _flat(text).get(PRECISION, "double") if scene.solver.automatic_precision else None
+    return str(_flat(text).get(PRECISION, "double")) if scene.solver.automatic_precision else None
 
 
 def _refusal(key: str, head: dict, scene: Scene, allow: Sequence[str]) -> str | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
@@ -27,7 +28,7 @@ class Checkpoint:
     path: Path
     written: float
     bytes: int
-    head: dict | None = None
+    head: dict[str, Any] = field(default_factory=dict)
     problem: str = ""
 
     @property

@@ -69,12 +69,13 @@ class Status:
 
     def as_json(self) -> dict[str, Any]:
         """The status as JSON can hold it."""
-        return storage.plain(asdict(self))
+        plain: dict[str, Any] = storage.plain(asdict(self))
+        return plain
 
 
-def status_of(folder: Path) -> Status:
+def status_of(folder: str | Path) -> Status:
     """The status of a results folder. ResultError if it is none, or can't be read."""
-    found = take_inventory(folder)
+    found = take_inventory(Path(folder))
     if found is None:
         return Status(str(folder), EMPTY, "no run yet")
     state, why = _state_of(found)
@@ -98,9 +99,9 @@ def _state_of(found: Inventory) -> tuple[str, str]:
         # Even if its lock is still there: the record comes last.
         return FINISHED, over
     if found.in_use:
-        return RUNNING, "" if found.holder.alive else _doubt(found)
+        return RUNNING, "" if found.holder and found.holder.alive else _doubt(found)
     if valid is not None:
-        ending = f"{over}, only its record is missing" if over else _ending(found)
+        ending = f"{over}, only its record is missing" if over else _ending(found, valid)
         return RESUMABLE, f"failed: {found.failure}" if found.failure else ending
     if found.checkpoints:
         wrong = "; ".join(f"{one.path.name}: {one.problem}" for one in found.checkpoints)
@@ -122,11 +123,11 @@ def _doubt(found: Inventory) -> str:
     return f"whether it is alive can't be told from here{sign}"
 
 
-def _ending(found: Inventory) -> str:
+def _ending(found: Inventory, valid: Checkpoint) -> str:
     """Why a run ended that has a checkpoint."""
     if found.holder is not None:
         return f"killed or lost: {found.holder}"
-    if found.rows_from(found.valid.curve_bytes):
+    if found.rows_from(valid.curve_bytes):
         return "ended by an error after its last checkpoint: see its output"
     return f"stopped by {found.why_stopped or 'a signal or a limit of time'}"
 
@@ -165,7 +166,7 @@ def _title_of(found: Inventory) -> str | None:
 
 def _scene_text(found: Inventory) -> str:
     path = found.folder / storage.SCENE_FILE
-    return found.valid.head["scene"] if found.valid else path.read_text(encoding="utf-8")
+    return str(found.valid.head["scene"]) if found.valid else path.read_text(encoding="utf-8")
 
 
 def _look_ahead(status: Status, found: Inventory) -> None:
@@ -180,7 +181,7 @@ def _look_ahead(status: Status, found: Inventory) -> None:
         return
     status.preload_N = scene.drive.preload
     valid, tail, names = found.valid, found.tail, [phase.name for phase in drive_of(scene).phases]
-    if tail is not None and status.state == RESUMABLE:
+    if tail is not None and valid is not None and status.state == RESUMABLE:
         tail = CurveTail(tail.path, valid.curve_bytes)
     row = _row_of(valid, tail, names)
     if row is None:
@@ -190,7 +191,7 @@ def _look_ahead(status: Status, found: Inventory) -> None:
     status.force_N, status.displacement_m = row.force, row.displacement
     if status.state == RUNNING:
         _look_at_present(status, found, scene.output.every, row, names)
-    else:
+    elif valid is not None:
         link = valid.head["links"][-1]
         status.steps_per_s = link["steps"] / link["wall_s"] if link["steps"] else None
     ahead = outlook(scene, _moment(status, found, scene, tail, row))
@@ -226,14 +227,14 @@ def _row_of(valid: Checkpoint | None, tail: CurveTail | None, names: list[str]) 
 
 
 def _moment(status: Status, found: Inventory, scene: Scene, tail: CurveTail | None, row: CurveRow) -> Moment:
-    state, dwelt = found.valid.state if found.valid else None, 0
-    met = state is not None and state["phase"] > 0
+    state: dict[str, Any] = found.valid.state if found.valid else {}
+    dwelt, met = 0, state.get("phase", 0) > 0
     # Explicit steps have one length, whatever the phase.
     counts = scene.drive.dwell > 0.0 and not registry.scheme_of(scene).explicit
     if tail is not None and counts and row.phase != "approach":
         dwelt = scene.output.every * count_ends(tail.path, ending=",dwell")
     return Moment(
-        row.phase, row.time, row.displacement, row.force, row.step, status.steps,
+        row.phase, row.time, row.displacement, row.force, row.step, status.steps or 0,
         stiffness=tail.stiffness if tail else None, dwell_steps=dwelt,
         preload_time=state["preload_time"] if met else None,
         depth=-state.get("preload_place", state["phase_start"]) if met else None,
@@ -258,7 +259,7 @@ class Mark:
 def _marks(found: Inventory, names: list[str]) -> list[Mark]:
     """What is known of the present process, newest first."""
     marks = [_mark(one.written, one, names) for one in found.checkpoints if one.head and one.written >= found.began]
-    if marks:
+    if marks and found.valid:
         return [*marks, Mark(found.began, found.valid.head["links"][-1]["first_step"])]
     return [_mark(found.began, found.valid, names) if found.valid else Mark(found.began, 0)]
 
@@ -276,8 +277,8 @@ def _pace(marks: list[Mark], now: Mark) -> tuple[float | None, float | None]:
     if long_ago:
         since = _since(long_ago, now)
         steps = (now.steps - since.steps) / (now.wall - since.wall)
-    if on_course:
-        since = _since(on_course, now)
+    since = _since(on_course, now) if on_course else now
+    if since.displacement is not None and now.displacement is not None and since is not now:
         way = abs(now.displacement - since.displacement) / (now.wall - since.wall)
     return steps, way
 

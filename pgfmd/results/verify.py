@@ -9,9 +9,10 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -62,8 +63,9 @@ class Part:
         return f"{'OK  ' if self.fine else 'FAIL'} {self.path}: {self.found}{cure}"
 
 
-def verify(folder: Path) -> Iterator[Part]:
+def verify(folder: str | Path) -> Iterator[Part]:
     """Examines the parts of a results folder one after the other. ResultError if it is none, or can't be read."""
+    folder = Path(folder)
     inventory = take_inventory(folder)
     if inventory is None:
         yield Part(folder, True, "no run yet")
@@ -100,7 +102,7 @@ class _Examined:
     """A checkpoint: its head if it is valid, else what is wrong with it; neither if it is not there."""
 
     path: Path
-    head: dict | None = None
+    head: dict[str, Any] = field(default_factory=dict)
     problem: str = ""
 
     def __str__(self) -> str:
@@ -244,8 +246,8 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
         count = min(frames, marked or 0) if only_marked else frames
         wrong = [f"{name} of snapshot {frame}" for frame in range(count) for name in names
                  if _sum_of(file[name], frame) != file[checksum_of(name)][frame]]  # fmt: skip
-        strange = [frame for frame in range(count) if not _numbers_are_right(file, frame)]
-        wrong += [f"numbers or label of snapshot {frame}" for frame in strange]
+        strange_frames = [frame for frame in range(count) if not _numbers_are_right(file, frame)]
+        wrong += [f"numbers or label of snapshot {frame}" for frame in strange_frames]
         wrong += _other_gaps(path.parent, file.attrs)
     if wrong:
         return Part(path, False, f"changed: {', '.join(wrong)}", "don't use that; put the file back if there is a copy")
@@ -255,8 +257,9 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
 
 def _strange(file: h5py.File, layout: Layout, frames: int) -> list[str]:
     """Variables that are not what the file's own attributes and number of snapshots make them."""
-    shapes = {name: (frames, side, side) for name, (_, _, side, _) in layout.arrays.items()}
-    shapes |= dict.fromkeys((*SNAPSHOT_NUMBERS, *map(checksum_of, (*layout.arrays, NUMBERS))), (frames,))
+    shapes: dict[str, tuple[int, ...]] = {name: (frames, side, side) for name, (_, _, side, _) in layout.arrays.items()}
+    for name in (*SNAPSHOT_NUMBERS, *map(checksum_of, (*layout.arrays, NUMBERS))):
+        shapes[name] = (frames,)
     # Of an earlier version: one text a snapshot.
     shapes["label"] = (frames, LABEL_BYTES) if file["label"].ndim == 2 else (frames,)
     found = [name for name, shape in shapes.items() if file[name].shape != shape]

@@ -15,7 +15,7 @@ from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
 from .draft import MISSING, Draft, Unread, example
-from .fields import expectation
+from .fields import expectation, extra_of
 from .model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
 from .path_checks import paths_can_be_used
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
@@ -38,7 +38,7 @@ def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, 
     for name, model_field in SECTIONS[section].model_fields.items():
         dotted = f"{section}.{name}"
         if name in required and not draft.given(dotted):
-            extra = model_field.json_schema_extra
+            extra = extra_of(model_field)
             expected = f"{expectation(extra)}, for the {selector} '{choice}'" if extra else f"a value for '{choice}'"
             yield Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")
         elif draft.given(dotted) and name != selector and name not in required | optional:

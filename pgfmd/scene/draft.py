@@ -10,7 +10,7 @@ from typing import Any
 from pgfmd.errors import Problem
 from pgfmd.units import DIMENSIONS
 
-from .fields import written
+from .fields import extra_of, written
 from .model import SECTIONS
 
 
@@ -53,7 +53,7 @@ class Draft:
         """A Problem about a key, with the value as the scene has it or its default."""
         section, _, name = dotted.rpartition(".")
         model_field = SECTIONS[section].model_fields[name]
-        default = MISSING if model_field.is_required() else written(model_field.default, model_field.json_schema_extra)
+        default = MISSING if model_field.is_required() else written(model_field.default, extra_of(model_field))
         value = self.raw[section].get(name, default)
         return Problem(dotted, MISSING if value is None else value, expected, cure)
 
@@ -74,7 +74,7 @@ def is_unicode(text: str) -> bool:
 
 def example(section: str, name: str) -> str:
     """How a line with this key may look, for messages: 'radius = "375 um"'."""
-    extra = SECTIONS[section].model_fields[name].json_schema_extra or {}
+    extra = extra_of(SECTIONS[section].model_fields[name])
     kind = DIMENSIONS.get(extra.get("dimension", ""))
     if kind is None:
         return f"{name} = ..."

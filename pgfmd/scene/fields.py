@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, PydanticUndefined, core_schema
 
 from pgfmd.units import DIMENSIONS, UnitError, decimal_comma, format_quantity, parse_quantity
@@ -45,7 +46,7 @@ def number(
     words: texts allowed instead. infinite: whether "inf" is allowed. count: 0 for a list of any length but 0, else the
     length wanted; None for a single value.
     """
-    extra = {"dimension": dimension, "above": above, "at_least": at_least, "at_most": at_most}
+    extra: dict[str, Any] = {"dimension": dimension, "above": above, "at_least": at_least, "at_most": at_most}
     extra |= {"words": list(words), "infinite": infinite, "count": count}
     return Field(default, description=meaning, json_schema_extra=extra)
 
@@ -77,6 +78,12 @@ class OneOf:
             return value
         *others, last = (f"'{word}'" for word in words)
         raise PydanticKnownError("literal_error", {"expected": " or ".join([", ".join(others), last][not others :])})
+
+
+def extra_of(field: FieldInfo) -> dict[str, Any]:
+    """What `number` knows of a field: dimension and range; empty for one made by `key`."""
+    found = field.json_schema_extra
+    return found if isinstance(found, dict) else {}
 
 
 def limits_text(extra: dict[str, Any]) -> str:
@@ -115,8 +122,9 @@ def _read_one(value: object, extra: dict[str, Any]) -> float | str:
         except UnitError as error:
             raise refuse(value, _expected_entry(extra), error.cure) from None
     elif isinstance(value, bool) or not isinstance(value, (int, float)):
-        bare = isinstance(value, str) and value.strip()
-        cure = decimal_comma(value) or "write a bare number, without quotes or unit" if bare else ""
+        cure = ""
+        if isinstance(value, str) and value.strip():
+            cure = decimal_comma(value) or "write a bare number, without quotes or unit"
         raise refuse(value, _expected_entry(extra), cure)
     else:
         try:
@@ -160,7 +168,7 @@ def _read_number(value: object, extra: dict[str, Any]) -> object:
         try:
             results.append(_read_one(entry, extra))
         except PydanticCustomError as error:
-            (_, expected, cure) = error.context["problems"][0]
+            (_, expected, cure) = (error.context or {})["problems"][0]
             problems.append((entry, f"{expected} (entry {index + 1} of the list)", cure))
     if problems:
         raise PydanticCustomError("scene", "expected something else", {"problems": problems})
@@ -185,10 +193,11 @@ class Section(BaseModel):
     @field_validator("*", mode="wrap")
     @classmethod
     def _read(cls, value: object, handler: Any, info: ValidationInfo) -> object:
-        extra = cls.model_fields[info.field_name].json_schema_extra or {}
+        name = str(info.field_name)
+        extra = extra_of(cls.model_fields[name])
         result = handler(_read_number(value, extra) if "dimension" in extra else value)
         if info.context is not None:
-            info.context[info.field_name] = result
+            info.context[name] = result
         return result
 
 

@@ -17,11 +17,15 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.files.text import read_text
 from pgfmd.units import DIMENSIONS
 
-from .fields import written
-from .model import PATTERNS, RHEOLOGIES, SECTIONS
+from .fields import extra_of, written
+from .model import PATTERNS, RHEOLOGIES, SECTIONS, toml_text
 
 SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES))
 """Keys whose choice decides which other keys their section may have, with those keys."""
+
+
+PATHS = ("punch.file", "substrate.compliance_file")
+"""Keys that name files: relative ones start at the folder of the scene."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,21 @@ class Given:
                 mapping[section] = {name: value for name, value in mapping[section].items() if name not in unused}
         return Given(mapping, self.source, self.folder)
 
+    def to_toml(self) -> str:
+        """The same as a TOML text, which may be read anywhere: with absolute paths, and with what is automatic left so."""
+        lines = [f"title = {toml_text(self.mapping['title'])}"] if self.mapping.get("title") else []
+        for section, values in self.mapping.items():
+            if isinstance(values, dict):
+                lines += ["", f"[{section}]"]
+                lines += [
+                    f"{key} = {toml_text(self._at_home(f'{section}.{key}', value))}" for key, value in values.items()
+                ]
+        return "\n".join(lines) + "\n"
+
+    def _at_home(self, key: str, value: Any) -> Any:
+        named = key in PATHS and isinstance(value, str)
+        return os.path.normpath(self.folder / os.path.expanduser(value)) if named else value
+
 
 def shipped_scenes() -> list[str]:
     """Names of the scenes that come with pgfmd."""
@@ -108,7 +127,8 @@ def shipped_text(name: str) -> str:
         known = ", ".join(shipped_scenes())
         problem = Problem("scene", name, f"a shipped scene: {known}", did_you_mean(name, shipped_scenes()))
         raise SceneError(name, [problem])
-    return (_shelf() / f"{name}.toml").read_text(encoding="utf-8")
+    text: str = (_shelf() / f"{name}.toml").read_text(encoding="utf-8")
+    return text
 
 
 def _shelf() -> Any:
@@ -175,7 +195,7 @@ def with_units(tables: Mapping[str, Any]) -> dict[str, Any]:
     for section, model in SECTIONS.items():
         if isinstance(found.get(section), dict):
             for key, field in model.model_fields.items():
-                extra = field.json_schema_extra or {}
+                extra = extra_of(field)
                 if key in found[section] and extra.get("dimension") in DIMENSIONS:
                     found[section][key] = written(_floats(found[section][key]), extra)
     return found

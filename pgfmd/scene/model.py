@@ -19,7 +19,7 @@ from pydantic import PrivateAttr
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity
 
-from .fields import Section, key, number, quantity, written
+from .fields import Section, extra_of, key, number, quantity, written
 from .output_section import Output
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys, Solver
 
@@ -59,6 +59,23 @@ RHEOLOGIES: dict[str, Keys] = {
 LARGEST_MODULUS_RATIO = 1e6
 
 
+if TYPE_CHECKING:
+    # A scene is resolved: whoever reads one finds numbers in the place of words; and keys that its pattern or model has no
+    # use for are None, which nobody reads who has looked at these.
+    Automatic = float
+    OfGrid = float
+    LikeAnother = float
+    IfUsed = float
+    CountIfUsed = int
+    NumbersIfUsed = tuple[float, ...]
+else:
+    Automatic = float | Literal["auto"]
+    OfGrid = float | Literal["grid"]
+    LikeAnother = IfUsed = float | None
+    CountIfUsed = int | None
+    NumbersIfUsed = tuple[float, ...] | None
+
+
 class Punch(Section):
     """The rigid punch: its outline and the height profile z(x, y) of its lower face; lower z touches first."""
 
@@ -69,15 +86,15 @@ class Punch(Section):
     radius: float | None = quantity(
         "length", "radius a of the punch's outline; without it a `sinusoid` or a `file` fills the whole cell", None
     )
-    wavelength: float | None = quantity("length", "wavelength of the pattern", None)
-    amplitude: float | None = quantity("length", "amplitude z0: half of the difference of largest and smallest z", None)
+    wavelength: IfUsed = quantity("length", "wavelength of the pattern", None)
+    amplitude: IfUsed = quantity("length", "amplitude z0: half of the difference of largest and smallest z", None)
     curvature_radius: float = quantity(
         "length",
         "radius R of the sphere or power law; for every other pattern the macroscopic curvature, which adds r^2/(2R)",
         math.inf,
         infinite=True,
     )
-    exponent: float | None = number("exponent p of `power`", None, above=1.0)
+    exponent: IfUsed = number("exponent p of `power`", None, above=1.0)
     layer_step: float = quantity("length", "height step of a layer-by-layer print, 0 for none", 0.0, at_least=0.0)
     height_jitter: float = quantity(
         "length",
@@ -96,6 +113,12 @@ class Punch(Section):
         "range of the face unless said otherwise",
         None,
     )
+
+    @property
+    def outline(self) -> float:
+        """The radius [m], of a punch that has one: any but those that may fill the cell."""
+        assert self.radius is not None, "a punch that fills the cell has no radius"
+        return self.radius
 
 
 class Substrate(Section):
@@ -131,22 +154,15 @@ class Rheology(Section):
     model: Literal["elastic", "single", "geometric", "prony"] = key(
         "`elastic`, a `single` Maxwell element, a `geometric` series of them, or your own `prony` series"
     )
-    modulus_ratio: float | None = number("E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO)
-    relaxation_time: float | None = quantity("time", "relaxation time; of `geometric` the shortest", None)
-    elements: int | None = key("number N of Maxwell elements", None, ge=1, le=200)
-    time_ratio: float | None = number("ratio s of successive relaxation times: tau_{n+1} = tau_n / s", None, above=1.0)
-    exponent: float | None = number(
+    modulus_ratio: IfUsed = number("E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO)
+    relaxation_time: IfUsed = quantity("time", "relaxation time; of `geometric` the shortest", None)
+    elements: CountIfUsed = key("number N of Maxwell elements", None, ge=1, le=200)
+    time_ratio: IfUsed = number("ratio s of successive relaxation times: tau_{n+1} = tau_n / s", None, above=1.0)
+    exponent: IfUsed = number(
         "exponent beta of the weights: kappa_{n+1} = s^beta kappa_n", None, at_least=0.0, at_most=2.0
     )
-    kappa: tuple[float, ...] | None = number("weights kappa_n = k_n/k_0", None, at_least=0.0, count=0)
-    tau: tuple[float, ...] | None = quantity("time", "relaxation times tau_n, as many as weights", None, count=0)
-
-
-if TYPE_CHECKING:
-    # A scene is resolved: whoever reads one finds numbers.
-    Automatic = OfGrid = LikeAnother = float
-else:
-    Automatic, OfGrid, LikeAnother = float | Literal["auto"], float | Literal["grid"], float | None
+    kappa: NumbersIfUsed = number("weights kappa_n = k_n/k_0", None, at_least=0.0, count=0)
+    tau: NumbersIfUsed = quantity("time", "relaxation times tau_n, as many as weights", None, count=0)
 
 
 class Adhesion(Section):
@@ -273,12 +289,12 @@ class Scene(Section):
 
         return self._given or Given.of(parse_toml(self.to_toml()))
 
-    def remembering(self, given: Given) -> Self:
+    def remembering(self, given: Given | None) -> Self:
         """The same scene, which knows what it was made from."""
         self._given = given
         return self
 
-    def replace(self, **changes: Keywords | str) -> Scene:
+    def replace(self, **changes: Any) -> Scene:
         """Another scene with other keys, such as `replace(grid={"n": 1024}, title="finer")`; what is automatic follows.
 
         Takes what the constructor takes. Raises SceneError with every problem found.
@@ -316,7 +332,8 @@ class Scene(Section):
 
     def section(self, name: str) -> Section:
         """The section that a scene calls by this name, such as "solver.gfmd"."""
-        return getattr(self, name.replace(".", "_"))
+        section: Section = getattr(self, name.replace(".", "_"))
+        return section
 
     def __eq__(self, other: object) -> bool:
         return self.to_toml() == other.to_toml() if isinstance(other, Scene) else NotImplemented
@@ -340,7 +357,7 @@ class Scene(Section):
             if unused.issuperset(model.model_fields):
                 continue
             found[name] = {
-                key: written(getattr(section, key), field.json_schema_extra)
+                key: written(getattr(section, key), extra_of(field))
                 for key, field in model.model_fields.items()
                 if key not in unused and getattr(section, key) is not None
             }
@@ -350,7 +367,7 @@ class Scene(Section):
 SECTIONS: dict[str, type[Section]] = {
     "solver.gfmd" if name == "solver_gfmd" else name: field.annotation
     for name, field in Scene.model_fields.items()
-    if field.annotation is not str
+    if isinstance(field.annotation, type) and issubclass(field.annotation, Section)
 }
 """The sections by the names that a scene gives them, in the order of the resolved scene."""
 

@@ -19,7 +19,7 @@ def paths_can_be_used(draft: Draft) -> Iterator[Problem]:
             text, path = draft[dotted], draft.path(dotted)
         except Unread:
             continue
-        if text is None:
+        if text is None or path is None:
             continue
         if "\0" in text:
             yield draft.problem(dotted, "a path", "take out the character of code 0")

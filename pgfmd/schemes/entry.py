@@ -93,27 +93,33 @@ class SchemeEntry:
 
     def new(self, scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepController]:
         """Scheme and controller of a scene; mirror: the axes whose mirror images are not stepped. Collective."""
-        return _load(self.build)(scene, comm, mirror)
+        found: tuple[Scheme, StepController] = _load(self.build)(scene, comm, mirror)
+        return found
 
     def memory_of(self, scene: Scene, ranks: int) -> Memory:
         """Memory of the rank with the largest share, out of `ranks`."""
-        return _load(self.memory)(scene, ranks)
+        found: Memory = _load(self.memory)(scene, ranks)
+        return found
 
     def effort_of(self, scene: Scene) -> Effort:
         """Expected steps and transform pairs of a run."""
-        return _load(self.effort)(scene)
+        found: Effort = _load(self.effort)(scene)
+        return found
 
     def steps_left_of(self, scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:
         """About how many steps are left of a run, from where it is, and what they leave out."""
-        return _load(self.steps_left)(scene, moment, way)
+        found: tuple[float, str] = _load(self.steps_left)(scene, moment, way)
+        return found
 
     def numerics_of(self, scene: Scene) -> dict[str, float]:
         """What `run.json` tells of how steps were made."""
-        return _load(self.numerics)(scene)
+        found: dict[str, float] = _load(self.numerics)(scene)
+        return found
 
     def scenes_to_warm_up(self, precision: str) -> Iterable[Overrides]:
         """Changes of a small scene, several of them, whose runs together use every kernel in this precision."""
-        return _load(self.warm_up)(precision)
+        found: Iterable[Overrides] = _load(self.warm_up)(precision)
+        return found
 
     def problems_of(self, scene: Scene) -> list[Problem]:
         """Why the scheme can't step this scene, whose files are there."""
@@ -131,4 +137,5 @@ class SchemeEntry:
 def _load(reference: str) -> Callable[..., Any]:
     """The function that "module:function" names."""
     module, _, name = reference.partition(":")
-    return getattr(importlib.import_module(module), name)
+    function: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    return function

@@ -31,6 +31,10 @@ DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
 
 
+Terms = tuple[float, np.ndarray, float, np.ndarray, float, np.ndarray]
+"""Three weights, each with a surface, whose sum is meant."""
+
+
 class PathFollowing:
     """Surfaces u and loads w of the stages of a step, extrapolated, compared and remembered.
 
@@ -39,6 +43,8 @@ class PathFollowing:
     which a point is near. All fields have the precision of the solver's convolution.
     """
 
+    cure: str
+    """What to do about steps that no equilibrium is found for."""
     machine_compliance = 0.0
     """Of the spring between the machine and the punch [m/N]; zero where the punch itself is driven."""
 
@@ -194,7 +200,7 @@ class PathFollowing:
         One such step may meet an event, and those that grow come to an end.
         """
         longest = max(trial.step, state.last_step)
-        moves = state.elapsed + longest > state.elapsed or trial.change.largest >= self.tolerance
+        moves = state.elapsed + longest > state.elapsed or known_change(trial.change).largest >= self.tolerance
         if moves or trial.step > state.last_step:
             return
         raise RunError(
@@ -211,7 +217,7 @@ class PathFollowing:
             state.past_forces.pop()
         else:
             old_u, old_w = (self.points.zeros(self.solver.dtype) for _ in range(2))
-        if trial.change.largest < self.tolerance:
+        if known_change(trial.change).largest < self.tolerance:
             # Where hardly anything moves, extrapolation would only amplify the errors of the solves.
             state.forget_history()
         elif not trial.is_jump:
@@ -227,12 +233,18 @@ class PathFollowing:
         state.drift = np.ascontiguousarray(self._drift.kept([0, *before]).factor)
 
 
+def known_change(change: Change | None) -> Change:
+    """The change of a trial that has converged."""
+    assert change is not None, "a trial that was not solved can't be taken"
+    return change
+
+
 def _times_of(state: State) -> list[float]:
     """Times [s] of the known ends of steps, newest first, counted from the last."""
     return [0.0, *(-span for span in accumulate(state.past_steps))]
 
 
-def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:
+def _terms(weights: list[float], surfaces: list[np.ndarray]) -> Terms:
     """Weight, surface, weight, surface, weight, surface: what kernels take as a sum, with zeros where there are
     fewer."""
     c, a = [*weights, 0.0, 0.0], [*surfaces, surfaces[0], surfaces[0]]

@@ -9,6 +9,7 @@ over unsigned indices, as the test for negative ones keeps them from being vecto
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numba
 import numpy as np
@@ -27,12 +28,12 @@ _compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
 
 # Numbers of no sign are in the order of their bits. The largest of these is found many at a time, of the numbers
 # themselves one by one.
-def bits_of(number: np.floating) -> np.integer:
-    """The bits of a number as an integer."""
+def bits_of(number: Any) -> Any:
+    """The bits of a number, in either precision, as an integer."""
     return number.view(np.int32 if number.dtype == np.float32 else np.int64)
 
 
-def number_of(bits: np.integer) -> np.floating:
+def number_of(bits: Any) -> Any:
     """The number of these bits."""
     return bits.view(np.float32 if bits.dtype == np.int32 else np.float64)
 

@@ -215,7 +215,8 @@ class NewtonSolver:
 
     def _slack_of(self, potential: float) -> float:
         """Increase of Phi attributed to rounding, per area of a point."""
-        return self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+        slack: float = self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+        return slack
 
     def _noise(self, compliance: float, u: np.ndarray, w: np.ndarray) -> float:
         """Error of Phi due to the rounding of u, per area of a point. The displacement of a soft spring may be so large

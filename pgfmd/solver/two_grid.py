@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
     from pgfmd.physics.cohesion import CohesiveLaw
 
+    from .node import RowExchange
+
 MARGIN = 1.5
 """Extension of the coarse grid beyond the punch, in its spacings, so that each point is between four coarse points."""
 MOST = 30
@@ -85,7 +87,7 @@ class Cells:
         row, column = np.nonzero(coarse.inside()[:, left:])
         self._index, self._inner = (row, column), (row + 1, column + 1)
         self._change = np.zeros(self.shape)
-        self._exchange = None
+        self._exchange: RowExchange | None = None
 
     def means(self, v: np.ndarray, cells: np.ndarray) -> None:
         """Cell means of a point vector, zero in cells without points. Collective."""

@@ -78,7 +78,8 @@ def levels_of(
     if axis == ACCURACY and not scheme.has_accuracy:
         problem = Problem("solver.scheme", scheme.name, "a scheme with an accuracy", scheme.unread["solver.accuracy"])
         raise SceneError(source, [problem])
-    factor, remarks, cases = factor or FACTORS[axis], [], []
+    factor, remarks = factor or FACTORS[axis], []
+    cases: list[Case] = []
     for place in _places(coarse, axis, count, start, factor):
         at_accuracy = [*common, f"solver.accuracy={place!r}"]
         changes = at_accuracy if axis == ACCURACY else _grid_overrides(source, common, axis, place, cases)

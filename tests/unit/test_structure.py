@@ -29,7 +29,8 @@ PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (P
          "characterisation.temperature_shift"]  # fmt: skip
 READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
            "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.bearing_area",
-           "studies.campaign", "studies.slurm_array", "studies.pictures", "studies.extrapolation", "studies.refinement",
+           "studies.campaign", "studies.slurm_array", "studies.pictures", "studies.extrapolation", "studies.refinement", "studies.study",
+           "analysis.comparison", "commands.plot",
            "commands.study"]  # fmt: skip
 HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
 

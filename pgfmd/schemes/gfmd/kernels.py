@@ -13,7 +13,7 @@ from pgfmd.solver.kernels import _compile, _compile_maxima, _compile_sums
 
 
 @_compile
-def spread(traction, offset, first, top, left, plane):
+def spread(traction: np.ndarray, offset: np.ndarray, first: np.ndarray, top: int, left: int, plane: np.ndarray) -> None:
     """The traction of the points under the punch on the rows of the plane, zero elsewhere.
 
     top: the plane's local row of the first local row of the punch block; left: the block's first column.
@@ -32,7 +32,11 @@ def spread(traction, offset, first, top, left, plane):
 
 
 @_compile_maxima
-def touch(plane, top, left, first, height, position, law, levels, offset, u, f, rows):
+def touch(
+    plane: np.ndarray, top: int, left: int, first: np.ndarray, height: np.ndarray, position: float,
+    law: tuple[float, ...], levels: tuple[float, float, float], offset: np.ndarray, u: np.ndarray, f: np.ndarray,
+    rows: np.ndarray,
+) -> None:  # fmt: skip
     """The surface under the punch, out of the plane, and the traction there: u, f = Gamma'(d + z - u).
 
     rows: [0], [1], [2] points with a gap below each of the levels [m], [3] Gamma [J/m^2], [4] f [Pa], [5] minus the
@@ -70,23 +74,10 @@ def touch(plane, top, left, first, height, position, law, levels, offset, u, f, 
 
 @_compile
 def advance_modes(
-    buffer,
-    compliance,
-    u,
-    v,
-    branches,
-    weights,
-    rates,
-    keep,
-    kick,
-    step,
-    decay,
-    old_gain,
-    new_gain,
-    stiffness,
-    fold,
-    sums,
-):
+    buffer: np.ndarray, compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray,
+    weights: np.ndarray, rates: np.ndarray, keep: float, kick: float, step: float, decay: np.ndarray,
+    old_gain: np.ndarray, new_gain: np.ndarray, stiffness: float, fold: np.ndarray, sums: np.ndarray,
+) -> None:  # fmt: skip
     """One step of every mode; `buffer` holds the traction and is given the new u, both (n, 2 columns).
 
     v = keep v + kick (G0 f + sum_m kappa_m u_m - kappa_inf u);  u_new = u + step v
@@ -114,8 +105,10 @@ def advance_modes(
 
 @compiled(fastmath={"contract"})
 def _advance_row(
-    buffer, compliance, u, v, branches, i, weights, keep, kick, step, decay, old_gain, new_gain, stiffness, work
-):
+    buffer: np.ndarray, compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray, i: int,
+    weights: np.ndarray, keep: float, kick: float, step: float, decay: np.ndarray, old_gain: np.ndarray,
+    new_gain: np.ndarray, stiffness: float, work: np.ndarray,
+) -> None:  # fmt: skip
     width = buffer.size
     for c in range(width):
         work[c] = compliance[c] * buffer[c] - stiffness * u[c]
@@ -138,7 +131,10 @@ def _advance_row(
 
 
 @_compile_sums
-def _add_energies(compliance, u, v, branches, i, weights, rates, fold, stored, loss, sums):
+def _add_energies(
+    compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray, i: int, weights: np.ndarray,
+    rates: np.ndarray, fold: np.ndarray, stored: np.ndarray, loss: np.ndarray, sums: np.ndarray,
+) -> None:  # fmt: skip
     width = u.size
     for c in range(width):
         stored[c] = u[c] * u[c]

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from pgfmd.solver.transform import Plane
 
 
+Coefficients = tuple[float, float, np.ndarray, np.ndarray, np.ndarray]
+
+
 class Gfmd:
     """Steps of the paper's scheme. `step` moves a state on by one step of given length.
 
@@ -71,7 +74,7 @@ class Gfmd:
         self._rows = np.zeros((6, points.rows))
         self._sums, self._rates = np.zeros((3, plane.kx.size if audit else 0)), 1.0 / series.tau
         self._far = FarPoints(plane)
-        self._lengths, self._coefficients = None, ()
+        self._lengths: tuple[float, float] | None = None
 
     @property
     def pairs(self) -> int:
@@ -89,7 +92,8 @@ class Gfmd:
 
     def surface_of(self, state: State) -> np.ndarray:
         """The surface of the whole cell, this rank's rows of it."""
-        return self.plane.real.ravel()
+        rows: np.ndarray = self.plane.real.ravel()
+        return rows
 
     def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
         """The same as rows, and the first one's index."""
@@ -147,6 +151,7 @@ class Gfmd:
         lengths = step, 0.5 * (step + (state.last_step or step))
         if lengths != self._lengths:
             self._lengths, self._coefficients = lengths, self._coefficients_of(*lengths)
+        assert state.modes is not None and state.mode_velocities is not None, "states are those of `new_state`"
         keep, kick, decay, old_gain, new_gain = self._coefficients
         kernels.advance_modes(
             _real(self.plane.spectral), self._compliance, _real(state.modes), _real(state.mode_velocities),
@@ -154,7 +159,7 @@ class Gfmd:
             self._fold, self._sums,
         )  # fmt: skip
 
-    def _coefficients_of(self, step: float, between: float) -> tuple:
+    def _coefficients_of(self, step: float, between: float) -> Coefficients:
         """Of the velocity (what it keeps, its gain from the force), and of the elements; `between` the middles [s]."""
         damping = self.inertia.frequency * between
         keep = (1.0 - damping) / (1.0 + damping)
@@ -177,7 +182,8 @@ class Gfmd:
         state.smallest_gap = -rows[5].max()
         state.far_displacement = self._far.displacement()
         state.energies.adhesive = energy * points.grid.cell_area
-        return -pull * points.grid.cell_area
+        force: float = -pull * points.grid.cell_area
+        return force
 
     def _follow_energies(self, state: State, step: float) -> None:
         """Stored energy (that of the masses included), and what dashpots have taken by the trapezoidal rule."""

@@ -86,7 +86,8 @@ class Controller:
         end = phase.duration - state.elapsed
         wanted = state.step or limits.first(phase)
         step, why = fit(min(wanted, limits.largest(phase)), end, until)
-        search, refused, repeats = PreloadSearch(phase, state.force, self.preload, self.slack), [], 0
+        search, repeats = PreloadSearch(phase, state.force, self.preload, self.slack), 0
+        refused: list[Trial] = []
         for _ in range(self.largest_try_count):
             short = step < limits.jump(phase) or state.elapsed + step == state.elapsed
             last_resort = bool(refused) and search.bracket is None and short
@@ -139,9 +140,10 @@ class Controller:
 
     def _wish(self, phase: Phase, trial: Trial) -> float:
         """By which factor the step might have been longer."""
-        by_error = SAFETY * (self.limits.tolerance / max(trial.error, 1e-300)) ** (1.0 / (self.scheme.order + 1))
+        share: float = (self.limits.tolerance / max(trial.error, 1e-300)) ** (1.0 / (self.scheme.order + 1))
+        by_error = SAFETY * share
         by_error = min(by_error, self.limits.largest(phase) / trial.step)
-        by_energy = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
+        by_energy: float = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
         return min(by_error, max(by_energy, by_error / ENERGY_CUT[self.scheme.order]))
 
     def _stuck(self, state: State, phase: Phase, trial: Trial) -> str:
@@ -158,8 +160,9 @@ def _jumped(trial: Trial, refused: list[Trial]) -> bool:
     Without a history, as after a jump, any change counts as an error, and a surface that just moves faster than the
     punch is refused as well. Taken for a jump, it would lose its history again, and so forth.
     """
-    known = [other for other in refused if other.change is not None]
-    longer = [other for other in known if other.step >= TELLING * trial.step] or known[:1]
-    if not longer:
+    known = [(other.step, other.change.largest) for other in refused if other.change is not None]
+    longer = [other for other in known if other[0] >= TELLING * trial.step] or known[:1]
+    if not longer or trial.change is None:
         return True
-    return trial.change.largest > longer[-1].change.largest * math.sqrt(trial.step / longer[-1].step)
+    step, change = longer[-1]
+    return trial.change.largest > change * math.sqrt(trial.step / step)

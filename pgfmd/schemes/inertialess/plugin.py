@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Inertialess, Controller]:
     """Scheme and controller of a scene. Collective."""
     # Not at the top: what a run costs is told without MPI.
-    from pgfmd.assemble import STEP_SHARE, far_weights_of, newton_solver
+    from pgfmd.assemble import far_weights_of, newton_solver, tolerance_of
 
     from .controller import Controller, StepLimits
     from .scheme import Inertialess
 
     solver, output = newton_solver(scene, comm, mirror), scene.output
-    law, series, tolerance = solver.law, parts.series_of(scene.rheology), STEP_SHARE * scene.solver.accuracy
+    law, series, tolerance = solver.law, parts.series_of(scene.rheology), tolerance_of(scene)
     weights = far_weights_of(scene, solver)
     scheme = Inertialess(
         solver, series.to_creep(), tolerance, output.energy, weights, output.near_gap, scene.solver.order

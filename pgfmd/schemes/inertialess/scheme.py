@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from pgfmd.errors import RunError
-from pgfmd.physics.drive import Phase
+from pgfmd.physics.drive import AT_REST, Phase
 from pgfmd.physics.rheology import CreepSeries
 from pgfmd.schemes.path_following import EVENT_TOLERANCE, PathFollowing
 from pgfmd.solver import kernels
@@ -102,7 +102,7 @@ class Inertialess(PathFollowing):
             if outcome.converged:
                 break
         else:
-            first = Trial(0.0, state.position, None, converged=False, left_over=outcome.left_over)
+            first = Trial(0.0, state.position, AT_REST, converged=False, left_over=outcome.left_over)
             where = f"d = {state.position:.6g} m"
             raise RunError(f"no equilibrium found at the start ({where}). {self.advice(state, first)}")
         state.traction[:] = solver.traction

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Quasistatic, LoadSteps]:
     """Scheme and controller of a scene. Collective."""
     # Not at the top: what a run costs is told without MPI.
-    from pgfmd.assemble import STEP_SHARE, far_weights_of, newton_solver
+    from pgfmd.assemble import far_weights_of, newton_solver, tolerance_of
 
     from .controller import LoadSteps
     from .machine import sprung
@@ -28,7 +28,7 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Quasistatic, Load
 
     compliance, spring = parts.quasistatic_compliance(scene), parts.machine_compliance(scene)
     solver = newton_solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, compliance))
-    law, tolerance = solver.law, STEP_SHARE * scene.solver.accuracy
+    law, tolerance = solver.law, tolerance_of(scene)
     stiffness = parts.punch_stiffness(scene) / compliance
     dead = scene.drive.control == "load"
     weights, near = far_weights_of(scene, solver), scene.output.near_gap

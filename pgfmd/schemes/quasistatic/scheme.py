@@ -18,8 +18,8 @@ import math
 import numpy as np
 
 from pgfmd.errors import RunError
-from pgfmd.physics.drive import Phase
-from pgfmd.schemes.path_following import EVENT_TOLERANCE, SINGLE_NOISE, PathFollowing
+from pgfmd.physics.drive import AT_REST, Phase
+from pgfmd.schemes.path_following import EVENT_TOLERANCE, SINGLE_NOISE, PathFollowing, known_change
 from pgfmd.solver import kernels
 from pgfmd.solver.descent import Descent
 from pgfmd.solver.drift import Drift
@@ -100,7 +100,7 @@ class Quasistatic(PathFollowing):
     def start(self, state: State) -> float:
         """Brings the surface into balance with the punch at its first position, downhill from rest; returns the force
         [N]. RunError if there is no balance."""
-        first, tolerance = Trial(0.0, state.position, None, converged=True), SHARPNESS * self.tolerance
+        first, tolerance = Trial(0.0, state.position, AT_REST, converged=True), SHARPNESS * self.tolerance
         u, w, largest = state.displacement, state.load, self.solver.force_scale
         outcome = self._solve(state.position, u, w, tolerance, True, largest)
         self._take(first, outcome)
@@ -166,7 +166,7 @@ class Quasistatic(PathFollowing):
         """Whether a step that met no instability may have passed over a jump all the same."""
         if state.past_steps:
             return trial.error > LEAST_SIGN * self.tolerance
-        return trial.change.surface * self.law.range > FAST * abs(trial.position - state.position)
+        return known_change(trial.change).surface * self.law.range > FAST * abs(trial.position - state.position)
 
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
@@ -229,20 +229,20 @@ class Quasistatic(PathFollowing):
         """Confirms that the equilibrium is a minimum; goes on downhill along the soft mode where it is not, if that is
         wanted. Returns the last outcome, and whether an instability was met."""
         u, w = surface
+        search, mode, dual = self.soft_mode, state.soft_mode, state.soft_load
+        assert search is not None and mode is not None and dual is not None, "only asked for where there is attraction"
         noise, quiet = self._noise(state, trial, tolerance), 0
         before = None if u is state.displacement else (state.position, state.displacement)
         for slide in range(MOST_SLIDES):
             seed = MOST_SLIDES * (state.counters.steps + 1) + slide
-            curvature = self.soft_mode.search(state.soft_mode, state.soft_load, seed, before)
+            curvature = search.search(mode, dual, seed, before)
             trial.cg_iterations += curvature.iterations
             if curvature.lowest >= 0.0:
                 return outcome, left
             if not jump:
                 left = True
                 break
-            dropped = self.solver.slide(
-                trial.position, self._none, self.compliance, u, w, state.soft_mode, state.soft_load
-            )
+            dropped = self.solver.slide(trial.position, self._none, self.compliance, u, w, mode, dual)
             if dropped == 0.0:
                 # Indifferent, to rounding: no lower place either way.
                 return outcome, left
@@ -296,7 +296,7 @@ class Quasistatic(PathFollowing):
         rounding = SINGLE_NOISE if self.solver.dtype == np.float32 else NOISE
         at_stake = self._stored + law.work_of_adhesion * self.points.total * area
         at_stake += 0.5 * self.machine_compliance * trial.force**2
-        noise = 1e-2 * interacting + rounding * at_stake
+        noise: float = 1e-2 * interacting + rounding * at_stake
         if self.machine_compliance:
             noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.range
         return noise

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -68,7 +68,7 @@ class SoftMode:
         self._own_response = self.points.maximum_of(float(moved.max(initial=0.0)))
         self._independent = INDEPENDENT[solver.rough.dtype.name]
 
-    def search(self, mode: np.ndarray, dual: np.ndarray, seed: int, before: tuple | None = None) -> Curvature:
+    def search(self, mode: np.ndarray, dual: np.ndarray, seed: int, before: tuple[Any, ...] | None = None) -> Curvature:
         """Moves mode [m] and its dual [Pa] (size,) to the softest mode at the present surface. Collective.
 
         before: position [m] and surface [m] (size,) of the last equilibrium; None: out of reach. A mode of zeros starts
@@ -108,16 +108,16 @@ class SoftMode:
             if best is None and not known:
                 break
             if best is not None:
-                last, (mu, weights, error) = mu, best
-                kernels_of_modes.recombine(*weights, mode, z, p)
-                kernels_of_modes.recombine(*weights, dual, g, dp)
+                last, (mu, (a, b, c), error) = mu, best
+                kernels_of_modes.recombine(a, b, c, mode, z, p)
+                kernels_of_modes.recombine(a, b, c, dual, g, dp)
             known = False
             g[:] = 0.0
             if mu < -1.0 or (count >= self.least_iterations and mu < 0.0 and last - mu <= STEADY * (1.0 + mu)):
                 break
         return Curvature(1.0 + mu, error, count)
 
-    def _softened(self, seed: int, before: tuple | None) -> bool:
+    def _softened(self, seed: int, before: tuple[Any, ...] | None) -> bool:
         """Whether points have softened since `before`; their loads are then in the residual's vector. Collective."""
         solver, g = self.solver, self.solver.cg.r
         position, u = before if before else (math.inf, self.solver.cg.z)
@@ -135,7 +135,7 @@ class SoftMode:
 
     def _best(
         self, k: np.ndarray, x: np.ndarray, dx: np.ndarray, z: np.ndarray, dz: np.ndarray, p: np.ndarray, dp: np.ndarray
-    ) -> tuple[float, tuple[float, ...], float] | None:
+    ) -> tuple[float, tuple[float, float, float], float] | None:
         """(mu, weights of x, z and p, error) of the lowest quotient in their span; None where it is x alone."""
         kernels_of_modes.quotients(k, x, dx, z, dz, p, dp, self.points.offset, self._rows)
         bend, norm = (_symmetric(values) for values in np.split(self._total(12), 2))
@@ -155,9 +155,11 @@ class SoftMode:
         weights[keep] = vectors[:, 0]
         # Of the gradient before this step: an eigenvalue lies as near to the quotient as it is long.
         gradient = size[1] if used[1] else 0.0
-        return float(values[0]), tuple(weights / size), float(gradient)
+        of_x, of_z, of_p = weights / size
+        return float(values[0]), (of_x, of_z, of_p), float(gradient)
 
 
 def _symmetric(six: np.ndarray) -> np.ndarray:
     """A symmetric 3 x 3 matrix of its entries 00, 01, 02, 11, 12, 22."""
-    return six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+    matrix: np.ndarray = six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+    return matrix
