@@ -167,6 +167,8 @@ def plot_force(*runs: Run) -> Figure:
             for text, marker, x, y in _marks(loops[0], measure(loops[0]), along):
                 place: dict[str, Any] = {"color": RED, "markersize": 5, "linestyle": "none", "label": text}
                 upper.plot(x / across[0], y / along[0], marker, **place)
+        else:
+            _thin_is_approach(upper)
         upper.margins(y=0.08)
         if close is not None:
             _zoom(close, loops, across[0], along[0], float(-lowest))
@@ -215,6 +217,11 @@ def _branches(axis: Axes, loop: Loop, x: Array, y: Array, number: int, of: int, 
     for branch, rows in loop.branches.items():
         if rows.stop - rows.start > 1:
             axis.plot(*seen(x[rows], y[rows]), **(alone if of == 1 else several)[branch])
+
+
+def _thin_is_approach(axis: Axes) -> None:
+    """Has the legend say which line of a run is the way in."""
+    axis.plot([], [], color="0.3", linewidth=0.6, label="approach")
 
 
 def _marks(loop: Loop, found: Measures, unit: tuple[float, str]) -> Iterator[tuple[str, str, float, float]]:
@@ -311,6 +318,8 @@ def plot_curve(*runs: Run, x: str = "indentation", y: str = "force", log: str = 
             axis.set(**{f"{letter}label": labelled(QUANTITIES[name].name, unit)})
             if letter in log:
                 axis.set(**{f"{letter}scale": "log"})
+        if len(loops) > 1:
+            _thin_is_approach(axis)
         axis.legend(loc="best")
         at_foot(figure, results)
     return figure
@@ -326,7 +335,8 @@ def plot_energy(run: Run) -> Figure:
         energy = results.energy
         if energy is None or not len(energy):
             raise ResultError(f"{results.directory}: has no energies; output.energy writes the audit")
-        time = column(energy, "time [s]")
+        factor, when = handy([float(column(energy, "time [s]")[-1])], "s")
+        time = column(energy, "time [s]") / factor
         looks: dict[str, dict[str, Any]] = {
             "work": {"color": "black", "linewidth": 1.8},
             "elastic": {"color": TURQUOISE},
@@ -348,7 +358,7 @@ def plot_energy(run: Run) -> Figure:
         factor, unit = energy_unit(np.nanmax(np.abs(residual)))
         lower.axhline(0, color="0.8", linewidth=0.8, zorder=0)
         lower.plot(*seen(time, residual / factor), color="0.35", linewidth=1.0)
-        lower.set(xlabel="time (s)", ylabel=labelled("residual", unit))
+        lower.set(xlabel=labelled("time", when), ylabel=labelled("residual", unit))
         figure.align_ylabels()
         at_foot(figure, [results])
     return figure

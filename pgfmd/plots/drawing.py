@@ -172,14 +172,23 @@ def room(each: float, most: int) -> int:
 
 def footer(figure: Figure, text: str) -> None:
     """Writes a small grey line at the foot of a finished figure, which grows by it; cut off where it is too long."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     width, height = figure.get_size_inches()
     figure.set_size_inches(width, height + FOOTER)
     share = FOOTER / (height + FOOTER)
-    layout: Any = figure.get_layout_engine()
-    layout.set(rect=(0, share, 1, 1 - share))
+    left, bottom, right, top = 0.0, share, 1.0, 1.0
+    renderer = FigureCanvasAgg(figure).get_renderer()
     for legend in figure.legends:
-        # What stands outside of the panels stands within the rest of the figure.
+        # The layout knows no legend that has a place of its own: room is left for it here.
+        box = legend.get_window_extent(renderer).transformed(figure.transFigure.inverted())
         legend.set_bbox_to_anchor((0, share, 1, 1 - share), transform=figure.transFigure)
+        pad = 2 * legend.borderaxespad * FOOTER_FONT / 72
+        place = legend._outside_loc
+        bottom += (box.height + pad / height) * (place == "lower")
+        top -= (box.height + pad / height) * (place == "upper")
+        right -= (box.width + pad / width) * (place == "right")
+    figure.get_layout_engine().set(rect=(left, bottom, right - left, top - bottom))
     most = int(width * 72 / (0.5 * FOOTER_FONT))
     text = text if len(text) <= most else text[: most - 1] + "…"
     figure.text(0.05 / width, 0.3 * share, literal(text), fontsize=FOOTER_FONT, color="0.45", va="bottom")

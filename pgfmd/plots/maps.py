@@ -110,10 +110,11 @@ def thinned(results: Results, name: str, snapshot: int) -> NDArray[np.float64]:
 class Maps:
     """A page of square maps of the punch block, one a snapshot, with label, time, force, and a scale bar.
 
-    page: its number, from 1. Raises ResultError if there is no such page.
+    page: its number, from 1; beside: room [inch] for what stands at the right. Raises ResultError if there is no such
+    page.
     """
 
-    def __init__(self, results: Results, page: int = 1):
+    def __init__(self, results: Results, page: int = 1, beside: float = 0.1):
         pages = pages_of(results)
         if not 1 <= page <= len(pages):
             there = f"{len(pages)} pages of maps" if pages else "no snapshots"
@@ -124,9 +125,11 @@ class Maps:
         half = 0.5 * (x[-1] - x[0]) * (1 + 1 / max(x.size - 1, 1))
         self.half = 1e6 * (half if x.size > 1 else 1e-6)
         rows = -(-len(self.snapshots) // room(1.7, 4))
-        self.columns = -(-len(self.snapshots) // rows)
+        self.rows, self.columns = rows, -(-len(self.snapshots) // rows)
         # A single map needs room for its colour bar and legend.
-        self.figure = new_figure(max(1.9 * self.columns + 0.9, 4.0), 2.45 * rows + 0.75)
+        self.figure = new_figure(max(1.9 * self.columns + 0.9, 4.0), 1.0)
+        side = min(2.2, (self.figure.get_figwidth() - beside) / self.columns)
+        self.figure.set_figheight((side + 0.55) * rows + 0.75)
         axes = self.figure.subplots(rows, self.columns, squeeze=False).ravel()
         for axis in axes[len(self.snapshots) :]:
             axis.remove()
@@ -255,7 +258,7 @@ def plot_stress_maps(run: Run, page: int = 1, limit: float | None = None) -> Fig
     from matplotlib.patches import Patch
 
     with opened(run) as results:
-        maps = Maps(results, page)
+        maps = Maps(results, page, 0.9)
         frames = {snapshot: maps.values("traction", snapshot) for snapshot in maps.snapshots}
         own, _ = robust_limit(frames.values())
         limit = own if limit is None else limit
@@ -273,7 +276,9 @@ def plot_stress_maps(run: Run, page: int = 1, limit: float | None = None) -> Fig
                     np.ma.masked_where(~is_open, np.zeros(is_open.shape)), cmap=ListedColormap([OPEN]), **extent
                 )
         extend = "both" if clipped else "neither"
-        bar = maps.figure.colorbar(image, ax=maps.axes, shrink=0.8, aspect=25, pad=0.02, extend=extend)
+        bar = maps.figure.colorbar(
+            image, ax=maps.axes, shrink=0.8, aspect=12.5 * max(2, maps.rows), pad=0.02, extend=extend
+        )
         bar.set_label(f"normal traction ({unit}), tension > 0")
         bar.outline.set_linewidth(0.5)
         if any_open:

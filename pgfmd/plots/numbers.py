@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKERS = "osD^vP"
+MOST_TICKS = 6
+"""Places on a logarithmic axis up to which each has its number."""
 FOLLOW = ("adhesion.q_ref", "adhesion.range", "drive.turn_time", "drive.clearance", "drive.retract_speed",
           "punch.file", "solver.precision")  # fmt: skip
 """Keys whose values mostly follow from others: they part runs only where nothing else does."""
@@ -121,6 +123,10 @@ def plot_numbers(*runs: Run, x: str = "", y: str = "pull-off", log: str = "") ->
             xlabel=labelled(NUMBERS[x].name if x in NUMBERS else x, wide[1]), ylabel=labelled(NUMBERS[y].name, along[1])
         )
         _scale(axis, log if not texts else log.replace("x", ""))
+        if "x" in log and not texts and len({across[k] for k in kept}) <= MOST_TICKS:
+            axis.set_xticks(sorted({across[k] / wide[0] for k in kept}), minor=False)
+            axis.xaxis.set_major_formatter("{x:.4g}")
+            axis.set_xticks([], minor=True)
         at_foot(figure, [results[k] for k in kept])
     return figure
 

@@ -231,7 +231,7 @@ def test_runs_share_a_picture_and_its_foot_says_what_they_are(tmp_path):
     )
     figure = plot_force(*folders)
     names = [text.get_text() for text in figure.axes[0].get_legend().texts]
-    assert names == ["one/run", "two/run"]
+    assert names.pop() == "approach" and names == ["one/run", "two/run"]
     looks = {
         (line.get_color(), str(line.get_linestyle())) for line in figure.axes[0].lines if line.get_label() in names
     }
