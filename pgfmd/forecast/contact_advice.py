@@ -1,4 +1,4 @@
-"""What to warn of where the grid, the law or the cell cannot do justice to a contact. No MPI.
+"""Warnings about contacts that grid, law or cell do not represent well. No MPI.
 
 Each rule is a generator of texts for `advice.warnings` or `advice.remarks`.
 """
@@ -23,21 +23,21 @@ resolution)."""
 SOME_SUMMIT_POINTS = 50.0
 """Grid points of a summit within the range below which pull-off forces are wrong by more than a tenth."""
 SOFT_OVERLAP = 0.05
-"""Overlap relative to the indentation that is remarked on where the law attracts."""
+"""Overlap relative to the indentation above which there is a remark, for attractive laws."""
 SOFT_ADHESION = 0.2
-"""Overlap that is warned of where the law attracts."""
+"""Overlap relative to the indentation above which there is a warning, for attractive laws."""
 SOFT_WALL = 0.01
-"""Overlap that is warned of where it does not: a wall alone should be hard."""
+"""The same for repulsive laws, which represent a hard wall."""
 IMAGES_OF_FILM = 0.05
-"""Influence of a film's periodic images on the stiffness of a contact that is warned of."""
+"""Influence of a film's periodic images on the contact stiffness above which there is a warning."""
 
 
 def summits(scene: Scene) -> Iterator[str]:
-    """Summits whose height the grid cannot resolve within the range: whole cells pull at once."""
+    """Summits that the grid does not resolve within the range of adhesion: whole grid cells snap."""
     points = summit_points(scene)
     if points >= FEW_SUMMIT_POINTS:
         return
-    # The automatic range falls with the square root of the spacing: more than enough for a range of its own.
+    # The automatic range decreases with the square root of the spacing; this is enough for any range.
     needed = math.ceil(scene.grid.n * (FEW_SUMMIT_POINTS / points) ** (2.0 / 3.0))
     if scene.adhesion.law != "cosine":
         yield (
@@ -73,7 +73,7 @@ def overlap(scene: Scene) -> Iterator[str]:
         "as the law's stiffness follows from the static modulus and the range; indentations are too large by up to as "
         "much. "
     )
-    # A little less than would just do, as it is rounded.
+    # Slightly less than necessary, because of rounding.
     shorter = f"{shown(0.95 * scene.adhesion.range * math.sqrt(most / share), 'length', 2)} or less"
     if repulsive:
         yield text + f"Set adhesion.range to {shorter}, or range_factor {1.05 * share / most:.2g} times larger"
@@ -94,7 +94,7 @@ def soft_overlap(scene: Scene) -> Iterator[str]:
 
 
 def films(scene: Scene) -> Iterator[str]:
-    """Films that their periodic images, or their edges, make others than a film without end."""
+    """Films that differ from an infinite film because of periodic images or a coarse grid."""
     substrate, radius, spacing = scene.substrate, scene.punch.radius, scene.grid.length / scene.grid.n
     if not math.isfinite(substrate.thickness):
         return
@@ -117,7 +117,7 @@ def films(scene: Scene) -> Iterator[str]:
 
 
 def free_boundary(scene: Scene) -> str:
-    """What a free boundary offers to a scheme that can have one."""
+    """Advice to use a free boundary, for schemes that support it."""
     if registry.scheme_of(scene).periodic_only:
         return ""
     return ' substrate.boundary = "free" has no images, needs no such correction and costs the same'

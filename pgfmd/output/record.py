@@ -9,6 +9,7 @@ import resource
 import sys
 from typing import TYPE_CHECKING
 
+from pgfmd import __version__
 from pgfmd.files.storage import plain
 from pgfmd.restart.history import History
 from pgfmd.results import uncertainty
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from pgfmd.solver.simulation import Simulation
     from pgfmd.solver.state import State
 
-_LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
+_LIBRARIES = ("numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
 
 
 def record_of(simulation: Simulation, scene: Scene, comm: Intracomm, history: History) -> dict:
@@ -119,7 +120,8 @@ def versions() -> dict[str, str]:
     """Versions of Python, the libraries and MPI that this run used."""
     from mpi4py import MPI
 
-    found = {"python": platform.python_version(), "platform": sys.platform}
+    # The metadata of an editable installation of pgfmd may be old.
+    found = {"python": platform.python_version(), "platform": sys.platform, "pgfmd": __version__}
     for name in _LIBRARIES:
         try:
             found[name] = importlib.metadata.version(name)

@@ -1,7 +1,7 @@
 """The models of a scene: every section, every key, its meaning and its default. SI floats throughout.
 
-A `Scene` comes from `pgfmd.scene.load_scene`, which also makes the checks that look at several keys and resolves what
-"auto" stands for. Keys that a scene does not use (such as `punch.wavelength` of a flat punch) are None.
+A `Scene` comes from `pgfmd.scene.load_scene`, which also applies the rules for several keys and resolves "auto". Keys
+that a scene does not use (such as `punch.wavelength` of a flat punch) are None.
 """
 
 from __future__ import annotations
@@ -225,14 +225,14 @@ class Grid(Section):
 
 
 class Scene(Section):
-    """A whole scene, checked and resolved: every number in SI, nothing left automatic. It can't be changed.
+    """A complete scene, validated and resolved: all numbers in SI, all automatic values computed. It is immutable.
 
         scene = pgfmd.Scene("tri-tack", grid={"n": 48}, drive={"speed": "50 um/s", "preload": 2e-3})
         scene.replace(grid={"n": 32})
 
     source: the name of a shipped scene, a TOML file, nested tables, another scene, or nothing. Each section takes the
-    keys that are to differ from it: SI numbers, or texts with units; None stands for a key's default. Raises SceneError
-    with every problem found. Scenes are equal where they run alike: keys without a use don't count.
+    keys to change: SI numbers, or texts with units; None resets a key to its default. Raises SceneError with all
+    problems. Scenes are equal if they describe the same run: unused keys do not matter.
     """
 
     title: str = key("a line that names the scene in plots and reports", "")
@@ -278,37 +278,38 @@ class Scene(Section):
         }  # fmt: skip
         changes = {name: value for name, value in named.items() if value is not None}
         found = scene_of(given.changed(with_units(changes)))
-        # What pydantic keeps of a model. It is not validated anew: resolved values need not be ones that may be given.
+        # The state of a pydantic model. It is not validated again, because resolved values need not be valid input.
         for name in ("__dict__", "__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
             object.__setattr__(self, name, getattr(found, name))
 
     @property
     def given(self) -> Given:
-        """What the scene says itself, before it was resolved (given.py); all of it where that is not known."""
+        """The scene as given, before it was resolved (given.py); the complete scene if that is unknown."""
         from .given import Given, parse_toml
 
         return self._given or Given.of(parse_toml(self.to_toml()))
 
     def remembering(self, given: Given | None) -> Self:
-        """The same scene, which knows what it was made from."""
+        """The same scene with the record of how it was given."""
         self._given = given
         return self
 
     def replace(self, **changes: Any) -> Scene:
-        """Another scene with other keys, such as `replace(grid={"n": 1024}, title="finer")`; what is automatic follows.
+        """A new scene with changed keys, such as `replace(grid={"n": 1024}, title="finer")`; automatic values are
+        updated.
 
-        Takes what the constructor takes. Raises SceneError with every problem found.
+        Takes the same arguments as the constructor. Raises SceneError with all problems.
         """
         return Scene(self, **changes)
 
     def check(self, ranks: int = 1) -> Report:
-        """What can be said before the scene is run, on so many ranks: scales, memory, cost, warnings; as `pgfmd check`."""
+        """The report of `pgfmd check` for this number of ranks: scales, memory, cost, warnings."""
         from pgfmd import check
 
         return check(self, ranks)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Scene:
-        """A copy with other resolved values, which are not checked; for use within pgfmd, see `replace`."""
+        """A copy with other resolved values, which are not validated; for internal use, see `replace`."""
         other = super().model_copy(update=update, deep=deep)
         return other.remembering(None if update else self._given)
 
@@ -319,7 +320,7 @@ class Scene(Section):
         return f"<Scene {title}{self.punch.pattern} punch, {speed} to {preload}, n = {self.grid.n}, {solver.scheme}>"
 
     def _repr_html_(self) -> str:
-        """A table of the sections and keys that have a use, for notebooks."""
+        """A table of all sections and used keys, for notebooks."""
         rows = [f"<caption>{html.escape(self.title)}</caption>"] if self.title else []
         for name, values in self.tables().items():
             rows.append(f'<tr><th colspan="2" style="text-align:left">{name}</th></tr>')
@@ -331,7 +332,7 @@ class Scene(Section):
     __str__ = __repr__
 
     def section(self, name: str) -> Section:
-        """The section that a scene calls by this name, such as "solver.gfmd"."""
+        """The section of this name, such as "solver.gfmd"."""
         section: Section = getattr(self, name.replace(".", "_"))
         return section
 
@@ -342,11 +343,11 @@ class Scene(Section):
         return hash(self.to_toml())
 
     def to_toml(self) -> str:
-        """The complete scene as TOML in SI units; loading it gives an equal scene. Keys without a use are left out."""
+        """The complete scene as TOML in SI units; loading it gives an equal scene. Unused keys are left out."""
         return toml_of(self.title, self.tables())
 
     def tables(self) -> dict[str, dict[str, Any]]:
-        """The sections and their keys that have a use, quantities as texts with SI units."""
+        """All sections with their used keys, quantities as texts with SI units."""
         found: dict[str, dict[str, Any]] = {}
         for name, model in SECTIONS.items():
             unused, section = unused_keys(self, name), self.section(name)
@@ -365,11 +366,11 @@ SECTIONS: dict[str, type[Section]] = {
     for name, field in Scene.model_fields.items()
     if isinstance(field.annotation, type) and issubclass(field.annotation, Section)
 }
-"""The sections by the names that a scene gives them, in the order of the resolved scene."""
+"""The sections by name, in the order of the resolved scene."""
 
 
 def unused_keys(scene: Scene, section: str) -> frozenset[str]:
-    """The keys of a section that this scene must not name, because its pattern or model has no use for them."""
+    """The keys of a section that this scene must not have, because its pattern or model does not use them."""
     if section == "punch":
         required, optional = PATTERNS[scene.punch.pattern]
         return frozenset(Punch.model_fields) - required - optional - {"pattern"}
@@ -393,7 +394,7 @@ def toml_of(title: str, tables: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def toml_text(value: Any) -> str:
-    """A text, number, truth value or list as TOML writes it."""
+    """A text, number, boolean or list in TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

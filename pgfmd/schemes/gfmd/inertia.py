@@ -2,7 +2,7 @@
 
 Source: the paper, "Reproducing viscoelastic properties using GFMD". Every mode u(q) carries a mass m = k_inf / omega^2
 and the damping eta_0 = 2 m omega, critical for its stiffness k_inf = kappa_inf / G0(q). The step resolves omega,
-and omega the shortest relaxation time; where the punch moves faster than that, both follow the motion.
+and omega resolves the shortest relaxation time; for a fast punch, both follow its motion.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ class Inertia:
         return self.frequency * self.step * math.sqrt(1.0 + contact_stiffness / kappa_inf)
 
     def added_viscosity(self, series: PronySeries) -> float:
-        """What the damping adds at low frequencies, 2 kappa_inf/omega, relative to the material's own sum kappa_n
+        """The additional viscosity at low frequencies, 2 kappa_inf/omega, relative to that of the material, sum kappa_n
         tau_n."""
         return 2.0 * series.kappa_inf / self.frequency / float((series.kappa * series.tau).sum())
 
 
 def inertia_of(keys: GfmdKeys, series: PronySeries, law: CohesiveLaw, drive: Drive) -> Inertia:
-    """The inertia that a scene's [solver.gfmd] means.
+    """The inertia for a scene's [solver.gfmd].
 
     keys: the section (omega_tau, steps_per_tau, fast_pull; omega and dt, given both, overrule them). series:
     PronySeries; law: CohesiveLaw; drive: Drive. Raises ValueError for an elastic substrate without omega and dt.
@@ -78,7 +78,7 @@ def contact_stiffness(compliance: Compliance, law: CohesiveLaw, n: int, length: 
 
 
 def instability(inertia: Inertia, stiffness: float, kappa_inf: float) -> str:
-    """What to change where the step is too long for stability; empty where it is not."""
+    """What to change if the step is too long for stability; empty if it is not."""
     number = inertia.stiffest(stiffness, kappa_inf)
     if number < STABLE:
         return ""

@@ -14,7 +14,7 @@ from pgfmd.solver.kernels import _compile, _compile_maxima, _compile_sums
 
 @_compile
 def spread(traction: np.ndarray, offset: np.ndarray, first: np.ndarray, top: int, left: int, plane: np.ndarray) -> None:
-    """The traction of the points under the punch on the rows of the plane, zero elsewhere.
+    """Copies the traction of the points under the punch to the rows of the plane, zero elsewhere.
 
     top: the plane's local row of the first local row of the punch block; left: the block's first column.
     """
@@ -37,7 +37,7 @@ def touch(
     law: tuple[float, ...], levels: tuple[float, float, float], offset: np.ndarray, u: np.ndarray, f: np.ndarray,
     rows: np.ndarray,
 ) -> None:  # fmt: skip
-    """The surface under the punch, out of the plane, and the traction there: u, f = Gamma'(d + z - u).
+    """The surface under the punch from the plane, and the traction there: u, f = Gamma'(d + z - u).
 
     rows: [0], [1], [2] points with a gap below each of the levels [m], [3] Gamma [J/m^2], [4] f [Pa], [5] minus the
     smallest gap [m].
@@ -65,7 +65,7 @@ def touch(
             energy += 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
             pull += traction
             closest = min(closest, gap)
-        # Apart from the sums above: those would be added up in another order beside them.
+        # In a separate loop, because otherwise the order of the sums above would change.
         rows[0, row], rows[1, row], rows[2, row] = count_below(height, position, u, start, offset[row + 1], levels)
         rows[3, row] = energy
         rows[4, row] = pull

@@ -2,8 +2,9 @@
 
     m u'' + eta_0 u' + k_inf u = f + sum_m k_m u_m,   tau_m u_m' = u - u_m      for each mode u(q), all k ~ k_0 = 1/G0
 
-with m = k_inf / omega^2 and eta_0 = 2 m omega. Leapfrog with central damping, the elements exactly for a u that is
-linear within the step; one forward and one backward transform of the whole plane a step. Source: the paper,
+with m = k_inf / omega^2 and eta_0 = 2 m omega. The integrator is leapfrog with central damping; the elements are
+integrated exactly for a u that is linear within the step. One forward and one backward transform of the whole plane per
+step. Source: the paper,
 "Reproducing viscoelastic properties using GFMD".
 """
 
@@ -33,10 +34,10 @@ Coefficients = tuple[float, float, np.ndarray, np.ndarray, np.ndarray]
 
 
 class Gfmd:
-    """Steps of the paper's scheme. `step` moves a state on by one step of given length.
+    """Steps of the paper's scheme. `step` advances a state by one step of given length.
 
     points: PunchPoints whose rows are those of `plane`'s slab; plane: transform.Plane; compliance: the periodic
-    G0(qx, qy); height z [m] (size,); law: CohesiveLaw; series: PronySeries; inertia: Inertia. audit: whether to follow
+    G0(qx, qy); height z [m] (size,); law: CohesiveLaw; series: PronySeries; inertia: Inertia. audit: whether to compute
     energies. near_gap [m]: below which a point is near.
     """
 
@@ -87,7 +88,7 @@ class Gfmd:
         return self.plane.seconds
 
     def place(self, state: State) -> float:
-        """Position d of the punch [m]."""
+        """Displacement d of the punch [m]."""
         return state.position
 
     def surface_of(self, state: State) -> np.ndarray:
@@ -96,11 +97,11 @@ class Gfmd:
         return rows
 
     def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
-        """The same as rows, and the first one's index."""
+        """The surface as rows, and the index of the first one."""
         return kept.reshape(self.plane.real.shape), self.plane.row_start
 
     def new_state(self, position: float) -> State:
-        """A state with the surface at rest, the punch at `position` [m] out of reach."""
+        """A state with the surface at rest, and the punch at `position` [m] beyond the range of adhesion."""
         points, shape = self.points, self.plane.spectral.shape
         zeros = points.zeros
         state = State(
@@ -111,12 +112,12 @@ class Gfmd:
         return state
 
     def start(self, state: State) -> float:
-        """Puts the surface at rest under the punch; returns the force on it [N], zero as it is out of reach."""
+        """Initialises the surface at rest; returns the force on the punch [N], zero beyond the range of adhesion."""
         self.plane.real[:] = 0.0
         return self._touch(state)
 
     def step(self, state: State, phase: Phase, step: float) -> None:
-        """Moves the state on by `step` [s] within the phase. Collective."""
+        """Advances the state by `step` [s] within the phase. Collective."""
         points, plane, energies = self.points, self.plane, state.energies
         kernels.spread(state.traction, points.offset, points.first, self._top, self._left, plane.real)
         plane.forward()
@@ -130,7 +131,7 @@ class Gfmd:
         moved = state.position - before
         energies.work -= 0.5 * (force + state.force) * moved
         if phase.velocity_end > 0.0 and moved > 0.0:
-            # A step is short: the force is a straight line, and one through zero pulls next to nothing.
+            # Steps are short: the force is linear within a step, and work under tension in a step through zero is negligible.
             energies.work_of_separation -= 0.5 * (min(force, 0.0) + min(state.force, 0.0)) * moved
         if self.audit:
             self._follow_energies(state, step)
@@ -145,9 +146,10 @@ class Gfmd:
         """
 
     def _advance(self, state: State, step: float) -> None:
-        """Modes, velocities (of the middle of the step) and elements; the transform's buffer is given the new modes."""
+        """Advances modes, velocities (of the middle of the step) and elements; writes the new modes to the transform's
+        buffer."""
         series = self.series
-        # The velocity is that of the middle of the last step; it is moved to the middle of this one.
+        # The velocity advances from the middle of the last step to the middle of this one.
         lengths = step, 0.5 * (step + (state.last_step or step))
         if lengths != self._lengths:
             self._lengths, self._coefficients = lengths, self._coefficients_of(*lengths)
@@ -160,7 +162,8 @@ class Gfmd:
         )  # fmt: skip
 
     def _coefficients_of(self, step: float, between: float) -> Coefficients:
-        """Of the velocity (what it keeps, its gain from the force), and of the elements; `between` the middles [s]."""
+        """Coefficients of the velocity (decay, gain from the force) and of the elements; between: time [s] between the
+        middles."""
         damping = self.inertia.frequency * between
         keep = (1.0 - damping) / (1.0 + damping)
         kick = damping * self.inertia.frequency / (self.series.kappa_inf * (1.0 + damping))
@@ -169,7 +172,7 @@ class Gfmd:
         return keep, kick, decay, mean - decay, 1.0 - mean
 
     def _touch(self, state: State) -> float:
-        """Takes the surface under the punch from the plane, and the traction there; returns the force on the punch
+        """Copies the surface under the punch from the plane, and computes the traction; returns the force on the punch
         [N]."""
         points = self.points
         kernels.touch(
@@ -186,7 +189,7 @@ class Gfmd:
         return force
 
     def _follow_energies(self, state: State, step: float) -> None:
-        """Stored energy (that of the masses included), and what dashpots have taken by the trapezoidal rule."""
+        """Computes the stored energy (including kinetic energy), and the dissipation by the trapezoidal rule."""
         series, omega = self.series, self.inertia.frequency
         area = self.points.grid.length**2
         stored, moving, lost = self.plane.total_of(self._sums) * (area / self.points.grid.n**2)
@@ -196,5 +199,5 @@ class Gfmd:
 
 
 def _real(array: np.ndarray) -> np.ndarray:
-    """A complex array as the kernels take it: real and imaginary parts side by side along the last axis."""
+    """The real view of a complex array: real and imaginary parts alternate along the last axis."""
     return array.view(float)

@@ -1,5 +1,4 @@
-"""Compiled kernels of the search for the lowest curvature (soft_mode.py), as those of kernels.py: sums are left as one
-partial sum a row."""
+"""Compiled kernels of LOBPCG (soft_mode.py). As in kernels.py, sums are returned as one partial sum per row."""
 
 from __future__ import annotations
 
@@ -13,9 +12,9 @@ _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
 _scrambled = inlined(scrambled)
 SEED_STRIDE = np.uint64(0xD1B54A32D192ED03)
-"""An odd number, by which seeds lie apart."""
+"""An odd number, the distance of seeds."""
 SOFTENED = 1e-6
-"""Of the law's stiffness: by how much a point must have softened to count, as single precision rounds."""
+"""Least softening of a point, relative to the law's stiffness; above the rounding of single precision."""
 
 
 @_compile_sums
@@ -30,8 +29,8 @@ def sum_in_rows(values: np.ndarray, offset: np.ndarray, rows: np.ndarray) -> Non
 
 @inlined
 def _hashed(point: int, seed: int) -> float:
-    """A number between -1 and 1: a hash of the seed and of the point's index in the whole, so that it does not depend on
-    how the points are shared out."""
+    """A number between -1 and 1: a hash of the seed and of the point's global index, so that it does not depend on the
+    distribution of points."""
     x = _scrambled(np.uint64(point) * STRIDE + np.uint64(seed) * SEED_STRIDE)
     return np.float64(np.int64(x >> np.uint64(12))) * 2.0**-51 - 1.0
 
@@ -50,7 +49,7 @@ def softened(
     k: np.ndarray, out: np.ndarray,
 ) -> None:  # fmt: skip
     """out = by how much the interface has softened at each point since the surface was u and the punch at `position`,
-    max(K(d + z - u) - k, 0), more or less by up to a half; 0 for what may be rounding. law: as in
+    max(K(d + z - u) - k, 0), times a random factor between 0.5 and 1.5; 0 within rounding. law: as in
     contact_kernels.evaluate."""
     stiffness, reach, attractive = law
     least = SOFTENED * stiffness
