@@ -268,7 +268,7 @@ def test_a_new_pattern_or_model_drops_what_it_has_no_use_for():
     scene = load_scene("tri-tack", ["rheology.model=elastic", "punch.pattern=flat"])
     assert (scene.rheology.modulus_ratio, scene.punch.wavelength, scene.punch.radius) == (None, None, 375e-6)
     # but not what the same command line asks for
-    with pytest.raises(SceneError, match="rheology.modulus_ratio = 3"):
+    with pytest.raises(SceneError, match=r"rheology\.modulus_ratio = 3"):
         load_scene("tri-tack", ["rheology.model=elastic", "rheology.modulus_ratio=3"])
 
 
