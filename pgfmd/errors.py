@@ -73,3 +73,9 @@ class ResultError(PgfmdError):
     """A results folder that can't be read or written."""
 
     exit_code = 4
+
+
+class MeasurementError(PgfmdError):
+    """A file of measurements that can't be read, or from which nothing can be computed."""
+
+    exit_code = 4
