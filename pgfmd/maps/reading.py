@@ -6,6 +6,7 @@ installation, in a process of its own (worker.py).
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 from pgfmd.errors import MeasurementError
@@ -16,6 +17,8 @@ from .text import read_text_map
 
 TEXT = (".csv", ".txt", ".xyz", ".asc", ".dat", ".tsv", ".prn")
 ARRAYS = (".nc", ".nc4", ".cdf", ".h5", ".hdf5", ".hdf")
+NO_MAPS = (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".pdf", ".stl", ".obj", ".ply")
+"""Pictures, whose colours are no heights, and bodies."""
 _READERS = (
     {".npy": read_npy, ".npz": read_npz} | dict.fromkeys(TEXT, read_text_map) | dict.fromkeys(ARRAYS, read_netcdf)
 )
@@ -40,9 +43,19 @@ def read_map(path: str | Path) -> RawMap:
 
 
 def _read_instrument(path: Path) -> RawMap:
+    with open(path, "rb"):
+        pass
+    if path.suffix.lower() in NO_MAPS:
+        raise ValueError(
+            "unknown kind of file: neither a picture nor a body is a height map; export the heights, as text or .npy"
+        )
+    if find_spec("SurfaceTopography") is None:
+        own = ", ".join(_READERS)
+        raise ValueError(
+            f"unknown kind of file without SurfaceTopography: pgfmd itself reads {own}. Instruments' own formats need "
+            "pip install 'pgfmd[formats]'; or export the map as text"
+        )
     # Not at the top: only such maps start another process.
     from .worker import elsewhere
 
-    with open(path, "rb"):
-        pass
     return elsewhere("instrument", path)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pgfmd.files.number_block import NumberBlock, read_number_block
-from pgfmd.files.numerals import is_missing, is_numeral
+from pgfmd.files.numerals import is_missing, is_numeral, value
 from pgfmd.files.text_lines import cells_of
 
 from .header import Header, understood
@@ -44,17 +44,26 @@ def read_text_map(path: Path) -> RawMap:
 def _require_one_block(block: NumberBlock) -> None:
     """ValueError where other lines look like rows of the same map: a word between them has cut it in two."""
     width = block.values.shape[1]
-    for line in (*block.preamble, *block.below):
+    lines = [*block.preamble, *block.below]
+    if _axis_in(block) is not None:
+        lines.remove(block.preamble[-1])
+    for line in lines:
         cells = cells_of(line, block.delimiter)
-        if (
-            len(cells) >= max(width, 3)
-            and sum(map(is_numeral, cells)) > 2
-            and all(is_numeral(cell) or is_missing(cell) for cell in cells)
-        ):
+        if len(cells) >= width and 2 * sum(map(is_numeral, cells)) > len(cells):
+            word = next((cell for cell in cells if not is_numeral(cell) and not is_missing(cell)), "")
+            why = f"{word!r} in it is no number" if word else "there are words between it and the others"
             raise ValueError(
-                f"holds more than one block of numbers, with words between them, such as the row {line.strip()[:40]}...: "
-                "keep one map, and mark missing pixels by NaN"
+                f"more than one block of numbers: the line {line.strip()[:40]}... is not with the others, as {why}; keep one "
+                "map, and mark missing pixels by NaN"
             )
+
+
+def _axis_in(block: NumberBlock) -> Array | None:
+    """The places along x in the line above the numbers, where that holds numbers behind a word; else None."""
+    cells = block.header
+    if len(cells) < 3 or is_numeral(cells[0]) or not all(map(is_numeral, cells[1:])):
+        return None
+    return np.array([value(cell, "," if block.delimiter != "," and "," in cell else ".") for cell in cells[1:]])
 
 
 def _named(titles: Sequence[str]) -> dict[str, tuple[int, Unit | None]]:
@@ -141,9 +150,18 @@ def _lines(places: Array, rounding: float) -> tuple[np.ndarray, float | None]:
 def _matrix(block: NumberBlock, header: Header) -> RawMap:
     """The map of a matrix of heights, without a first row and column of places."""
     values, sides = block.values, None
+    axis = _axis_in(block)
+    if axis is not None:
+        values = np.vstack([np.concatenate([[np.nan], axis]), values])
     labelled = _labelled(values)
     if labelled is not None:
         values, sides = labelled
+    elif axis is not None or any(
+        _counts(line) for line in (values[0], values[:, 0]) if line.size > 3 and _broken(values)
+    ):
+        raise ValueError(
+            "its first row or column counts, or names places, and holds no heights: delete it, or both of them"
+        )
     size, unit = header.size(values.shape)
     if size is None and sides is not None:
         size, unit = sides, header.lateral
@@ -181,6 +199,11 @@ def _labelled(values: Array) -> tuple[Array, tuple[float, float] | None] | None:
 def _counts(line: Array) -> bool:
     """Whether numbers count 0, 1, 2 ... or 1, 2, 3 ..."""
     return bool(line[0] in (0.0, 1.0) and (np.diff(line) == 1.0).all())
+
+
+def _broken(values: Array) -> bool:
+    """Whether a matrix holds numbers other than whole ones."""
+    return bool((values[np.isfinite(values)] % 1.0 != 0.0).any())
 
 
 def _even(steps: Array) -> bool:

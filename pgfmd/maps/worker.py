@@ -105,7 +105,7 @@ def instrument(path: Path) -> RawMap:
 
 
 def surface_topography() -> ModuleType:
-    """The library, without MPI where it has not been loaded. ValueError where it is not installed."""
+    """The library, without MPI where that has not been loaded. ValueError where it can't be imported."""
     try:
         if "NuMPI" not in sys.modules and "mpi4py" not in sys.modules:
             sys.modules["mpi4py"] = None  # type: ignore[assignment]
@@ -116,8 +116,7 @@ def surface_topography() -> ModuleType:
                 del sys.modules["mpi4py"]
         return importlib.import_module("SurfaceTopography")
     except ImportError as error:
-        cure = "install it: pip install 'pgfmd[formats]'; or export the map as text, netCDF or .npy"
-        raise ValueError(f"unknown kind of file without SurfaceTopography ({error}); {cure}") from None
+        raise ValueError(f"SurfaceTopography can't be imported: {error}") from None
 
 
 def _unit_of_heights(channel: Any, found: Any) -> tuple[Unit | None, str]:
