@@ -22,9 +22,11 @@ _HEIGHTS_IN = re.compile(
     re.IGNORECASE,
 )
 _LENGTH_UNIT = re.compile(
-    r"(?<![^\W\d_])(?:[nuµμpm~?]m|Å|angstrom|micron|[nµμu]met|nanomet|mi[ck]romet|millimet)(?![^\W\d_]{4})",
+    r"(?<![^\W\d_])(?:(?:[nuµμm~?]m|Å)(?![^\W\d_]|[./-]?y)|angstrom|micron|(?:nano|micro|mikro|milli|[nuµμ])met(?:er|re))",
     re.IGNORECASE,
 )
+"""A unit of length in a line of words, other than the months of a date."""
+_HEIGHT_WORDS = ("z", "height", "heights", "höhe", "höhen", "hoehe", "topography")
 
 _NAMES = {
     "width": "width, x length, length x, x range, x size, size x, scan size x, x scan size, scan width, image width, breite, x extent, "
@@ -111,6 +113,9 @@ def _take(header: Header, text: str) -> bool:
     meaning = _MEANINGS.get(name)
     if meaning in ("unit", "lateral"):
         return _take_name_of_unit(header, meaning, value)
+    if name in _HEIGHT_WORDS and not _QUANTITY.search(value):
+        # The name of a channel, perhaps with its unit.
+        return _take_unit(header, f"{name} in {value.strip(' ,;')}") or _take_unit(header, text)
     numbers = [(_number(found["number"]), found["unit"] or "") for found in _QUANTITY.finditer(value)]
     if meaning is None or not numbers or not _QUANTITY.match(value):
         return _take_unit(header, text)

@@ -24,6 +24,8 @@ FEWEST_ACROSS = 4
 """Pixels that must lie across a punch."""
 HIGHEST = 1e30
 """Number from which on none is a height, whatever its unit."""
+RIM = 1.5
+"""Pixels from the rim within which no height is taken for a number that means missing."""
 MOST_MISSING = 0.5
 """Share of the pixels under the punch that may be filled."""
 
@@ -132,20 +134,20 @@ def prepared(raw: RawMap, keys: MapKeys, radius: float | None) -> tuple[Array | 
     problems += _too_coarse(shape, size, "punch.file_size" if keys.size else "the file", radius)
     every = max(1, math.ceil(math.sqrt(raw.numbers.size / limits.WHOLE)))
     sample = np.asarray(raw.numbers[::every, ::every])
-    codes, suspect = _codes(raw, keys, sample, _under(sample.shape, size, radius))
-    numbers, missing, near = raw.numbers, 0, _under(shape, size, radius)
+    # At the rim there may be the ground around a punch, which is at an end of all heights as well.
+    codes, suspect = _codes(raw, keys, sample, _under(sample.shape, size, radius, reach=-RIM))
+    numbers, missing, under = raw.numbers, 0, _under(shape, size, radius)
     gone = _gone(numbers, [code.number for code in codes])
     if gone is not None:
-        missing = int(np.count_nonzero(gone & near))
-        if missing and (keys.missing == "refuse" or missing > MOST_MISSING * np.count_nonzero(near)):
-            raise MapError([_missing(keys, codes, gone & near, near, size), *problems])
-        numbers = filled(np.where(gone, np.nan, numbers), near)
-        sample = numbers[::every, ::every]
+        missing = int(np.count_nonzero(gone & under))
+        if missing and (keys.missing == "refuse" or missing > MOST_MISSING * np.count_nonzero(under)):
+            raise MapError([_missing(keys, codes, gone & under, under, size), *problems])
+        numbers = filled(np.where(gone, np.nan, numbers), _under(shape, size, radius, reach=1.0))
     factor = unit.metres * (-1.0 if peaks.word == "up" else 1.0)
-    plane, trend = _trends(sample.astype(float) * factor, _within(sample.shape, size, radius), keys.detrend)
+    plane, trend = _trends(numbers, _under(shape, size, radius, reach=0.0), factor, keys.detrend)
     tilt = float(plane[1] / size[0]), float(plane[2] / size[1])
     facts = MapFacts(
-        raw.kind, shape, size, file_size, Said(unit.name, unit_by), peaks, tilt, int(np.count_nonzero(near)), missing,
+        raw.kind, shape, size, file_size, Said(unit.name, unit_by), peaks, tilt, int(np.count_nonzero(under)), missing,
         tuple(codes), suspect, raw.notes, tuple(problems),
     )  # fmt: skip
     return _heights(numbers, factor, trend), facts
@@ -192,16 +194,18 @@ def _too_coarse(shape: tuple[int, int], size: tuple[float, float], who: str, rad
     )
 
 
-def _under(shape: tuple[int, int], size: tuple[float, float], radius: float | None) -> NDArray[np.bool_]:
-    """Which pixels heights under the punch are interpolated from."""
-    return _within(shape, size, None if radius is None else radius + math.hypot(size[0] / shape[1], size[1] / shape[0]))
-
-
-def _within(shape: tuple[int, int], size: tuple[float, float], radius: float | None) -> NDArray[np.bool_]:
+def _under(
+    shape: tuple[int, int], size: tuple[float, float], radius: float | None, reach: float = 0.5
+) -> NDArray[np.bool_]:
+    """Which pixels are under the punch, wholly or in part; with a reach of 1 pixel, not half of one, those that heights under
+    it are interpolated from; with 0 those whose middles are; below that those as far from its rim."""
     if radius is None:
         return np.ones(shape, bool)
-    rows, columns = shape
-    return np.hypot(_middles(columns) * size[0], _middles(rows)[:, None] * size[1]) <= radius
+    x, y = (
+        np.maximum(np.abs(_middles(count)) - reach / count, 0.0) * side
+        for count, side in zip(shape[::-1], size, strict=True)
+    )
+    return np.hypot(x, y[:, None]) <= radius
 
 
 def _codes(raw: RawMap, keys: MapKeys, sample: Array, under: NDArray[np.bool_]) -> tuple[list[Code], Code | None]:
@@ -235,12 +239,12 @@ def _gone(numbers: Array, codes: list[float]) -> NDArray[np.bool_] | None:
 
 
 def _missing(
-    keys: MapKeys, codes: list[Code], gone: NDArray[np.bool_], near: NDArray[np.bool_], size: tuple[float, float]
+    keys: MapKeys, codes: list[Code], gone: NDArray[np.bool_], under: NDArray[np.bool_], size: tuple[float, float]
 ) -> Problem:
     """What is said of missing pixels under the punch."""
     rows, columns = np.nonzero(gone)
     x, y = _middles(gone.shape[1])[columns[0]] * size[0], _middles(gone.shape[0])[rows[0]] * size[1]
-    count, all_of_them = rows.size, int(np.count_nonzero(near))
+    count, all_of_them = rows.size, int(np.count_nonzero(under))
     where = f"one at x = {shown(x, 'length')}, y = {shown(y, 'length')}, row {rows[0] + 1}, column {columns[0] + 1}"
     what = ""
     if codes:
@@ -302,25 +306,29 @@ def filled(numbers: Array, under: NDArray[np.bool_]) -> Array:
     return whole
 
 
-def _trends(heights: Array, inner: NDArray[np.bool_], detrend: str) -> tuple[Array, Trend | None]:
-    """Coefficients of the plane through the heights under the punch, and what is to be taken off them."""
-    v, u = (_middles(count)[index] for count, index in zip(heights.shape, np.nonzero(inner), strict=True))
-    z = heights[inner]
-    known = np.isfinite(z)
-    u, v, z = u[known], v[known], z[known]
-    if not z.size:
-        return np.zeros(6), None
-    terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
-    plane, curved = _fitted(terms[:3], z), None
-    if detrend == "curvature":
-        curved = _fitted(terms, z)
-    return plane, {"none": None, "tilt": Trend(plane)}.get(detrend, Trend(curved) if curved is not None else None)
+def _trends(numbers: Array, inner: NDArray[np.bool_], factor: float, detrend: str) -> tuple[Array, Trend | None]:
+    """Coefficients of the plane through the heights under the punch, and what is to be taken off them. factor: from numbers to
+    heights [m]; a stripe of rows after another."""
+    u, v = _middles(numbers.shape[1]), _middles(len(numbers))
+    some = max(1, limits.WHOLE // numbers.shape[1])
+    products, right = np.zeros((6, 6)), np.zeros(6)
+    for first in range(0, len(numbers), some):
+        row, column = np.nonzero(inner[first : first + some])
+        z = numbers[first : first + some][row, column] * factor
+        x, y = u[column], v[first + row]
+        terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+        products += terms @ terms.T
+        right += terms @ z
+    plane = _solved(products, right, 3)
+    if detrend == "none":
+        return plane, None
+    return plane, Trend(plane if detrend == "tilt" else _solved(products, right, 6))
 
 
-def _fitted(terms: Array, z: Array) -> Array:
-    """Coefficients of least squares, six of them."""
+def _solved(products: Array, right: Array, terms: int) -> Array:
+    """Coefficients of least squares of the first so many terms, from their products with each other and with the heights."""
     found = np.zeros(6)
-    found[: len(terms)] = np.linalg.lstsq(terms @ terms.T, terms @ z, rcond=None)[0]
+    found[:terms] = np.linalg.lstsq(products[:terms, :terms], right[:terms], rcond=None)[0]
     return found
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from pgfmd.files.number_block import NumberBlock, read_number_block
 from pgfmd.files.numerals import is_missing, is_numeral, value
-from pgfmd.files.text_lines import cells_of
+from pgfmd.files.text_lines import cells_of, titles_of
 
 from .header import Header, understood
-from .raw import Array, RawMap, Unit, unit_of
+from .raw import METRE, Array, RawMap, Unit, unit_of
 
 COORDINATES = ("x", "y", "z")
 HEIGHT_NAMES = ("z", "height", "heights", "höhe", "topography", "elevation")
@@ -29,15 +28,14 @@ def read_text_map(path: Path) -> RawMap:
     block = read_number_block(path)
     _require_one_block(block)
     header = understood([*block.preamble, *block.below])
-    names = _named(block.header)
     columns = block.values.shape[1]
+    names = _columns(block)
     if all(name in names for name in COORDINATES):
         return _of_places(block, header, [names[name] for name in COORDINATES])
     if columns == 2 and len(block.values) > 2:
         raise ValueError("has two columns, as a profile along a line: expected a matrix of heights, or x, y and z")
     if columns == 3 and len(block.values) > 3:
-        units: list[tuple[int, Unit | None]] = [(place, header.unit) for place in range(3)]
-        return _of_places(block, header, units)
+        return _of_places(block, header, [(place, None) for place in range(3)])
     return _matrix(block, header)
 
 
@@ -66,30 +64,39 @@ def _axis_in(block: NumberBlock) -> Array | None:
     return np.array([value(cell, "," if block.delimiter != "," and "," in cell else ".") for cell in cells[1:]])
 
 
-def _named(titles: Sequence[str]) -> dict[str, tuple[int, Unit | None]]:
-    """Place and unit of the columns x, y and z in a line of names such as "X [µm]", "y/um", "Height (nm)"."""
+def _columns(block: NumberBlock) -> dict[str, tuple[int, Unit | None]]:
+    """Place and unit of the columns x, y and z by the names above them, such as "X [µm]", "y/um", "Height (nm)"; units may
+    stand in a line of their own below the names."""
+    width, above = block.values.shape[1], [line for line in block.preamble if line.strip()]
+    if not above:
+        return {}
+    below: list[Unit | None] = [_unit(cell) for cell in cells_of(above[-1], block.delimiter)]
+    of_units = len(below) == width and all(below) and len(above) > 1
+    titles = titles_of(above[-2 if of_units else -1], block.delimiter, width)
     found: dict[str, tuple[int, Unit | None]] = {}
     for place, title in enumerate(titles):
-        name, unit = title.strip().strip('"'), None
-        for mark in "[(/":
-            if mark in name:
-                name, _, rest = name.partition(mark)
-                try:
-                    unit = unit_of(rest.strip(" ])"))
-                except ValueError:
-                    unit = None
-                break
-        word = name.strip().lower().removesuffix(" position").removesuffix("-position")
+        mark = next((mark for mark in "[(/" if mark in title), None)
+        name, _, rest = title.partition(mark) if mark else (title, "", "")
+        word = name.strip(' "').lower().removesuffix("position").rstrip(" -_")
         word = "z" if word in HEIGHT_NAMES else word
         if word in COORDINATES:
-            found.setdefault(word, (place, unit))
+            found.setdefault(word, (place, below[place] if of_units else _unit(rest.strip(' ])"'))))
     return found
+
+
+def _unit(text: str) -> Unit | None:
+    try:
+        return unit_of(text)
+    except ValueError:
+        return None
 
 
 def _of_places(block: NumberBlock, header: Header, columns: list[tuple[int, Unit | None]]) -> RawMap:
     """The map of a table of x, y and z."""
     x, y, z = (block.values[:, place] for place, _ in columns)
-    units = [unit or header.unit for _, unit in columns]
+    own = [unit for _, unit in columns]
+    # The one of all, or that of each.
+    units = own if any(own) else [header.unit] * 3
     known = np.isfinite(x) & np.isfinite(y)
     found = _grid(x[known], y[known], z[known])
     if found is None:
@@ -99,11 +106,14 @@ def _of_places(block: NumberBlock, header: Header, columns: list[tuple[int, Unit
         )
     heights, size = found
     of_x, of_y, unit = units
+    notes, size_unit = block.notes, None
     if of_x is not None and of_y is not None:
-        size, of_x = (size[0] * of_x.metres, size[1] * of_y.metres), Unit("m", 1.0)
+        size, size_unit = (size[0] * of_x.metres, size[1] * of_y.metres), METRE
+    elif unit is not None:
+        notes = (*notes, f"x and y have no unit of their own: they are taken to be in that of z, {unit.name}")
     kind = f"table of x, y and z, {heights.shape[1]} x {heights.shape[0]} points"
     doubts = tuple(header.doubts)
-    return RawMap(heights, kind, unit, header.odd_unit, size, of_x, None, tuple(header.codes), doubts, block.notes)
+    return RawMap(heights, kind, unit, header.odd_unit, size, size_unit, None, tuple(header.codes), doubts, notes)
 
 
 def _grid(x: Array, y: Array, z: Array) -> tuple[Array, tuple[float, float]] | None:
@@ -189,11 +199,21 @@ def _labelled(values: Array) -> tuple[Array, tuple[float, float] | None] | None:
         return None
     if _counts(x) and _counts(y):
         return body, None
+    if _counts(x) or _counts(y):
+        raise ValueError("counts along one side, and has places along the other: give places along both, or neither")
     if steps_x[0] < 0:
         body = body[:, ::-1]
     if steps_y[0] < 0:
         body = body[::-1]
     return body, (abs(float(steps_x.mean())) * x.size, abs(float(steps_y.mean())) * y.size)
+
+
+def _may_be_labelled(values: Array) -> bool:
+    """Whether the first row and column, but not the second ones, rise evenly, as places do."""
+    if min(values.shape) < 5:
+        return False
+    edges, inner = (values[0, 1:], values[1:, 0]), (values[1, 1:], values[1:, 1])
+    return all(_even(np.diff(line)) for line in edges) and not any(_even(np.diff(line)) for line in inner)
 
 
 def _counts(line: Array) -> bool:

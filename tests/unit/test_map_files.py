@@ -172,7 +172,7 @@ REFUSED = {
     "holes.csv": (lambda path: with_holes(path), SIZES | DOWN, "file_missing", "5 of .* no height.* row 9, column 12.*fill"),
     "zeros.csv": (lambda path: with_holes(path, 0.0), SIZES | DOWN, "file_missing", "that hold 0 are taken for missing"),
     "bad.txt": (
-        lambda path: path.write_text("\n".join(["1 2 3 BAD 5 6"] * 6)), SIZES | DOWN, "file_missing", "file_missing_value"
+        lambda path: path.write_text("\n".join(["1 2 3 BAD 5 6"] * 6)), SIZES | DOWN, "file_missing", "row 1, column 4"
     ),
     "no-height.npy": (lambda path: np.save(path, np.full((24, 24), np.nan)), SIZES | {"file_missing": "fill"} | DOWN,
                       "file_missing", "at least half"),

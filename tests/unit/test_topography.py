@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from pgfmd.maps import raw
 from pgfmd.physics.asperities import site_normals
+from pgfmd.physics.heightfile import forget
 from pgfmd.physics.topography import PATTERNS, Topography, layered
 
 WAVELENGTH = 150e-6
@@ -310,6 +311,7 @@ def test_a_large_map_is_interpolated_in_stripes_of_its_own(tmp_path, monkeypatch
     x, y = np.random.default_rng(4).uniform(-1.0, 1.0, (2, 3000)) * reach
     whole = Topography("file", radius=0.9, **face).heights(x, y)
     monkeypatch.setattr(raw, "WHOLE", 800)
+    forget()
     large = Topography("file", radius=0.9, **face)
     np.testing.assert_allclose(large.heights(x, y), whole, rtol=0, atol=1e-9)
     # It stays on the disk, and a place has the same bits whatever else is asked for.
