@@ -13,13 +13,15 @@ from pgfmd.physics.map_survey import Place, Survey, survey
 from pgfmd.physics.topography import Topography
 from pgfmd.units import handy_quantity as shown
 
+ATOM = 1e-10
+"""Rise [m] of a tilt that is none."""
 SQUARE = 0.01
 """Relative difference of the sides of a pixel that is no matter."""
 SAME_SIZE = 0.005
 """Relative difference of two sizes of a map that is no matter."""
 LIFTED = 0.25
 """Lift of a place by the tilt, in ranges of adhesion, from which on the tilt decides where contact begins."""
-BENT = 0.1
+BENT, TERRACE = 0.05, 0.1
 """What heights may bend within a pixel, and the steps between their levels, in ranges of adhesion."""
 MANY_FILLED = 0.05
 """Share of the pixels under the punch that may be filled without a warning."""
@@ -54,7 +56,7 @@ def told(scene) -> Iterator[Told]:
         "height map",
         f"{columns} x {rows}",
         "",
-        f"pixels of {_sides(face.map.pixel)}, {_sides(facts.size)} in all: a {facts.kind}",
+        f"pixels of {_sides(face.map.pixel)}, {_sides(facts.size)} in all; read as {facts.kind}",
     )
     yield "heights are in", facts.unit.word, "", WHO[facts.unit.by]
     yield "peaks", facts.peaks.word, "", f"{_which_touches(facts.peaks.word)}, {WHO[facts.peaks.by]}"
@@ -66,7 +68,7 @@ def told(scene) -> Iterator[Told]:
             f"of {facts.under} under the punch, filled from those around{_codes(facts)}",
         )
     yield "rms height", found.rms, "m", "under the punch, about the mean"
-    yield "tilt", math.hypot(*facts.tilt), "", _tilt(scene, facts)
+    yield "tilt", float(f"{math.hypot(*facts.tilt):.3g}"), "", _tilt(scene, facts)
     yield (
         "first contact",
         "at the rim" if found.first.at_rim else "inside",
@@ -84,12 +86,12 @@ def head(scene) -> list[str]:
     face, found = seen(scene)
     facts, lines = face.map.facts, {name: (value, note) for name, value, _, note in told(scene)}
     start = (
-        f"map: {lines['height map'][0]} {lines['height map'][1]}, heights in {facts.unit.word} {WHO[facts.unit.by]}, "
+        f"map: {lines['height map'][0]} {lines['height map'][1]}; heights in {facts.unit.word} {WHO[facts.unit.by]}, "
         f"peaks {facts.peaks.word} {WHO[facts.peaks.by]}"
     )
     middle = (
-        f"map: range {shown(found.relief, 'length')}, rms {shown(found.rms, 'length')}, tilt {lines['tilt'][0]:.2g}, "
-        f"steepest slope {found.slope:.2g} under the punch"
+        f"map: under the punch range {shown(found.relief, 'length')}, rms {shown(found.rms, 'length')}, steepest slope "
+        f"{found.slope:.2g}, tilt {lines['tilt'][1]}"
     )
     end = f"map: first contact {lines['first contact'][0]} {lines['first contact'][1]}"
     if found.others:
@@ -114,8 +116,10 @@ def _codes(facts: MapFacts) -> str:
 
 def _tilt(scene, facts: MapFacts) -> str:
     degrees = math.degrees(math.atan(math.hypot(*facts.tilt)))
-    across = 2.0 * scene.punch.radius if scene.punch.radius else min(facts.size)
-    text = f"{degrees:.2g} degrees, {shown(across * math.hypot(*facts.tilt), 'length')} from side to side"
+    rise = math.hypot(*facts.tilt) * (2.0 * scene.punch.radius if scene.punch.radius else min(facts.size))
+    if rise < ATOM:
+        return "none to speak of"
+    text = f"{degrees:.2g} degrees, {shown(rise, 'length')} from side to side"
     kept = {"none": "", "tilt": "; taken off", "curvature": "; taken off, with the curvature"}
     return text + kept[scene.punch.file_detrend]
 
@@ -173,7 +177,7 @@ def _pixels(scene, face: Topography, found: Survey) -> Iterator[str]:
             f"{found.sag / reach:.2g} of the range of adhesion, {shown(reach, 'length')}: the pixels are too coarse, or noisy, for this "
             "range, and contact begins on single pixels; smooth the map, measure it finer, or choose a larger range"
         )
-    if found.step > BENT * reach:
+    if found.step > TERRACE * reach:
         yield (
             f"punch.file: heights come in steps of {shown(found.step, 'length')}, {found.step / reach:.2g} of the range of "
             f"adhesion, {shown(reach, 'length')}: terraces of that height touch; smooth the map, or choose a larger range"
@@ -186,7 +190,7 @@ def _first_contact(scene, found: Survey) -> Iterator[str]:
         slope = math.hypot(*found.tilt)
         yield (
             f"punch.file: the tilt of the heights under the punch, {math.degrees(math.atan(slope)):.2g} degrees, decides where "
-            f"contact begins: without it, places would touch first that are {shown(found.lift, 'length')} higher now, and the range of "
+            f"contact begins: what would touch first without it is {shown(found.lift, 'length')} higher now, and the range of "
             f'adhesion is {shown(reach, "length")}; set file_detrend = "tilt" if the stage was tilted, not the face'
         )
 
@@ -209,13 +213,13 @@ def _numbers(facts: MapFacts, found: Survey) -> Iterator[str]:
         )
     if found.clipped:
         yield (
-            f"punch.file: {found.clipped.count} pixels under the punch hold the very same extreme height, "
+            f"punch.file: {found.clipped.pixels} pixels under the punch hold the very same extreme height, "
             f"{shown(found.clipped.number, 'length')}: the measurement may have been at the end of its range there, or the pixels "
             'be missing; name their number in the file as missing if so (file_missing_value, file_missing = "fill")'
         )
     if facts.suspect:
         yield (
-            f"punch.file: {facts.suspect.count} pixels hold the number {facts.suspect.number:.9g}, far more than hold any other, "
+            f"punch.file: {facts.suspect.pixels} pixels hold the number {facts.suspect.number:.9g}, far more than hold any other, "
             "and it is not what is around them: pixels without a signal? If so, set "
             f'file_missing_value = [{facts.suspect.number:.9g}] and file_missing = "fill"'
         )

@@ -23,10 +23,10 @@ UNEVEN = 0.02
 def read_npy(path: Path) -> RawMap:
     """The array of a .npy file; a large one stays on the disk, as all ranks of a node share what they read of it."""
     if path.stat().st_size > 8 * limits.WHOLE:
-        return RawMap(np.load(path, mmap_mode="r", allow_pickle=False), "array")
+        return RawMap(np.load(path, mmap_mode="r", allow_pickle=False), "an array")
     with open(path, "rb") as file:
         # numpy.load would take an empty file for a pickle that has ended.
-        return RawMap(np.lib.format.read_array(file, allow_pickle=False), "array")
+        return RawMap(np.lib.format.read_array(file, allow_pickle=False), "an array")
 
 
 def read_npz(path: Path) -> RawMap:
@@ -42,8 +42,8 @@ def read_npz(path: Path) -> RawMap:
             raise ValueError(f"size has the shape {size.shape}, expected (size_x, size_y)")
         unit, odd_unit = _unit(_word(archive["unit"])) if "unit" in archive else (None, "")
         peaks = _peaks(_word(archive["peaks"])) if "peaks" in archive else None
-        sides = None if size is None else tuple(float(side) for side in size)
-        return RawMap(archive["z"], "array z", unit, odd_unit, sides, METRE, peaks)
+        sides = None if size is None else (float(size[0]), float(size[1]))
+        return RawMap(archive["z"], "an array", unit, odd_unit, sides, METRE, peaks)
 
 
 def _word(stored: Array) -> str:
@@ -59,7 +59,8 @@ def _unit(text: str) -> tuple[Unit | None, str]:
 
 
 def _peaks(text: str) -> Peaks | None:
-    return text if text in ("up", "down") else None
+    found: dict[str, Peaks] = {"up": "up", "down": "down"}
+    return found.get(text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,11 +155,11 @@ def _of_variables(variables: list[Variable], attributes: Mapping[str, Any]) -> R
         if side is not None and unit is not None:
             units.add(unit)
     unit, odd_unit = _unit(_unit_text(own))
-    size = None if None in sides else (sides[0], sides[1])
+    size = None if sides[0] is None or sides[1] is None else (sides[0], sides[1])
     peaks = _peaks(str(own.get("peaks", attributes.get("peaks", ""))))
     if len({found.metres for found in units}) > 1:
         raise ValueError("x and y have different units: give file_size and file_unit")
-    return RawMap(values, f"variable {heights.name}", unit, odd_unit, size, next(iter(units), None), peaks)
+    return RawMap(values, f"the variable {heights.name}", unit, odd_unit, size, next(iter(units), None), peaks)
 
 
 def _is(name: str, axis: str) -> bool:

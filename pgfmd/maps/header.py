@@ -71,10 +71,12 @@ class Header:
         Raises ValueError where x and y have different units and one of them none.
         """
         counts = shape[::-1]
-        found = [self._side(side, step, count) for side, step, count in zip(_SIDES, _STEPS, counts, strict=True)]
-        if None in found:
+        along_x, along_y = (
+            self._side(side, step, count) for side, step, count in zip(_SIDES, _STEPS, counts, strict=True)
+        )
+        if along_x is None or along_y is None:
             return None, None
-        (x, unit_x), (y, unit_y) = found
+        (x, unit_x), (y, unit_y) = along_x, along_y
         if unit_x is None or unit_y is None:
             return (x, y), unit_x or unit_y
         return (x * unit_x.metres, y * unit_y.metres), Unit("m", 1.0)

@@ -37,10 +37,10 @@ OFTEN = 10.0
 
 
 class Code(NamedTuple):
-    """A number that stands for missing pixels, in the units of the file, and how many there are."""
+    """A number that stands for missing pixels, in the units of the file, and how many pixels hold it."""
 
     number: float
-    count: int
+    pixels: int
 
 
 class Spike(NamedTuple):
@@ -146,6 +146,6 @@ def lone_spikes(heights: Array, inside: NDArray[np.bool_], least: float) -> list
     found = np.abs(out) > np.maximum(STICKS_OUT * (high - low), least)
     order = np.argsort(-np.abs(out[found]), kind="stable")
     return [
-        Spike(*(int(at) for at in np.unravel_index(place, z.shape)), float(by))
+        Spike(int(place // z.shape[1]), int(place % z.shape[1]), float(by))
         for place, by in zip(places[found][order], out[found][order], strict=True)
     ]

@@ -281,7 +281,7 @@ def filled(numbers: Array, under: NDArray[np.bool_]) -> Array:
         return whole
     number = np.full(numbers.shape, -1)
     number[rows, columns] = np.arange(rows.size)
-    own, other, right, count = [], [], np.zeros(rows.size), np.zeros(rows.size)
+    pairs, right, count = [], np.zeros(rows.size), np.zeros(rows.size)
     for step_y, step_x in ((0, 1), (0, -1), (1, 0), (-1, 0)):
         at_y, at_x = rows + step_y, columns + step_x
         here = (at_y >= 0) & (at_y < numbers.shape[0]) & (at_x >= 0) & (at_x < numbers.shape[1])
@@ -291,11 +291,10 @@ def filled(numbers: Array, under: NDArray[np.bool_]) -> Array:
         known = ~unknown & ~gone[at_y, at_x]
         np.add.at(count, me[unknown | known], 1.0)
         np.add.at(right, me[known], whole[at_y[known], at_x[known]])
-        own.append(me[unknown])
-        other.append(number[at_y, at_x][unknown])
+        pairs.append(np.stack([me[unknown], number[at_y, at_x][unknown]]))
     lone = count == 0.0
     right[lone], count[lone] = whole[rows, columns][lone], 1.0
-    own, other = np.concatenate(own), np.concatenate(other)
+    own, other = np.concatenate(pairs, axis=1)
     diagonal = np.arange(rows.size)
     entries = np.concatenate([count, -np.ones(own.size)])
     places = np.concatenate([diagonal, own]), np.concatenate([diagonal, other])

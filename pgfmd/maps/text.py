@@ -111,7 +111,7 @@ def _of_places(block: NumberBlock, header: Header, columns: list[tuple[int, Unit
         size, size_unit = (size[0] * of_x.metres, size[1] * of_y.metres), METRE
     elif unit is not None:
         notes = (*notes, f"x and y have no unit of their own: they are taken to be in that of z, {unit.name}")
-    kind = f"table of x, y and z, {heights.shape[1]} x {heights.shape[0]} points"
+    kind = f"a table of x, y and z, {heights.shape[1]} x {heights.shape[0]} points"
     doubts = tuple(header.doubts)
     return RawMap(heights, kind, unit, header.odd_unit, size, size_unit, None, tuple(header.codes), doubts, notes)
 
@@ -178,7 +178,7 @@ def _matrix(block: NumberBlock, header: Header) -> RawMap:
     if "columns" in header.keys and "rows" in header.keys and "pixel" in header.keys:
         # A grid of geographic systems: its first row is the northernmost.
         values = values[::-1]
-    kind = f"matrix of {values.shape[1]} x {values.shape[0]} heights"
+    kind = f"a matrix of {values.shape[1]} x {values.shape[0]} heights"
     doubts = tuple(header.doubts)
     return RawMap(
         values, kind, header.unit, header.odd_unit, size, unit, None, tuple(header.codes), doubts, block.notes

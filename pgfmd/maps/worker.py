@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from .raw import RawMap, Unit, unit_of
+from .raw import Array, RawMap, Unit, unit_of
 
 REFUSED = 3
 """Exit code of a process that tells by its error stream why a file can't be read."""
@@ -91,17 +91,26 @@ def instrument(path: Path) -> RawMap:
         sizes = channel.physical_sizes
         try:
             found = reader.topography(channel_index=channel.index, **({} if sizes else {"physical_sizes": (1.0, 1.0)}))
-            heights = np.ma.filled(np.ma.asarray(found.heights(), dtype=float), np.nan)
+            heights: Array = np.ma.filled(np.ma.asarray(found.heights(), dtype=float), np.nan)
         except Exception as error:
             raise ValueError(f"read as {name}, but its heights can't be: {error or type(error).__name__}") from error
         others = ", ".join(other.name for other in reader.channels if other.index != channel.index)
     unit, odd_unit = _unit_of_heights(channel, found)
     lateral = _length(found.unit if isinstance(found.unit, str) else channel.lateral_unit)
-    size = tuple(float(side) for side in found.physical_sizes) if sizes else None
+    x, y = found.physical_sizes
     notes = (f"channel {channel.name} is taken; there are also {others}",) if others else ()
     # Its heights are [ix, iy], and grow away from the body as instruments have them.
     heights = np.ascontiguousarray(heights.T)
-    return RawMap(heights, f"{name} file", unit, odd_unit, size, lateral, "up", notes=notes)
+    return RawMap(
+        heights,
+        f"a file of the format {name}",
+        unit,
+        odd_unit,
+        (float(x), float(y)) if sizes else None,
+        lateral,
+        "up",
+        notes=notes,
+    )
 
 
 def surface_topography() -> ModuleType:

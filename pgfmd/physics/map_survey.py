@@ -29,16 +29,22 @@ AT_RIM = 0.02
 """Distance from the outline, in radii, within which a place is at the rim."""
 OTHERS = 3
 """Further places that are told."""
+EQUAL = 1e-3
+"""Height above the lowest point, in ranges of adhesion, that is no matter."""
 NEARLY = 0.1
 """Height above the lowest point, in ranges of adhesion, up to which a place touches first as well."""
 LOW = 2.0
 """Heights above the lowest point, in ranges of adhesion, that the first contact is made of."""
+SMOOTHEST = 0.2
+"""Share of those heights that may be smoother than what is told of all."""
 LEAST_SPIKE = 0.1
 """Least height of a lone spike, in ranges of adhesion."""
 CLIPPED, CLIPPED_TIMES = 5, 10.0
 """How many pixels at an end of the heights, and how many times as many as at the levels next to it, look clipped."""
+TERRACES = 0.1
+"""Share of the neighbours, along either axis, that are equally high where heights come in steps."""
 LEVELS = 8
-"""Levels next to an end of the heights that it is compared with."""
+"""Levels next to an end of the heights that it is compared with; fewer in all are meant."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +65,8 @@ class Survey:
 
     relief: from the lowest to the highest point; slope: the steepest, over a spacing of the grid where that is more than a pixel;
     rms: of the heights about their mean; tilt: slopes along x and y of the plane through them. first: where contact begins;
-    others: the next summits. lift: how far the tilt lifts a place that would touch first without it. sag: by how much heights
-    around the first contact bend within a pixel; step: between levels of the heights, 0 where they have none. spikes: pixels
+    others: the next summits. lift: how far the tilt lifts what would touch first without it, in the mean. sag: by how much heights
+    around the first contact bend within a pixel, at least; step: between levels of the heights, 0 where they have none. spikes: pixels
     that stick out, by place and height (positive up, away from the substrate); clipped: the end of the heights that looks cut off, in
     m. pixels: under the punch, (columns, rows) of the square around it.
     """
@@ -95,7 +101,7 @@ def survey(face: Topography, spacing: float, reach: float) -> Survey:
     spikes = lone_spikes(z, inside, LEAST_SPIKE * reach)
     return Survey(
         relief, slope, float(np.nanstd(z)) if inside.any() else 0.0, tilt, first, others,
-        float(np.max(lifted)) - lowest, _sag(z, lowest + LOW * reach), _step(z[inside]),
+        float(np.mean(lifted)) - lowest, _sag(z, lowest + LOW * reach), _step(z),
         tuple(_at(spike, x, y) for spike in spikes), _clipped(z[inside]), (x.size, y.size),
     )  # fmt: skip
 
@@ -185,12 +191,14 @@ def _levelled(z: Array, x: Array, y: Array) -> tuple[tuple[float, float], Array]
 def _places(
     face: Topography, heights: Array, inside: NDArray[np.bool_], x: Array, y: Array, reach: float
 ) -> tuple[Place, tuple[Place, ...]]:
-    """Where contact begins, and the next summits that stand out, the lowest first."""
+    """Where contact begins, of equal places the one next to the axis, and the next summits that stand out, the lowest first;
+    at the rim the outline makes summits as well."""
     if not inside.any():
         return Place(0.0, 0.0), ()
-    z = np.where(inside, heights, np.inf)
-    row, column = np.unravel_index(int(z.argmin()), z.shape)
-    lowest = float(z[row, column])
+    lowest, highest = float(heights[inside].min()), float(heights[inside].max())
+    from_axis = np.hypot(x, y[:, None])
+    equal = inside & (heights <= lowest + EQUAL * reach)
+    first = _index(np.where(equal, from_axis, np.inf).argmin(), heights.shape)
     pixel = max(face.map.pixel)
 
     def place(row: int, column: int) -> Place:
@@ -199,20 +207,25 @@ def _places(
         rim = face.radius is not None and math.hypot(*here) > face.radius - max(1.5 * pixel, AT_RIM * face.radius)
         return Place(*here, float(heights[row, column]) - lowest, distance, rim)
 
-    first = (int(row), int(column))
-    relief = face.file_relief or max(RELIEF * float(np.ptp(heights[inside])), NEARLY * reach)
-    if np.ptp(heights) < relief:
+    relief = face.file_relief or max(RELIEF * (highest - lowest), NEARLY * reach)
+    if highest - lowest < relief:
         return place(*first), ()
-    points = critical_points(heights, relief, periodic=face.radius is None).minima
-    summits = [
-        place(*(int(at) for at in np.unravel_index(point, z.shape))) for point in points if inside.ravel()[point]
-    ]
-    others = sorted((other for other in summits if other.distance > pixel), key=lambda other: other.height)
+    walled = np.where(inside, heights, highest + relief)
+    points = critical_points(walled, relief, periodic=face.radius is None).minima
+    summits = [place(*_index(point, heights.shape)) for point in points if inside.ravel()[point]]
+    # The summit that the first contact is on is none of the next.
+    own = min(summits, key=lambda other: (other.height > EQUAL * reach, other.distance), default=None)
+    others = sorted((other for other in summits if other is not own), key=lambda other: (other.height, other.distance))
     return place(*first), tuple(others[:OTHERS])
 
 
+def _index(flat: np.integer, shape: tuple[int, ...]) -> tuple[int, int]:
+    """Row and column of a flat index."""
+    return int(flat) // shape[1], int(flat) % shape[1]
+
+
 def _sag(z: Array, below: float) -> float:
-    """Median of what heights below a level bend within a pixel, from their second differences [m]."""
+    """What most heights below a level bend within a pixel at least, from their second differences [m]; edges may bend more."""
     with np.errstate(invalid="ignore"):
         low = z <= below
     bends = [
@@ -221,13 +234,18 @@ def _sag(z: Array, below: float) -> float:
     ]
     found = np.concatenate(bends)
     found = found[np.isfinite(found)]
-    return float(np.median(found)) if found.size else 0.0
+    return float(np.quantile(found, SMOOTHEST)) if found.size else 0.0
 
 
 def _step(z: Array) -> float:
-    """Step between levels [m] of heights that come in whole steps, as those of a converter do; 0 for others."""
+    """Step between levels [m] of heights that come in whole steps, and have terraces, as those of a converter do; 0 for
+    others."""
+    level = [np.diff(z, axis=axis) for axis in (0, 1)]
+    level = [steps[np.isfinite(steps)] for steps in level]
+    if not all(steps.size and np.count_nonzero(steps == 0.0) > TERRACES * steps.size for steps in level):
+        return 0.0
     levels = np.unique(z[np.isfinite(z)])
-    if not LEVELS <= levels.size <= z.size / 4:
+    if levels.size < LEVELS:
         return 0.0
     steps = np.diff(levels)
     steps = steps[steps > 1e-9 * np.ptp(levels)]
