@@ -78,6 +78,8 @@ def assemble(scene: Scene, comm: Intracomm, mirror: str | None = None) -> Simula
 
     mirror: the axes whose mirror images are not stepped, those of the run that is to go on; found out by default.
     """
+    share_map(scene, comm)
+    make = {"inertialess": _inertialess, "gfmd": _gfmd, "quasistatic": _quasistatic}
     mirror = mirror_of(scene, comm) if mirror is None else mirror
     scheme, controller = registry.scheme_of(scene).new(scene, comm, mirror)
     drive = parts.drive_of(scene)

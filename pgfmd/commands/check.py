@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pgfmd import coarsening
+from pgfmd.forecast import map_advice
 from pgfmd.forecast.advice import remarks, warnings
 from pgfmd.forecast.effort import Effort, effort_of, told_of_ahead
 from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_points
@@ -125,6 +126,7 @@ def _punch(scene: Scene) -> Iterator[Line]:
     note = f"{handy_quantity(face.relief, 'length')} from the lowest to the highest point of the face"
     yield Line("height range", face.relief, "m", note)
     yield Line("steepest slope", face.slope, "", "1 is 45 degrees; small slopes are assumed")
+    yield from (Line(*line) for line in map_advice.told(scene))
 
 
 def _adhesion(scene: Scene) -> Iterator[Line]:

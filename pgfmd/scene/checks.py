@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator
 
 from pgfmd.errors import Problem
+from pgfmd.maps.raw import unit_of
 from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
@@ -129,6 +130,18 @@ def sinusoid_is_periodic(draft: Draft) -> Iterator[Problem]:
             "punch.wavelength",
             "a whole number of wavelengths in grid.length, because the sinusoid fills the cell",
             f'write "{near}", or give punch.radius',
+        )
+
+
+def map_has_a_unit_of_length(draft: Draft) -> Iterator[Problem]:
+    unit = draft["punch.file_unit"]
+    if unit is None:
+        return
+    try:
+        unit_of(unit)
+    except ValueError as error:
+        yield draft.problem(
+            "punch.file_unit", 'a unit of length, such as "um", or a multiple of one, "0.25 nm"', str(error)
         )
 
 
@@ -278,6 +291,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     punch_covers_grid_points,
     wavelength_is_resolved,
     sinusoid_is_periodic,
+    map_has_a_unit_of_length,
     substrate_is_of_one_kind,
     prony_series_is_sound,
     geometric_times_are_finite,

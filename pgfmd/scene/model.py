@@ -44,7 +44,11 @@ PATTERNS: dict[str, Keys] = {
     "sphere": _keys("radius curvature_radius", "layer_step"),
     "power": _keys("radius curvature_radius exponent", "layer_step"),
     "sinusoid": _keys("wavelength amplitude", "radius curvature_radius layer_step height_jitter seed"),
-    "file": _keys("file", "file_size file_relief radius curvature_radius layer_step"),
+    "file": _keys(
+        "file",
+        "file_size file_unit file_peaks file_detrend file_missing file_missing_value file_relief radius curvature_radius "
+        "layer_step",
+    ),
 }
 """For every `punch.pattern` the keys of [punch] it needs and those it may have."""
 
@@ -105,7 +109,32 @@ class Punch(Section):
     seed: int = key("seed of the random height differences", 0, ge=0, lt=2**63)
     file: str | None = key("file with the heights, relative to the scene's folder", None, min_length=1)
     file_size: tuple[float, float] | None = quantity(
-        "length", "size of the height map along x and y, where the file itself does not say", None, count=2
+        "length",
+        "size of the height map along x and y, half a pixel beyond the first and the last one; by default as the file says",
+        None,
+        count=2,
+    )
+    file_unit: str | None = key(
+        'unit of the heights, such as "um"; of a table of x, y and z that of all three; by default as the file says, and metres '
+        "where it says nothing",
+        None,
+        min_length=1,
+    )
+    file_peaks: Literal["up", "down"] | None = key(
+        "`up`: the largest heights touch first, as instruments have them; `down`: the lowest ones do; by default as the file says",
+        None,
+    )
+    file_detrend: Literal["none", "tilt", "curvature"] = key(
+        "what is taken off the heights under the punch: nothing, a plane, or a surface of second order", "none"
+    )
+    file_missing: Literal["refuse", "fill"] = key(
+        "what is done about pixels under the punch without a height: `refuse` them, or `fill` them from those around",
+        "refuse",
+    )
+    file_missing_value: tuple[float, ...] | None = number(
+        "numbers in the file that mean a missing pixel; by default those that stand far apart from all heights",
+        None,
+        count=0,
     )
     file_relief: float | None = quantity(
         "length",

@@ -28,6 +28,11 @@ PUNCH_VALUES = {
     "file": "heights.npy",
     "file_size": ["1 mm", "1 mm"],
     "file_relief": "0.2 um",
+    "file_unit": "um",
+    "file_peaks": "up",
+    "file_detrend": "tilt",
+    "file_missing": "fill",
+    "file_missing_value": [0, -9999],
 }
 RHEOLOGY_VALUES = {
     "modulus_ratio": 250,
