@@ -10,6 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import coarsening, parts, symmetry
+from .errors import Problem, SceneError
+from .host.launch import on_first
+from .map_rules import refusals
+from .maps.raw import MapError
+from .physics import heightfile
 from .schemes import registry
 from .solver.conjugate_gradients import ConjugateGradients
 from .solver.far_field import far_weights
