@@ -6,13 +6,16 @@ What runs a scene (assemble.py) and what only looks at it (check.py, estimate.py
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .errors import Problem, SceneError
+from .map_rules import refusals
+from .maps.raw import MapError
 from .physics.cohesion import LAWS, CohesiveLaw, range_of_adhesion
 from .physics.drive import Drive
-from .physics.film import Film
+from .physics.film import Base, Film
 from .physics.free_kernel import FreeFilm, FreeHalfSpace
 from .physics.halfspace import HalfSpace, TabulatedCompliance
 from .physics.heightfile import HIGHEST
@@ -21,6 +24,12 @@ from .physics.topography import Topography
 from .schemes import registry
 from .solver.grid import Grid
 
+if TYPE_CHECKING:
+    from .scene.model import Adhesion, Punch, Rheology, Scene
+
+Periodic = HalfSpace | TabulatedCompliance | Film
+BONDED: Base = "bonded"
+"""How a film lies on its base unless it is said otherwise."""
 PAPER_FACTOR = 0.156
 """Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means."""
 LEAST_COMPLIANCE = 1e-60
@@ -32,20 +41,27 @@ TIME_SHARE = 1e-3
 tell."""
 
 
-def compliance_of(scene):
-    """The static compliance G0 of the scene's substrate (halfspace.py, film.py, free_kernel.py)."""
+def compliance_of(scene: Scene) -> Periodic:
+    """The static compliance G0 of the scene's substrate in a periodic cell (halfspace.py, film.py)."""
     substrate = scene.substrate
-    film = math.isfinite(substrate.thickness)
-    if film:
-        kind = FreeFilm if substrate.boundary == "free" else Film
-        return kind(substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base)
+    if math.isfinite(substrate.thickness):
+        return Film(substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base or BONDED)
     if substrate.compliance_file:
         return TabulatedCompliance.from_file(substrate.compliance_file)
-    kind = FreeHalfSpace if substrate.boundary == "free" else HalfSpace
-    return kind(substrate.contact_modulus, substrate.prestrain)
+    return HalfSpace(substrate.contact_modulus, substrate.prestrain)
 
 
-def series_of(rheology) -> PronySeries:
+def free_compliance_of(scene: Scene) -> FreeHalfSpace | FreeFilm:
+    """The same of a free surface (free_kernel.py)."""
+    substrate = scene.substrate
+    if math.isfinite(substrate.thickness):
+        return FreeFilm(
+            substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base or BONDED
+        )
+    return FreeHalfSpace(substrate.contact_modulus, substrate.prestrain)
+
+
+def series_of(rheology: Rheology) -> PronySeries:
     """The relaxation spectrum of a scene's [rheology]."""
     if rheology.model == "elastic":
         return PronySeries.elastic()
@@ -58,22 +74,23 @@ def series_of(rheology) -> PronySeries:
     return PronySeries(np.array(rheology.kappa), np.array(rheology.tau))
 
 
-def relaxation_of(scene) -> PronySeries:
+def relaxation_of(scene: Scene) -> PronySeries:
     """The relaxation that a run follows: that of the scene's [rheology], none where it is quasi-static."""
     return PronySeries.elastic() if registry.scheme_of(scene).timeless else series_of(scene.rheology)
 
 
-def topography_of(punch) -> Topography:
+def topography_of(punch: Punch) -> Topography:
     """The lower face of a scene's [punch]."""
     names = (
         "pattern", "radius", "wavelength", "amplitude", "curvature_radius", "exponent", "layer_step", "height_jitter",
-        "seed", "file", "file_size", "file_relief",
+        "seed", "file", "file_size", "file_relief", "file_unit", "file_peaks", "file_detrend", "file_missing",
+        "file_missing_value",
     )  # fmt: skip
     given = {name: getattr(punch, name) for name in names}
     return Topography(**{name: value for name, value in given.items() if value is not None})
 
 
-def drive_of(scene) -> Drive:
+def drive_of(scene: Scene) -> Drive:
     """The loading programme of a scene. Where time does not count, nothing is held.
 
     Under load control the speeds are about those of the punch in contact; the end of its soft spring goes that much
@@ -87,29 +104,29 @@ def drive_of(scene) -> Drive:
     return Drive(approach, drive.preload, retract, drive.turn_time, dwell, drive.clearance)
 
 
-def law_of(adhesion) -> CohesiveLaw:
+def law_of(adhesion: Adhesion) -> CohesiveLaw:
     """The cohesive law of a scene's [adhesion]."""
     return CohesiveLaw(adhesion.work_of_adhesion, adhesion.range, LAWS[adhesion.law])
 
 
-def automatic_range(scene) -> float:
+def automatic_range(scene: Scene) -> float:
     """The range of adhesion [m] that the paper's rule gives for the scene's grid."""
     q_ref = 2.0 * math.pi * scene.grid.n / scene.grid.length
     return range_of_adhesion(scene.adhesion.work_of_adhesion, scene.substrate.contact_modulus, PAPER_FACTOR, q_ref)
 
 
-def quasistatic_compliance(scene) -> float:
+def quasistatic_compliance(scene: Scene) -> float:
     """J of slow contacts: 1 of the relaxed body, and E(0)/E(infinity) of the instantaneous one, where a scheme has it."""
     return 1.0 if scene.solver.modulus == "relaxed" else 1.0 / series_of(scene.rheology).kappa_inf
 
 
-def punch_stiffness(scene) -> float:
+def punch_stiffness(scene: Scene) -> float:
     """Static stiffness [N/m] of the contact of the whole punch, 2 a E*; half the cell for a where the punch fills
     it."""
     return 2.0 * (scene.punch.radius or 0.5 * scene.grid.length) * scene.substrate.contact_modulus
 
 
-def machine_compliance(scene) -> float:
+def machine_compliance(scene: Scene) -> float:
     """1/k_M [m/N] of the spring between the machine and the punch, 0 for a rigid machine."""
     drive = scene.drive
     if drive.control == "load":
@@ -117,12 +134,12 @@ def machine_compliance(scene) -> float:
     return 1.0 / drive.machine_stiffness
 
 
-def deepest_indentation(scene) -> float:
+def deepest_indentation(scene: Scene) -> float:
     """Indentation [m] at which an approach is given up: there linear elasticity has long lost its meaning."""
     return min(scene.punch.radius or 0.5 * scene.grid.length, scene.substrate.thickness)
 
 
-def transform_side(scene, nb: int, whole_cell: bool = False, mirror: str = "") -> int:
+def transform_side(scene: Scene, nb: int, whole_cell: bool = False, mirror: str = "") -> int:
     """Points a side of the transform, for a punch block of `nb` points a side.
 
     The cell's; for a free surface enough for the kernel not to wrap around, an even number for mirror images.
@@ -133,18 +150,18 @@ def transform_side(scene, nb: int, whole_cell: bool = False, mirror: str = "") -
     from scipy.fft import next_fast_len
 
     if mirror:
-        return 2 * next_fast_len(nb, real=True)
-    return next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True)
+        return 2 * int(next_fast_len(nb, real=True))
+    return int(next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True))
 
 
-def shared_out(scene, nb: int) -> tuple[int, int]:
+def shared_out(scene: Scene, nb: int) -> tuple[int, int]:
     """What the ranks of a run share out: rows of points, in pairs but in whole planes, and in the middle of a transform the
     columns of its half spectrum. nb: rows of the punch's block."""
     rows = nb if registry.scheme_of(scene).whole_plane else (nb + 1) // 2
     return rows, transform_side(scene, nb) // 2 + 1
 
 
-def confirm(scene, source: str, ranks: int = 1) -> None:
+def confirm(scene: Scene, source: str, ranks: int = 1) -> None:
     """Look at what only the files that a scene names, and the number of ranks, can tell.
 
     source: how to call the scene in messages. Raises SceneError with every problem found.
@@ -162,14 +179,18 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         if not (np.abs(raw) <= HIGHEST).all():
             expected = f"a face with heights of at most {HIGHEST:g} m"
             problems.append(Problem("punch.pattern", scene.punch.pattern, expected, "look at the keys of [punch]"))
+        if scene.punch.pattern == "file":
+            problems += refusals(topography_of(scene.punch), spacing)
+    except MapError as error:
+        problems += error.problems
     except (ValueError, OSError) as error:
         dotted = "punch.file" if scene.punch.file else "punch.pattern"
         problems.append(Problem(dotted, scene.punch.file or scene.punch.pattern, "a usable topography", str(error)))
     try:
-        compliance = compliance_of(scene)
         if scene.substrate.boundary == "free":
-            compliance.kernel(0.0, 0.0, spacing)
+            free_compliance_of(scene).kernel(0.0, 0.0, spacing)
         else:
+            compliance = compliance_of(scene)
             # The longest and the shortest wave of the cell.
             unit, most = 2.0 * math.pi / grid.length, grid.n // 2
             found = compliance(unit * np.array([1.0, most]), unit * np.array([0.0, most]))
@@ -195,7 +216,7 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         raise SceneError(source, problems)
 
 
-def _overlap_problems(scene) -> list[Problem]:
+def _overlap_problems(scene: Scene) -> list[Problem]:
     """A preload that even a rigid substrate could not carry: overlaps are as deep as the punch is pressed in, at
     most."""
     law, radius = law_of(scene.adhesion), scene.punch.radius
@@ -208,7 +229,7 @@ def _overlap_problems(scene) -> list[Problem]:
     return [Problem("drive.preload", f"{scene.drive.preload:.6g} N", expected, cure)]
 
 
-def _time_problems(scene) -> list[Problem]:
+def _time_problems(scene: Scene) -> list[Problem]:
     """Times at which a step of the loading could no longer be told from none."""
     drive, longest = scene.drive, TIME_SHARE * scene.adhesion.range / np.finfo(float).eps
     problems = []

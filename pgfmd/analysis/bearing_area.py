@@ -46,7 +46,8 @@ SECTION = "Bearing-area model"
 class AsperityLaw(Protocol):
     """Force of one asperity; see `asperity_laws`."""
 
-    radius: float
+    @property
+    def radius(self) -> float: ...
 
     def approach(self, depth: Array) -> Array: ...
 

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 from pgfmd.errors import RunError, SceneError
 from pgfmd.output.recorder import Recorder
+from pgfmd.physics.drive import DETACHED
 from pgfmd.results.curve import Loop
 from pgfmd.schemes import registry
-from pgfmd.solver.simulation import FINISHED
 
 from .curve_errors import errors
 
 if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
+    from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
 
@@ -52,7 +52,7 @@ class Laboratory:
     its scene and overrides; `outcome` returns it from memory if it has been made already.
     """
 
-    def __init__(self, comm: Comm, base: Sequence[str] = ("output.energy=false", "solver.max_steps=1000000000")):
+    def __init__(self, comm: Intracomm, base: Sequence[str] = ("output.energy=false", "solver.max_steps=1000000000")):
         self.comm, self.base = comm, tuple(base)
         self._known: dict[tuple[str, ...], Outcome] = {}
         self._warm: set[tuple[str, str]] = set()
@@ -71,7 +71,7 @@ class Laboratory:
             confirm(loaded, scene, self.comm.size)
             self._warm_up(scene, overrides, loaded.solver)
             outcome = run(loaded, self.comm)
-            if outcome.finished != FINISHED:
+            if outcome.finished != DETACHED:
                 raise RunError(f"{', '.join(name)}: {outcome.finished}, so that its curve is not whole")
             self._known[name] = outcome
         return self._known[name]
@@ -89,7 +89,7 @@ class Laboratory:
             self._warm.add(kind)
 
 
-def run(scene: Scene, comm: Comm) -> Outcome:
+def run(scene: Scene, comm: Intracomm) -> Outcome:
     """Runs a scene on a communicator. Collective; the same on every rank."""
     from pgfmd.assemble import assemble
 

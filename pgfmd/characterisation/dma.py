@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pgfmd.errors import PgfmdError
+from pgfmd.errors import MeasurementError
 from pgfmd.files.text import read_text
 from pgfmd.units import UnitError, parse_quantity
 
@@ -44,12 +44,6 @@ CELSIUS = ("C", "°C", "ºC", "℃", "degC", "deg C", "° C", "celsius")
 KELVIN = ("K", "kelvin")
 
 
-class MeasurementError(PgfmdError):
-    """A file of measurements that can't be read, or from which nothing can be computed."""
-
-    exit_code = 4
-
-
 @dataclass(frozen=True, eq=False)
 class Sweep:
     """A frequency sweep, sorted: omega (rad/s), storage and loss modulus (Pa), all of shape (M,); temperature (K)."""
@@ -58,6 +52,12 @@ class Sweep:
     storage: NDArray
     loss: NDArray
     temperature: float | None = None
+
+    @property
+    def kelvin(self) -> float:
+        """The temperature [K], of a sweep that has one."""
+        assert self.temperature is not None, "asked for without a temperature"
+        return self.temperature
 
 
 def read_dma(path: str | Path) -> list[Sweep]:
@@ -209,7 +209,9 @@ def _factor(where: str, quantity: str, unit: str) -> float:
     raise MeasurementError(f"{where}: expected {expected}, {found}; write for instance {example}")
 
 
-def _values(path, rows, columns, delimiter) -> dict[str, NDArray]:
+def _values(
+    path: str | Path, rows: list[tuple[int, list[str]]], columns: dict[str, tuple[int, float]], delimiter: str
+) -> dict[str, NDArray]:
     """The columns in SI units, checked; every wrong line is reported, up to a few."""
     values: dict[str, list[float]] = {quantity: [] for quantity in columns}
     problems = []
@@ -237,7 +239,7 @@ def _values(path, rows, columns, delimiter) -> dict[str, NDArray]:
     return arrays
 
 
-def _isotherms(path, values: dict[str, NDArray]) -> list[Sweep]:
+def _isotherms(path: str | Path, values: dict[str, NDArray]) -> list[Sweep]:
     """Rows of the same temperature, put together and sorted by frequency."""
     temperature = values.get("temperature")
     if temperature is None:

@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pgfmd.scene.model import LARGEST_MODULUS_RATIO
 
-from .dma import ABSOLUTE_ZERO, MeasurementError, Sweep, read_dma
+from .dma import ABSOLUTE_ZERO, MeasurementError, Sweep, read_dma, temperature_in_kelvin
 from .prony_fit import PronyFit, fit_series
 from .temperature_shift import WLF, fit_wlf, master_curve
 
@@ -36,7 +37,16 @@ class Material:
 
     def shifts(self) -> list[float]:
         """log10 a_T of every sweep; 0 without a shift."""
-        return [0.0 if self.wlf is None else float(self.wlf.log_shift(sweep.temperature)) for sweep in self.sweeps]
+        return [0.0 if self.wlf is None else float(self.wlf.log_shift(sweep.kelvin)) for sweep in self.sweeps]
+
+    @property
+    def rheology(self) -> dict[str, Any]:
+        """The keys of [rheology], for `Scene(..., rheology=material.rheology)`. The static modulus that belongs to it is
+        `fit.static_modulus` [Pa]."""
+        series = self.fit.series
+        if not series.elements:
+            return {"model": "elastic"}
+        return {"model": "prony", "kappa": list(map(float, series.kappa)), "tau": list(map(float, series.tau))}
 
     def report(self) -> Iterator[str]:
         """What was read, shifted and fitted, and how well, a line each."""
@@ -46,9 +56,9 @@ class Material:
             how = "fitted" if self.wlf_is_fitted else "given"
             yield f"WLF, {how}: C1 = {wlf.C1:.4g}, C2 = {wlf.C2:.4g} K at {_celsius(wlf.reference_temperature)}"
             for sweep, shift in zip(self.sweeps, self.shifts(), strict=True):
-                factor = sweep.temperature / wlf.reference_temperature
+                factor = sweep.kelvin / wlf.reference_temperature
                 vertical = f", b_T = {factor:.4f}" if self.vertical else ""
-                yield f"  {_celsius(sweep.temperature)}: a_T = {10**shift:.4g}{vertical}"
+                yield f"  {_celsius(sweep.kelvin)}: a_T = {10**shift:.4g}{vertical}"
         what = "master curve" if wlf is not None else "frequencies"
         yield f"{what}: {fit.omega[0]:.3g} to {fit.omega[-1]:.3g} rad/s, {fit.decades:.1f} decades"
         size, modulus, omega = fit.largest
@@ -62,7 +72,7 @@ class Material:
         """What a user should know before trusting the table."""
         texts = self.fit.warnings()
         if self.wlf is not None:
-            temperatures, reference = [sweep.temperature for sweep in self.sweeps], self.wlf.reference_temperature
+            temperatures, reference = [sweep.kelvin for sweep in self.sweeps], self.wlf.reference_temperature
             if not min(temperatures) <= reference <= max(temperatures) and self.wlf_is_fitted:
                 texts.append(
                     f"the reference temperature {_celsius(reference)} lies outside the measured ones: "
@@ -105,10 +115,12 @@ def characterise(
         )
     try:
         shift = None
+        # Where there is a shift, `_confirm_temperatures` has seen that there is a reference.
+        reference = reference_temperature or 0.0
         if wlf is not None:
-            shift = WLF(*wlf, reference_temperature)
+            shift = WLF(*wlf, reference)
         elif len(sweeps) > 1:
-            shift = fit_wlf(sweeps, reference_temperature, vertical)
+            shift = fit_wlf(sweeps, reference, vertical)
         data = sweeps[0] if shift is None else master_curve(sweeps, shift, vertical)
         fit = fit_series(data.omega, data.storage, data.loss, elements)
     except ValueError as error:
@@ -121,14 +133,40 @@ def characterise(
     return Material(Path(path).name, sweeps, fit, shift, shift is not None and wlf is None, vertical)
 
 
-def _confirm_temperatures(path, sweeps: list[Sweep], reference: float | None, wlf: tuple[float, float] | None) -> None:
+def fit_prony(
+    path: str | Path,
+    elements: int | None = None,
+    temperature: float | str | None = None,
+    wlf: tuple[float, float] | str | None = None,
+    vertical_shift: bool = False,
+) -> Material:
+    """Fits a Prony series to a DMA measurement; as `pgfmd fit-prony`. `plot_fit` draws it.
+
+    Args:
+        path: a file with columns of frequency, E', E'', and temperature if there are several.
+        elements: number of Maxwell elements; None for as few as serve.
+        temperature: of the tack test, in K, or a text such as "25C"; needed for sweeps at several temperatures.
+        wlf: constants C1 and C2 [K], also as a text "8.86,101.6"; fitted if None.
+        vertical_shift: whether moduli are divided by T/T_ref, too.
+
+    Raises:
+        MeasurementError: if the file can't be read, or no series fits; ValueError: for a text that is no temperature, or
+        no constants.
+    """
+    kelvin = temperature_in_kelvin(temperature) if isinstance(temperature, str) else temperature
+    return characterise(path, elements, kelvin, wlf_constants(wlf) if isinstance(wlf, str) else wlf, vertical_shift)
+
+
+def _confirm_temperatures(
+    path: str | Path, sweeps: list[Sweep], reference: float | None, wlf: tuple[float, float] | None
+) -> None:
     """Refuse sweeps at several temperatures without a reference, and a shift without temperatures."""
     if sweeps[0].temperature is None:
         if reference is not None or wlf is not None:
             cure = "add a column such as temperature (C), or leave out --reference-temperature and --wlf"
             raise MeasurementError(f"{path}: expected temperatures for a shift, found no such column; {cure}")
         return
-    found = ", ".join(_celsius(sweep.temperature) for sweep in sweeps)
+    found = ", ".join(_celsius(sweep.kelvin) for sweep in sweeps)
     if reference is None and (len(sweeps) > 1 or wlf is not None):
         raise MeasurementError(
             f"{path}: expected --reference-temperature, that of the elastomer in the tack test, for sweeps at {found}"
@@ -149,7 +187,7 @@ def _sweeps(sweeps: list[Sweep]) -> str:
         return "one sweep"
     if len(sweeps) == 1:
         return f"one sweep at {_celsius(sweeps[0].temperature)}"
-    lowest, highest = _celsius(sweeps[0].temperature), _celsius(sweeps[-1].temperature)
+    lowest, highest = _celsius(sweeps[0].kelvin), _celsius(sweeps[-1].kelvin)
     return f"{len(sweeps)} sweeps at {lowest} to {highest}"
 
 

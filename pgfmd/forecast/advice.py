@@ -1,4 +1,4 @@
-"""What to warn of, or to say about, a scene before it runs. No MPI."""
+"""Warnings and remarks about a scene before it runs. No MPI."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from pgfmd.parts import automatic_range, deepest_indentation, drive_of, relaxation_of
 from pgfmd.physics.drive import OVERSHOOT
@@ -13,43 +14,49 @@ from pgfmd.reference import jkr
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
 
-from . import plausibility
+from . import map_advice, plausibility
 from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
 from .effort import effort_of, jump_threshold
 from .estimate import depth_of, memory_of, modulus_of
 
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
+
 PINNING_SHARE = 0.5
-"""Share of the automatic range below which lattice pinning spoils the result."""
+"""Fraction of the automatic range below which lattice pinning spoils the result."""
 FEWEST_POINTS = 8
-"""Grid points that a wavelength should have."""
+"""Least number of grid points per wavelength."""
 LONGEST_TURN = 5.0 * OVERSHOOT
-"""Way of a turn, in ranges of adhesion, from which on it matters for what follows."""
+"""Travel in a turn, in ranges of adhesion, from which on it influences the retraction."""
 PRESSED_IN = 2.0
-"""A start that is deeper than the estimated depth at the preload by this factor is warned of."""
+"""There is a warning if the start is deeper than the estimated depth at the preload by this factor."""
 MANY_ROWS = 1e5
-"""Rows of curve.csv, a hundred bytes each, that are more than anyone plots."""
-GLASSY, QUASI_STATIC = 1e-2, 1e3
-"""rho/v below this share of the shortest relaxation time; above this multiple of the longest retardation time."""
+"""Number of rows of curve.csv, a hundred bytes each, above which there is a remark."""
+GLASSY = 1e-2
+"""The elastomer is glassy if rho/v is below this fraction of the shortest relaxation time."""
+QUASI_STATIC = 1e3
+"""A test is nearly quasi-static if rho/v is above this multiple of the longest retardation time."""
 
 
-def warnings(scene, ranks: int = 1) -> Iterator[str]:
-    """What may spoil the result of a scene, or its run on `ranks` ranks."""
+def warnings(scene: Scene, ranks: int = 1) -> Iterator[str]:
+    """Warnings about anything that may spoil the result of a scene, or its run on `ranks` ranks."""
     for rule in (
         _range, _resolution, summits, overlap, _preload, _start, _turn, _speed, _images, films, _explicit_steps,
     ):  # fmt: skip
         yield from rule(scene)
     yield from _memory(scene, ranks)
     yield from plausibility.warnings(scene)
+    yield from map_advice.warnings(scene)
 
 
-def remarks(scene) -> Iterator[str]:
-    """What is good to know about a scene."""
+def remarks(scene: Scene) -> Iterator[str]:
+    """Remarks about a scene."""
     for rule in (_jumps, few_points, soft_overlap, _far_displacement, _quasi_static):
         yield from rule(scene)
     yield from registry.scheme_of(scene).remarks_on(scene)
 
 
-def _range(scene) -> Iterator[str]:
+def _range(scene: Scene) -> Iterator[str]:
     share, own = scene.adhesion.range / automatic_range(scene), automatic_range(scene)
     if scene.adhesion.law != "cosine" or share > 0.999:
         return
@@ -61,7 +68,7 @@ def _range(scene) -> Iterator[str]:
     yield text + f"use grid.n >= {math.ceil(scene.grid.n / share**2 * (1.0 - 1e-9))}, or a larger range"
 
 
-def _resolution(scene) -> Iterator[str]:
+def _resolution(scene: Scene) -> Iterator[str]:
     wavelength, n, length = scene.punch.wavelength, scene.grid.n, scene.grid.length
     if wavelength is None:
         return
@@ -74,8 +81,8 @@ def _resolution(scene) -> Iterator[str]:
         )
 
 
-def _start(scene) -> Iterator[str]:
-    """Starts that are pressed in beyond the preload: at once, and so with the modulus of short times."""
+def _start(scene: Scene) -> Iterator[str]:
+    """Starts in contact beyond the preload. The contact is made instantaneously, with the modulus of short times."""
     drive, punch = scene.drive, scene.punch
     if drive.clearance >= 0.0 or punch.pattern == "file" or punch.radius is None or scene.substrate.compliance_file:
         return
@@ -88,24 +95,24 @@ def _start(scene) -> Iterator[str]:
         )
 
 
-def _depth_at_once(scene) -> float:
-    """Indentation [m] at the preload with the modulus of short times, about; infinite where it is not known."""
+def _depth_at_once(scene: Scene) -> float:
+    """Approximate indentation [m] at the preload with the modulus of short times; infinite if unknown."""
     punch, adhesion, stiffening = scene.punch, scene.adhesion, relaxation_of(scene).kappa_inf
     attractive = adhesion.law == "cosine"
     if punch.pattern == "sphere" and attractive:
-        # Adhesion alone draws a sphere in.
+        # Adhesion alone pulls a sphere in.
         contact = punch.curvature_radius, stiffening * modulus_of(scene), adhesion.work_of_adhesion
         radius = jkr.contact_radius_at_force(scene.drive.preload, *contact)
         return float(jkr.indentation(radius, *contact))
     if punch.pattern == "power":
         return math.inf if attractive else depth_of(scene, stiffening)
-    bow = 0.0 if punch.pattern == "sphere" else punch.radius**2 / (2.0 * punch.curvature_radius)
+    bow = 0.0 if punch.pattern == "sphere" else punch.outline**2 / (2.0 * punch.curvature_radius)
     return depth_of(scene, stiffening) + 2.0 * (punch.amplitude or 0.0) + bow
 
 
-def _turn(scene) -> Iterator[str]:
-    """Turns given by the scene that are a motion of their own."""
-    # Of the punch, whatever the way of a machine with a spring.
+def _turn(scene: Scene) -> Iterator[str]:
+    """Long turn times given by the scene."""
+    # Of the punch, not of a machine with a spring.
     drive = replace(drive_of(scene), speed=scene.drive.speed, retract_speed=scene.drive.retract_speed)
     ways = {"goes on by": drive.overshoot}
     if not registry.scheme_of(scene).timeless:
@@ -124,8 +131,8 @@ def _turn(scene) -> Iterator[str]:
     )
 
 
-def _preload(scene) -> Iterator[str]:
-    """Preloads that a static punch in full contact would reach only very deep, if at all."""
+def _preload(scene: Scene) -> Iterator[str]:
+    """Preloads that a static punch in full contact would only reach at a very large indentation, if at all."""
     punch, substrate = scene.punch, scene.substrate
     if punch.radius is None or math.isfinite(substrate.thickness) or substrate.compliance_file:
         return
@@ -142,7 +149,7 @@ def _preload(scene) -> Iterator[str]:
         )
 
 
-def _speed(scene) -> Iterator[str]:
+def _speed(scene: Scene) -> Iterator[str]:
     series = relaxation_of(scene)
     passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
     if series.elements and passing < GLASSY * series.tau.min():
@@ -153,7 +160,7 @@ def _speed(scene) -> Iterator[str]:
         )
 
 
-def _images(scene) -> Iterator[str]:
+def _images(scene: Scene) -> Iterator[str]:
     radius, length = scene.punch.radius, scene.grid.length
     if scene.substrate.boundary == "periodic" and radius is not None and length < 3.0 * radius:
         yield (
@@ -162,8 +169,8 @@ def _images(scene) -> Iterator[str]:
         )
 
 
-def _explicit_steps(scene) -> Iterator[str]:
-    """Explicit steps are many, and known beforehand."""
+def _explicit_steps(scene: Scene) -> Iterator[str]:
+    """The number of explicit steps, which is large and known exactly."""
     if not registry.scheme_of(scene).explicit:
         return
     steps = effort_of(scene).steps
@@ -175,14 +182,14 @@ def _explicit_steps(scene) -> Iterator[str]:
         yield f"output.every: about {steps / scene.output.every:.2g} rows are to come in curve.csv; set it to {every}"
 
 
-def _memory(scene, ranks: int) -> Iterator[str]:
+def _memory(scene: Scene, ranks: int) -> Iterator[str]:
     needed = memory_of(scene, ranks).in_all(ranks)
     present = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     if needed > 0.9 * present:
         yield f"memory: {needed / 1e9:.3g} GB are needed in all, this machine has {present / 1e9:.3g} GB"
 
 
-def _jumps(scene) -> Iterator[str]:
+def _jumps(scene: Scene) -> Iterator[str]:
     series, least = relaxation_of(scene), jump_threshold(scene)
     scheme = registry.scheme_of(scene)
     if scheme.jumps and scene.adhesion.law == "cosine" and series.kappa_inf < least:
@@ -196,7 +203,7 @@ def _jumps(scene) -> Iterator[str]:
         )
 
 
-def _far_displacement(scene) -> Iterator[str]:
+def _far_displacement(scene: Scene) -> Iterator[str]:
     if scene.substrate.boundary == "periodic" and scene.punch.radius is not None:
         yield (
             "periodic cell: the far displacement u_inf is extrapolated; for a flat punch and L = 4a it is about 11 % "
@@ -204,7 +211,7 @@ def _far_displacement(scene) -> Iterator[str]:
         )
 
 
-def _quasi_static(scene) -> Iterator[str]:
+def _quasi_static(scene: Scene) -> Iterator[str]:
     series = relaxation_of(scene)
     passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
     if series.elements and passing > QUASI_STATIC * series.to_creep().retardation_times.max():

@@ -1,4 +1,4 @@
-"""What to warn of where the grid, the law or the cell cannot do justice to a contact. No MPI.
+"""Warnings about contacts that grid, law or cell do not represent well. No MPI.
 
 Each rule is a generator of texts for `advice.warnings` or `advice.remarks`.
 """
@@ -7,11 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
 
 from .resolution import image_stiffness, overlap_share, range_follows_the_grid, summit_points
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
 
 FEW_SUMMIT_POINTS = 12.0
 """Grid points of a summit within the range below which pull-off forces are wrong by more than a third (docs:
@@ -19,21 +23,21 @@ resolution)."""
 SOME_SUMMIT_POINTS = 50.0
 """Grid points of a summit within the range below which pull-off forces are wrong by more than a tenth."""
 SOFT_OVERLAP = 0.05
-"""Overlap relative to the indentation that is remarked on where the law attracts."""
+"""Overlap relative to the indentation above which there is a remark, for attractive laws."""
 SOFT_ADHESION = 0.2
-"""Overlap that is warned of where the law attracts."""
+"""Overlap relative to the indentation above which there is a warning, for attractive laws."""
 SOFT_WALL = 0.01
-"""Overlap that is warned of where it does not: a wall alone should be hard."""
+"""The same for repulsive laws, which represent a hard wall."""
 IMAGES_OF_FILM = 0.05
-"""Influence of a film's periodic images on the stiffness of a contact that is warned of."""
+"""Influence of a film's periodic images on the contact stiffness above which there is a warning."""
 
 
-def summits(scene) -> Iterator[str]:
-    """Summits whose height the grid cannot resolve within the range: whole cells pull at once."""
+def summits(scene: Scene) -> Iterator[str]:
+    """Summits that the grid does not resolve within the range of adhesion: whole grid cells snap."""
     points = summit_points(scene)
     if points >= FEW_SUMMIT_POINTS:
         return
-    # The automatic range falls with the square root of the spacing: more than enough for a range of its own.
+    # The automatic range decreases with the square root of the spacing; this is enough for any range.
     needed = math.ceil(scene.grid.n * (FEW_SUMMIT_POINTS / points) ** (2.0 / 3.0))
     if scene.adhesion.law != "cosine":
         yield (
@@ -50,7 +54,7 @@ def summits(scene) -> Iterator[str]:
     )
 
 
-def few_points(scene) -> Iterator[str]:
+def few_points(scene: Scene) -> Iterator[str]:
     points = summit_points(scene)
     if scene.adhesion.law == "cosine" and FEW_SUMMIT_POINTS <= points < SOME_SUMMIT_POINTS:
         yield (
@@ -59,7 +63,7 @@ def few_points(scene) -> Iterator[str]:
         )
 
 
-def overlap(scene) -> Iterator[str]:
+def overlap(scene: Scene) -> Iterator[str]:
     share, repulsive = overlap_share(scene), scene.adhesion.law == "repulsive"
     most = SOFT_WALL if repulsive else SOFT_ADHESION
     if share <= most:
@@ -69,7 +73,7 @@ def overlap(scene) -> Iterator[str]:
         "as the law's stiffness follows from the static modulus and the range; indentations are too large by up to as "
         "much. "
     )
-    # A little less than would just do, as it is rounded.
+    # Slightly less than necessary, because of rounding.
     shorter = f"{shown(0.95 * scene.adhesion.range * math.sqrt(most / share), 'length', 2)} or less"
     if repulsive:
         yield text + f"Set adhesion.range to {shorter}, or range_factor {1.05 * share / most:.2g} times larger"
@@ -79,7 +83,7 @@ def overlap(scene) -> Iterator[str]:
         yield text + f"Set adhesion.range to {shorter}, with the finer grid that this needs"
 
 
-def soft_overlap(scene) -> Iterator[str]:
+def soft_overlap(scene: Scene) -> Iterator[str]:
     share = overlap_share(scene)
     if scene.adhesion.law == "cosine" and SOFT_OVERLAP < share <= SOFT_ADHESION:
         cure = "a finer grid, with its shorter range," if range_follows_the_grid(scene) else "a shorter adhesion.range"
@@ -89,8 +93,8 @@ def soft_overlap(scene) -> Iterator[str]:
         )
 
 
-def films(scene) -> Iterator[str]:
-    """Films that their periodic images, or their edges, make others than a film without end."""
+def films(scene: Scene) -> Iterator[str]:
+    """Films that differ from an infinite film because of periodic images or a coarse grid."""
     substrate, radius, spacing = scene.substrate, scene.punch.radius, scene.grid.length / scene.grid.n
     if not math.isfinite(substrate.thickness):
         return
@@ -112,8 +116,8 @@ def films(scene) -> Iterator[str]:
         )
 
 
-def free_boundary(scene) -> str:
-    """What a free boundary offers to a scheme that can have one."""
+def free_boundary(scene: Scene) -> str:
+    """Advice to use a free boundary, for schemes that support it."""
     if registry.scheme_of(scene).periodic_only:
         return ""
     return ' substrate.boundary = "free" has no images, needs no such correction and costs the same'

@@ -11,15 +11,20 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pgfmd.parts import topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
-from pgfmd.physics.heightfile import WHOLE as WHOLE_MAP
+from pgfmd.physics.map_survey import relief_and_slope
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
+    from pgfmd.scene.model import Punch
 
 STEEPEST = 1.0
 """Slope of a face, 45 degrees, beyond which nothing is left of small slopes."""
@@ -47,13 +52,13 @@ class Face:
     size: tuple[float, float] | None = None
 
 
-def warnings(scene) -> Iterator[str]:
+def warnings(scene: Scene) -> Iterator[str]:
     """What can't be meant in a scene whose files are there."""
     for rule in (_face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing, _unread):
         yield from rule(scene)
 
 
-def face_of(scene) -> Face:
+def face_of(scene: Scene) -> Face:
     """Relief and slope of the scene's punch. Raises ValueError, OSError for a map that can't be used."""
     stamp = None
     if scene.punch.file is not None:
@@ -63,58 +68,17 @@ def face_of(scene) -> Face:
 
 
 @functools.lru_cache(maxsize=1)
-def _face_of(punch, grid, stamp) -> Face:
+def _face_of(punch: Punch, grid, stamp) -> Face:
     """stamp: what tells that a map has been written anew."""
     return _map_face(punch, grid) if punch.pattern == "file" else _pattern_face(punch, grid)
 
 
 def _map_face(punch, grid) -> Face:
-    """From all pixels under the punch, a stripe of rows after another, as a large map stays on the disk. Slopes are those
-    over a spacing of the grid, where that is more than a pixel: what is finer the grid does not see."""
-    found, spacing = topography_of(punch).map, grid.length / grid.n
-    count_y, count_x = found.heights.shape
-    pixel_x, pixel_y = found.pixel
-    step_x, step_y = (max(1, round(spacing / pixel)) for pixel in found.pixel)
-    # A map that is repeated goes on with its first rows and columns.
-    repeated = punch.radius is None and found.periodic
-    step_x, step_y = (step_x, step_y) if repeated else (min(step_x, count_x - 1), min(step_y, count_y - 1))
-    rows = np.arange(count_y + repeated * step_y) % count_y
-    columns = np.arange(count_x + repeated * step_x) % count_x
-    highest, lowest, slope = [], [], 0.0
-    some = max(1, WHOLE_MAP // count_x)
-    # Each stripe with as many rows of the next as a slope reaches over.
-    for first in range(0, len(rows) - step_y, some):
-        heights = _under_the_punch(punch, found, rows[first : first + some + step_y], columns)
-        along_x = np.abs(heights[:, step_x:] - heights[:, :-step_x]) / (step_x * pixel_x)
-        along_y = np.abs(heights[step_y:] - heights[:-step_y]) / (step_y * pixel_y)
-        slopes = along_x, along_y, np.hypot(along_x[:-step_y], along_y[:, :-step_x])
-        slope = max(slope, *map(_largest, slopes))
-        if np.isfinite(heights).any():
-            highest.append(float(np.nanmax(heights)))
-            lowest.append(float(np.nanmin(heights)))
-    return Face(max(highest, default=0.0) - min(lowest, default=0.0), slope, found.size)
+    face = topography_of(punch)
+    return Face(*relief_and_slope(face, grid.length / grid.n), face.map.size)
 
 
-def _under_the_punch(punch, found, rows, columns) -> np.ndarray:
-    """Heights [m] of these rows and columns of a map, with the curvature of the whole punch; NaN beside the punch."""
-    (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
-    x, y = (columns + 0.5) * (size_x / count_x) - 0.5 * size_x, (rows + 0.5) * (size_y / count_y) - 0.5 * size_y
-    heights = found.heights[rows][:, columns].astype(float)
-    if math.isfinite(punch.curvature_radius):
-        heights = heights + (x**2 + y[:, None] ** 2) / (2.0 * punch.curvature_radius)
-    if punch.radius is None:
-        return heights
-    # With the pixels around, between which the rim lies.
-    rim = punch.radius + math.hypot(*found.pixel)
-    return np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
-
-
-def _largest(values) -> float:
-    """The largest number that is there; 0 where there is none."""
-    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
-
-
-def _pattern_face(punch, grid) -> Face:
+def _pattern_face(punch: Punch, grid) -> Face:
     """From points that are spread over the outline without a period of their own (Roberts' R2 sequence), its centre and
     its rim."""
     reach = punch.radius if punch.radius is not None else 0.5 * grid.length
@@ -131,20 +95,22 @@ def _pattern_face(punch, grid) -> Face:
     return Face(float(np.ptp(here)), float(slope))
 
 
-def _scale(scene) -> tuple[float, str]:
+def _scale(scene: Scene) -> tuple[float, str]:
     """The length [m] that others are compared with, and what it is."""
     if scene.punch.radius is not None:
         return scene.punch.radius, "the punch's radius"
     return 0.5 * scene.grid.length, "half of the cell"
 
 
-def _face(scene) -> Iterator[str]:
+def _face(scene: Scene) -> Iterator[str]:
     punch, face, (scale, what) = scene.punch, face_of(scene), _scale(scene)
     relief = shown(face.relief, "length")
     keys = {"punch.file": punch.file, "punch.amplitude": punch.amplitude, "punch.layer_step": punch.layer_step}
     where = next((key for key, value in keys.items() if value), "punch.curvature_radius")
     if face.slope > STEEPEST or face.relief > scale:
-        unit = "a map's heights are read in metres" if punch.pattern == "file" else "look at the units of [punch]"
+        unit = "look at the units of [punch]"
+        if punch.pattern == "file":
+            unit = f"a map's heights are read in {punch.file_unit or 'metres, unless file or scene say otherwise'}"
         yield (
             f"{where}: from its lowest to its highest point the face rises by {relief}, "
             f"{face.relief / scale:.2g} times {what}, and its steepest slope is {face.slope:.2g} (1 is 45 degrees); "
@@ -154,12 +120,14 @@ def _face(scene) -> Iterator[str]:
         yield f"{where}: from its lowest to its highest point the face rises by {relief}, less than an atom: it is flat"
 
 
-def _map_fits_the_cell(scene) -> Iterator[str]:
+def _map_fits_the_cell(scene: Scene) -> Iterator[str]:
     """A map that fills the cell is repeated over the plane, the cell as well."""
     punch, length = scene.punch, scene.grid.length
     if punch.pattern != "file" or punch.radius is not None:
         return
     size = face_of(scene).size
+    if size is None:
+        return
     if any(abs(length / side - max(round(length / side), 1)) > WHOLE * length / side for side in size):
         sides = " x ".join(shown(side, "length") for side in size)
         yield (
@@ -169,7 +137,7 @@ def _map_fits_the_cell(scene) -> Iterator[str]:
         )
 
 
-def _range(scene) -> Iterator[str]:
+def _range(scene: Scene) -> Iterator[str]:
     adhesion, (scale, what), thickness = scene.adhesion, _scale(scene), scene.substrate.thickness
     if thickness < scale:
         scale, what = thickness, "the film's thickness"
@@ -189,7 +157,7 @@ def _range(scene) -> Iterator[str]:
     )
 
 
-def _tightness(scene) -> Iterator[str]:
+def _tightness(scene: Scene) -> Iterator[str]:
     """gamma/E*, about how far adhesion pulls the surface out."""
     adhesion, (scale, what) = scene.adhesion, _scale(scene)
     modulus = scene.substrate.contact_modulus
@@ -202,7 +170,7 @@ def _tightness(scene) -> Iterator[str]:
         )
 
 
-def _speed(scene) -> Iterator[str]:
+def _speed(scene: Scene) -> Iterator[str]:
     """Speeds beyond that of sound: inertia would count. Where time does not count, speeds do not."""
     drive = scene.drive
     sound = math.sqrt(scene.substrate.contact_modulus / DENSITY)
@@ -216,7 +184,7 @@ def _speed(scene) -> Iterator[str]:
             )
 
 
-def _pressure(scene) -> Iterator[str]:
+def _pressure(scene: Scene) -> Iterator[str]:
     """Preloads that press the elastomer together, wherever they are not warned of by their indentation."""
     punch, substrate, modulus = scene.punch, scene.substrate, scene.substrate.contact_modulus
     if punch.radius is not None and not math.isfinite(substrate.thickness) and not substrate.compliance_file:
@@ -231,7 +199,7 @@ def _pressure(scene) -> Iterator[str]:
         )
 
 
-def _clearance(scene) -> Iterator[str]:
+def _clearance(scene: Scene) -> Iterator[str]:
     clearance, (scale, what) = scene.drive.clearance, _scale(scene)
     if clearance > max(scale, scene.adhesion.range):
         yield (
@@ -241,7 +209,7 @@ def _clearance(scene) -> Iterator[str]:
         )
 
 
-def _spacing(scene) -> Iterator[str]:
+def _spacing(scene: Scene) -> Iterator[str]:
     spacing = scene.grid.length / scene.grid.n
     if spacing < ATOM:
         yield (
@@ -250,7 +218,7 @@ def _spacing(scene) -> Iterator[str]:
         )
 
 
-def _unread(scene) -> Iterator[str]:
+def _unread(scene: Scene) -> Iterator[str]:
     """Keys that ask for what the scheme does not do."""
     scheme = registry.scheme_of(scene)
     reasons = dict(scheme.unread)

@@ -7,7 +7,9 @@ import math
 import platform
 import resource
 import sys
+from typing import TYPE_CHECKING
 
+from pgfmd import __version__
 from pgfmd.files.storage import plain
 from pgfmd.restart.history import History
 from pgfmd.results import uncertainty
@@ -15,10 +17,17 @@ from pgfmd.schemes import registry
 
 from . import observers
 
-_LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
+    from pgfmd.scene import Scene
+    from pgfmd.solver.simulation import Simulation
+    from pgfmd.solver.state import State
+
+_LIBRARIES = ("numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
 
 
-def record_of(simulation, scene, comm, history: History) -> dict:
+def record_of(simulation: Simulation, scene: Scene, comm: Intracomm, history: History) -> dict:
     """The contents of `run.json` (docs: results): what does not apply, or is not known, is None. Collective."""
     state, scheme = simulation.state, simulation.scheme
     counters, energies = state.counters, state.energies
@@ -49,7 +58,8 @@ def record_of(simulation, scene, comm, history: History) -> dict:
         "viscous_J": energies.viscous if scene.output.energy else None,
         "released_J": energies.released,
         "energy_residual": energies.largest_residual / abs(energies.work) if audit else None,
-        "indentation_offset_m": observers.INDENTATION_OFFSET,
+        # Indentation counts from the first touch of the undeformed surface. Readers ask, as it need not.
+        "indentation_offset_m": 0.0,
         "peak_rss_bytes": memory,
         "versions": history.now.versions,
         "links": links,
@@ -57,12 +67,12 @@ def record_of(simulation, scene, comm, history: History) -> dict:
     return plain(record)
 
 
-def accuracy_and_order(scene) -> dict:
+def accuracy_and_order(scene: Scene) -> dict:
     """What the record tells of steps that follow an accuracy."""
     return {"accuracy": scene.solver.accuracy, "order": scene.solver.order}
 
 
-def _forces(simulation, scene) -> dict:
+def _forces(simulation: Simulation, scene: Scene) -> dict:
     """What the run found of forces (docs: reference, "Numbers"), and how far off that may be."""
     state, share = simulation.state, uncertainty.share_of(vars(scene.solver))
     retracted = _has_retracted(simulation)
@@ -79,7 +89,7 @@ def _forces(simulation, scene) -> dict:
     }
 
 
-def _works(simulation, scene) -> dict:
+def _works(simulation: Simulation, scene: Scene) -> dict:
     """Works of the punch, and how far off they may be where energies are followed."""
     energies, share = simulation.state.energies, uncertainty.share_of(vars(scene.solver))
     retracted, separation = _has_retracted(simulation), energies.work_of_separation
@@ -94,12 +104,12 @@ def _works(simulation, scene) -> dict:
     }
 
 
-def _has_retracted(simulation) -> bool:
+def _has_retracted(simulation: Simulation) -> bool:
     """Whether the punch has begun to go up again."""
     return simulation.state.preload_time is not None and simulation.retracting
 
 
-def _span(state) -> float | None:
+def _span(state: State) -> float | None:
     """t_pl [s]: from first contact to the preload."""
     if state.preload_time is None or state.first_contact_time is None:
         return None
@@ -110,7 +120,8 @@ def versions() -> dict[str, str]:
     """Versions of Python, the libraries and MPI that this run used."""
     from mpi4py import MPI
 
-    found = {"python": platform.python_version(), "platform": sys.platform}
+    # The metadata of an editable installation of pgfmd may be old.
+    found = {"python": platform.python_version(), "platform": sys.platform, "pgfmd": __version__}
     for name in _LIBRARIES:
         try:
             found[name] = importlib.metadata.version(name)

@@ -20,6 +20,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
 
 LAWS = {"cosine": True, "repulsive": False}
 """Names of the laws, and whether they attract."""
@@ -43,7 +46,7 @@ class CohesiveLaw:
     range: float
     attractive: bool = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (self.work_of_adhesion > 0 and self.range > 0):
             raise ValueError("work_of_adhesion and range must be positive")
 
@@ -71,24 +74,25 @@ class CohesiveLaw:
         """
         return 0.5 * self.range if self.attractive else 0.0
 
-    def potential(self, gap: np.ndarray) -> np.ndarray:
+    def potential(self, gap: ArrayLike) -> Array:
         """Gamma(g) [J/m^2]; 0 out of reach, -gamma (cosine) or 0 (repulsive) at g = 0."""
         gap = np.asarray(gap, dtype=float)
-        overlap = 0.5 * self.stiffness * np.minimum(gap, 0.0) ** 2
+        overlap: Array = 0.5 * self.stiffness * np.minimum(gap, 0.0) ** 2
         if not self.attractive:
             return overlap
-        near = -0.5 * self.work_of_adhesion * (1.0 + np.cos(math.pi * np.clip(gap / self.range, 0.0, 1.0)))
+        near: Array = -0.5 * self.work_of_adhesion * (1.0 + np.cos(math.pi * np.clip(gap / self.range, 0.0, 1.0)))
         return near + overlap
 
-    def traction(self, gap: np.ndarray) -> np.ndarray:
+    def traction(self, gap: ArrayLike) -> Array:
         """f = Gamma'(g) [Pa]."""
         gap = np.asarray(gap, dtype=float)
-        overlap = self.stiffness * np.minimum(gap, 0.0)
+        overlap: Array = self.stiffness * np.minimum(gap, 0.0)
         if not self.attractive:
             return overlap
-        return overlap + self.strength * np.sin(math.pi * np.clip(gap / self.range, 0.0, 1.0))
+        pull: Array = self.strength * np.sin(math.pi * np.clip(gap / self.range, 0.0, 1.0))
+        return overlap + pull
 
-    def curvature(self, gap: np.ndarray) -> np.ndarray:
+    def curvature(self, gap: ArrayLike) -> Array:
         """K = Gamma''(g) [Pa/m]."""
         gap = np.asarray(gap, dtype=float)
         if not self.attractive:

@@ -22,15 +22,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgfmd.maps.raw import MapKeys, Peaks
+
 from .asperities import Lattice, lattice_normals
-from .heightfile import HeightMap
+from .heightfile import HeightMap, MapRequest, height_map
 
 Array = NDArray[np.float64]
+UNUSED: Any = None
+"""In the place of what a face's pattern does not ask for: whoever reads it has looked at the pattern."""
 
 
 def _hexagonal(punch: Topography, x: Array, y: Array) -> Array:
@@ -141,7 +145,10 @@ class Topography:
     height_jitter [m]: standard deviation of the asperities' heights, 0 for none; needs a pattern with asperities.
     seed: any integer; the offset of an asperity follows from the seed and the asperity's lattice indices alone.
     file, file_size (x, y) [m], file_periodic, file_order: see `pgfmd.physics.heightfile`; a map is periodic where nothing else
-        is said and there is no radius.
+        is said and there is no radius. file_unit: name of the unit of its heights, None for that of the file, metres where it has
+        none. file_peaks: "up" where larger heights touch first, "down" where lower ones do, None for what the file says, "down"
+        where it says nothing. file_detrend: what is taken off, "none", "tilt" or "curvature". file_missing: whether missing heights
+        are refused ("refuse") or made from those around ("fill"). file_missing_value: numbers that mean missing.
     file_relief [m]: least height by which a summit or valley of a map stands out (`contact_sites`), no matter for the
         heights; None for a share of the height range.
 
@@ -150,19 +157,24 @@ class Topography:
 
     pattern: str
     radius: float | None = None
-    wavelength: float | None = None
-    amplitude: float | None = None
+    wavelength: float = UNUSED
+    amplitude: float = UNUSED
     curvature_radius: float = math.inf
-    exponent: float | None = None
+    exponent: float = UNUSED
     layer_step: float = 0.0
     layer_smoothing: float = 0.5
     height_jitter: float = 0.0
     seed: int = 0
-    file: str | Path | None = None
+    file: str | Path = UNUSED
     file_size: tuple[float, float] | None = None
     file_periodic: bool | None = None
     file_order: Literal[1, 3] = 1
     file_relief: float | None = None
+    file_unit: str | None = None
+    file_peaks: Peaks | None = None
+    file_detrend: Literal["none", "tilt", "curvature"] = "none"
+    file_missing: Literal["refuse", "fill"] = "refuse"
+    file_missing_value: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.pattern not in PATTERNS:
@@ -189,8 +201,21 @@ class Topography:
     @cached_property
     def map(self) -> HeightMap:
         """The map of a face with the pattern "file", read once. Raises ValueError, OSError."""
+        return height_map(self.map_request)
+
+    @property
+    def map_request(self) -> MapRequest:
+        """What the map of a face with the pattern "file" is read by."""
+        keys = MapKeys(
+            self.file_size,
+            self.file_unit,
+            self.file_peaks,
+            self.file_detrend,
+            self.file_missing,
+            self.file_missing_value,
+        )
         periodic = self.radius is None if self.file_periodic is None else self.file_periodic
-        return HeightMap.from_file(self.file, self.file_size, periodic, self.file_order)
+        return MapRequest(str(self.file), keys, self.radius, periodic, self.file_order)
 
     @property
     def summit_radius(self) -> float:
@@ -208,7 +233,7 @@ class Topography:
         z = pattern.heights(self, x, y)
         if math.isfinite(self.curvature_radius) and not pattern.round:
             z = z + (x * x + y * y) / (2 * self.curvature_radius)
-        if self.height_jitter > 0:
+        if self.height_jitter > 0 and pattern.lattice is not None:
             z = z + self.height_jitter * lattice_normals(pattern.lattice(self), self.seed, x, y)
         if self.layer_step > 0:
             z = layered(z, self.layer_step, self.layer_smoothing)

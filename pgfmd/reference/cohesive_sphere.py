@@ -61,13 +61,15 @@ def equilibrium(
     """
     long = math.sqrt(contact_radius * law.work_of_adhesion / contact_modulus)
     steps = max(0, math.ceil(math.log(law.range / long) / math.log(_SHORTER)))
-    found, last = None, law.range
+    found: Equilibrium | None = None
+    last = law.range
     for reach in np.geomspace(long if steps else law.range, law.range, steps + 1):
         zone = reach**2 * contact_modulus / law.work_of_adhesion
         edges = rings(contact_radius, zone, rings_per_zone)
         sphere = CohesiveSphere(radius, contact_modulus, replace(law, range=float(reach)), edges)
         start = None if found is None else found._replace(gap=_shortened(found.gap, last, reach))
         found, last = sphere.at_ring(sphere.ring_at(contact_radius), gap * reach / law.range, start), reach
+    assert found is not None, "there is at least one range"
     return found
 
 

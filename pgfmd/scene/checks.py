@@ -1,7 +1,7 @@
-"""The rules of a scene that look at several keys at once.
+"""The rules of a scene that involve several keys.
 
-Each rule is a generator of Problems over a `Draft`: the values that could be read so far. A rule that asks for a value
-which is missing or wrong ends there, because that value has been reported already; so all problems of a scene come out
+Each rule is a generator of Problems for a `Draft`, which has all values that could be read. A rule that uses a missing
+or wrong value ends there, because that value has already been reported. So all problems of a scene are reported
 together.
 """
 
@@ -11,31 +11,35 @@ import math
 from collections.abc import Callable, Iterator
 
 from pgfmd.errors import Problem
+from pgfmd.maps.raw import unit_of
 from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
 from .draft import MISSING, Draft, Unread, example
-from .fields import expectation
+from .fields import expectation, extra_of
 from .model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
 from .path_checks import paths_can_be_used
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
 ROUNDING = 1.0 + 1e-9
 LONGEST_TIME = 1e15
-SINGLE_ROUNDING, SINGLE_SHARE, FINEST_SINGLE = 6e-8, 0.02, 1e-3
-"""Single precision: its rounding, which the traction f = (w - w_hist)/J carries times E(inf)/E(0); what share of the
-accuracy that may be; and the finest accuracy."""
+SINGLE_ROUNDING = 6e-8
+"""Rounding error of single precision. The traction f = (w - w_hist)/J has this error times E(inf)/E(0)."""
+SINGLE_SHARE = 0.02
+"""Largest allowed error of the traction in single precision, as a fraction of the accuracy."""
+FINEST_SINGLE = 1e-3
+"""Finest accuracy in single precision."""
 _MIXED = 'set solver.precision = "mixed"'
 
 
 def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
-    """Demand the keys that a choice (such as the pattern "flat") needs; refuse those it has no use for."""
+    """Requires the keys that a choice (such as the pattern "flat") needs, and refuses unused ones."""
     choice = draft[f"{section}.{selector}"]
     required, optional = table[choice]
     for name, model_field in SECTIONS[section].model_fields.items():
         dotted = f"{section}.{name}"
         if name in required and not draft.given(dotted):
-            extra = model_field.json_schema_extra
+            extra = extra_of(model_field)
             expected = f"{expectation(extra)}, for the {selector} '{choice}'" if extra else f"a value for '{choice}'"
             yield Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")
         elif draft.given(dotted) and name != selector and name not in required | optional:
@@ -82,13 +86,13 @@ def free_punch_has_room(draft: Draft) -> Iterator[Problem]:
 
 
 def curvature_has_an_axis(draft: Draft) -> Iterator[Problem]:
-    if draft["punch.radius"] is None and math.isfinite(draft["punch.curvature_radius"]):
-        if "radius" not in PATTERNS[draft["punch.pattern"]][0]:
-            yield draft.problem(
-                "punch.curvature_radius",
-                "no curvature for a profile that fills the whole cell",
-                "delete it, or give punch.radius",
-            )
+    bounded = draft["punch.radius"] is not None or "radius" in PATTERNS[draft["punch.pattern"]][0]
+    if math.isfinite(draft["punch.curvature_radius"]) and not bounded:
+        yield draft.problem(
+            "punch.curvature_radius",
+            "no curvature for a profile that fills the whole cell",
+            "delete it, or give punch.radius",
+        )
 
 
 def punch_covers_grid_points(draft: Draft) -> Iterator[Problem]:
@@ -126,6 +130,18 @@ def sinusoid_is_periodic(draft: Draft) -> Iterator[Problem]:
             "punch.wavelength",
             "a whole number of wavelengths in grid.length, because the sinusoid fills the cell",
             f'write "{near}", or give punch.radius',
+        )
+
+
+def map_has_a_unit_of_length(draft: Draft) -> Iterator[Problem]:
+    unit = draft["punch.file_unit"]
+    if unit is None:
+        return
+    try:
+        unit_of(unit)
+    except ValueError as error:
+        yield draft.problem(
+            "punch.file_unit", 'a unit of length, such as "um", or a multiple of one, "0.25 nm"', str(error)
         )
 
 
@@ -191,7 +207,7 @@ def inertia_is_given(draft: Draft) -> Iterator[Problem]:
             cure = 'add both, such as omega = "15700 rad/s" and dt = "20 us", to [solver.gfmd]'
             yield draft.problem(f"solver.gfmd.{name}", f"both omega and dt, because of {why}", cure)
     for name in INSTEAD_OF_OMEGA_AND_DT:
-        # Resolved scenes of old runs have their defaults there.
+        # Resolved scenes of old runs contain these keys with their defaults.
         if all(given) and draft[f"solver.gfmd.{name}"] != GfmdKeys.model_fields[name].default:
             yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
 
@@ -229,7 +245,7 @@ def scheme_has_the_machine(draft: Draft) -> Iterator[Problem]:
 
 
 def _only(names: list[str]) -> tuple[str, str]:
-    """Which schemes alone have something, and how to have it, or do without."""
+    """Which schemes support a feature, and how to use one of them, or do without."""
     cure = "delete it, or set solver.scheme = " + " or ".join(f'"{name}"' for name in names)
     return f"only the scheme {' or '.join(names)}", cure
 
@@ -254,7 +270,7 @@ def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
     if not scheme.has_machine or precision in ("auto", "double"):
         return
     if draft["drive.control"] == "load":
-        # The soft spring is a thousand times longer than the punch goes.
+        # The elongation of the soft spring is a thousand times the travel of the punch.
         yield draft.problem("solver.precision", "'double' under load control", "delete it")
     elif math.isfinite(draft["drive.machine_stiffness"]) and precision not in scheme.sprung_precisions:
         yield draft.problem("solver.precision", "'double' or 'mixed' where the machine has a spring", _MIXED)
@@ -276,6 +292,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     punch_covers_grid_points,
     wavelength_is_resolved,
     sinusoid_is_periodic,
+    map_has_a_unit_of_length,
     substrate_is_of_one_kind,
     prony_series_is_sound,
     geometric_times_are_finite,
@@ -289,7 +306,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
 
 
 def check(draft: Draft, require_files: bool = True) -> list[Problem]:
-    """All problems that the rules find in what could be read of a scene; those about its files only if asked for."""
+    """All problems that the rules find in a draft; those about files only if `require_files`."""
     problems: list[Problem] = []
     for rule in (*RULES, paths_can_be_used) if require_files else RULES:
         try:

@@ -13,13 +13,13 @@ FILE_KEYS = ("punch.file", "substrate.compliance_file")
 
 
 def paths_can_be_used(draft: Draft) -> Iterator[Problem]:
-    """Files that are there; and paths that can be written into the resolved scene, for others to read."""
+    """Files must exist, and it must be possible to write paths into the resolved scene."""
     for dotted in (*FILE_KEYS, "output.directory"):
         try:
             text, path = draft[dotted], draft.path(dotted)
         except Unread:
             continue
-        if text is None:
+        if text is None or path is None:
             continue
         if "\0" in text:
             yield draft.problem(dotted, "a path", "take out the character of code 0")

@@ -19,7 +19,7 @@ from pgfmd.physics.drive import automatic_turn
 
 from .checks import check
 from .draft import MISSING, Draft, example, is_unicode
-from .fields import expectation, within_limits, written
+from .fields import expectation, extra_of, within_limits, written
 from .given import Given, did_you_mean, shipped_scenes, shipped_text
 from .model import SECTIONS, Scene
 from .precision import best_precision
@@ -126,14 +126,14 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
         field = model.model_fields[name]
         choices = getattr(field.annotation, "__args__", ())
         words = " or ".join(f"'{choice}'" for choice in choices if isinstance(choice, str)) or "a whole number"
-        expected = expectation(field.json_schema_extra) if field.json_schema_extra else words
+        expected = expectation(extra_of(field)) if extra_of(field) else words
         return [Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")]
     if error["type"] == "string_unicode":
         return [Problem(dotted, error["input"], "a text in UTF-8", "correct, or rename, what is not UTF-8 in it")]
     expected = error["msg"].removeprefix("Input should be ")
     if error["type"] == "literal_error":
-        words = [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]
-        return [Problem(dotted, error["input"], context["expected"], did_you_mean(str(error["input"]), words))]
+        choices = [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]
+        return [Problem(dotted, error["input"], context["expected"], did_you_mean(str(error["input"]), choices))]
     return [Problem(dotted, error["input"], expected)]
 
 
@@ -141,7 +141,8 @@ def _resolve(title: str, draft: Draft) -> Scene:
     """The scene with defaults, automatic values and absolute paths filled in; the draft is free of problems."""
     from pgfmd.physics.cohesion import range_of_adhesion
 
-    parts = {name: model.model_construct(**draft.values[name]) for name, model in SECTIONS.items()}
+    # Of these, words are still words.
+    parts: dict[str, Any] = {name: model.model_construct(**draft.values[name]) for name, model in SECTIONS.items()}
     adhesion, drive, substrate = parts["adhesion"], parts["drive"], parts["substrate"]
     q_ref = adhesion.q_ref
     if q_ref == "grid":
@@ -178,9 +179,9 @@ def _automatic_problems(scene: Scene) -> Iterator[Problem]:
     for dotted in AUTOMATIC:
         section, _, name = dotted.rpartition(".")
         value, field = getattr(scene.section(section), name), SECTIONS[section].model_fields[name]
-        if not within_limits(value, field.json_schema_extra):
-            expected = f"{expectation(field.json_schema_extra)}; it follows from other keys, which do not fit together"
-            yield Problem(dotted, written(value, field.json_schema_extra), expected, "look at their units")
+        if not within_limits(value, extra_of(field)):
+            expected = f"{expectation(extra_of(field))}; it follows from other keys, which do not fit together"
+            yield Problem(dotted, written(value, extra_of(field)), expected, "look at their units")
 
 
 def _text(path: Path | None) -> str | None:

@@ -6,10 +6,12 @@ Each stands beside the line of mathematics it evaluates.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
-import numba
 import numpy as np
 
+from .compiled import inlined
 from .kernels import _compile_maxima, _compile_sums, bits_of, number_of
 
 # Cohesion and the incremental potential ------------------------------------------------------------------------------
@@ -25,8 +27,9 @@ def _horner(coefficients: tuple[float, ...], variable: str) -> str:
     return text
 
 
-def _compiled_polynomial(coefficients: tuple[float, ...]):
-    return numba.njit(inline="always")(eval(f"lambda q: {_horner(coefficients, 'q')}"))
+def _compiled_polynomial(coefficients: tuple[float, ...]) -> Callable[[float], float]:
+    polynomial: Callable[[float], float] = eval(f"lambda q: {_horner(coefficients, 'q')}")
+    return inlined(polynomial)
 
 
 # cos(pi y) and sin(pi y)/y as functions of y^2, |y| <= 1/2, by their Taylor series to rounding: no branch, no call.
@@ -40,7 +43,11 @@ needs no polynomials."""
 
 
 @_compile_maxima
-def evaluate(height, position, u, w, s, t, step, weight, history, compliance, law, offset, f, k, r, rows):
+def evaluate(
+    height: np.ndarray, position: float, u: np.ndarray, w: np.ndarray, s: np.ndarray, t: np.ndarray, step: float,
+    weight: float, history: np.ndarray, compliance: float, law: tuple[float, ...], offset: np.ndarray,
+    f: np.ndarray, k: np.ndarray, r: np.ndarray, rows: np.ndarray,
+) -> None:  # fmt: skip
     """Traction, stiffness and out-of-balance stress of one implicit step, at the trial u + step s, w + weight t.
 
     gap = d + z - u;  f = Gamma'(gap);  K = Gamma''(gap);  r = f - (w - history) / J
@@ -95,8 +102,10 @@ def evaluate(height, position, u, w, s, t, step, weight, history, compliance, la
         rows[3, row] = step * inverse * growth
 
 
-@numba.njit(inline="always")
-def count_below(height, position, u, start, stop, levels):
+@inlined
+def count_below(
+    height: np.ndarray, position: float, u: np.ndarray, start: int, stop: int, levels: tuple[float, float, float]
+) -> tuple[float, float, float]:
     """How many points of a row, from start to stop, have a gap below each of three levels [m]."""
     first, second, third = levels
     below_first, below_second, below_third = 0.0, 0.0, 0.0
@@ -108,21 +117,24 @@ def count_below(height, position, u, start, stop, levels):
     return below_first, below_second, below_third
 
 
-@numba.njit(inline="always")
-def place_of(number):
+@inlined
+def place_of(number: Any) -> Any:
     """An integer that is in the order of double numbers, those below zero included."""
     bits = bits_of(number)
     return bits ^ ((bits >> np.int64(63)) & np.int64(0x7FFFFFFFFFFFFFFF))
 
 
-@numba.njit(inline="always")
-def number_at(place):
+@inlined
+def number_at(place: Any) -> Any:
     """The number of a place."""
     return number_of(place ^ ((place >> np.int64(63)) & np.int64(0x7FFFFFFFFFFFFFFF)))
 
 
 @_compile_sums
-def observe(height, position, u, f, weights, law, levels, offset, rows):
+def observe(
+    height: np.ndarray, position: float, u: np.ndarray, f: np.ndarray, weights: np.ndarray, law: tuple[float, ...],
+    levels: tuple[float, float, float], offset: np.ndarray, rows: np.ndarray,
+) -> None:  # fmt: skip
     """What a curve row needs. rows: [0], [1], [2] points with a gap below each of the levels [m], [3] Gamma [J/m^2],
     [4] weights f, [5] minus the smallest gap."""
     stiffness, reach, attractive = law

@@ -15,7 +15,9 @@ _compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
 
 
 @_compile_sums
-def products(k, z, dz, p, dp, offset, rows):
+def products(
+    k: np.ndarray, z: np.ndarray, dz: np.ndarray, p: np.ndarray, dp: np.ndarray, offset: np.ndarray, rows: np.ndarray
+) -> None:
     """rows[0..2] of z K z, z K p, p K p; rows[3..5] of z dz, p dz, p dp: where dz is the residual, the first two of these
     are the slopes of Phi along z and p, downhill."""
     for row in range(offset.size - 1):
@@ -33,7 +35,11 @@ def products(k, z, dz, p, dp, offset, rows):
 
 
 @_compile_maxima
-def probe(height, position, u, w, b, z, dz, c, p, dp, history, compliance, law, offset, f, k, r, rows):
+def probe(
+    height: np.ndarray, position: float, u: np.ndarray, w: np.ndarray, b: float, z: np.ndarray, dz: np.ndarray,
+    c: float, p: np.ndarray, dp: np.ndarray, history: np.ndarray, compliance: float, law: tuple[float, ...],
+    offset: np.ndarray, f: np.ndarray, k: np.ndarray, r: np.ndarray, rows: np.ndarray,
+) -> None:  # fmt: skip
     """As kernels.evaluate, at u + s and w + J t with s = b z + c p and t = b dz + c dp.
 
     rows[0..3] as there; rows[4..5] of z r, p r; rows[6..8] of z K z, z K p, p K p; rows[9]: the largest |s| over points
@@ -81,7 +87,10 @@ def probe(height, position, u, w, b, z, dz, c, p, dp, history, compliance, law, 
 
 
 @_compile
-def move_on(b, z, dz, c, p, dp, compliance, u, w):
+def move_on(
+    b: float, z: np.ndarray, dz: np.ndarray, c: float, p: np.ndarray, dp: np.ndarray, compliance: float,
+    u: np.ndarray, w: np.ndarray,
+) -> None:  # fmt: skip
     """p = s = b z + c p, its dual t likewise;  u += s;  w += J t."""
     for i in range(u.size):
         s, t = b * z[i] + c * p[i], b * dz[i] + c * dp[i]

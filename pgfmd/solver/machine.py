@@ -16,9 +16,16 @@ than that of the punch: nothing is rounded that was not rounded before.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from . import kernels
+
+if TYPE_CHECKING:
+    from pgfmd.solver.grid import PunchPoints
+    from pgfmd.solver.newton import NewtonSolver
+    from pgfmd.solver.tiles import Convolves
 
 
 class SprungConvolution:
@@ -28,7 +35,7 @@ class SprungConvolution:
     changed.
     """
 
-    def __init__(self, convolve, spring: float, compliance: float):
+    def __init__(self, convolve: Convolves, spring: float, compliance: float):
         self.convolve, self.points, self.dtype = convolve, convolve.points, convolve.dtype
         self.mean_compliance = convolve.mean_compliance + spring * self.points.total * self.points.grid.cell_area
         self._rows = np.zeros((1, self.points.rows))
@@ -60,14 +67,14 @@ class SprungConvolution:
         return self.convolve.whole_cell(traction)
 
 
-def total(points, values: np.ndarray, rows: np.ndarray) -> float:
+def total(points: PunchPoints, values: np.ndarray, rows: np.ndarray) -> float:
     """Sum of a point vector over all ranks, the same bits on any number of them; rows: work array (1, rows).
     Collective."""
     kernels.sum_in_rows(values, points.offset, rows)
     return float(points.total_of(rows[:1])[0])
 
 
-def sprung(convolve, spring: float, compliance: float):
+def sprung(convolve: Convolves, spring: float, compliance: float) -> Convolves:
     """The convolution with the machine's spring in it; as it is where the machine is rigid."""
     return SprungConvolution(convolve, spring, compliance) if spring else convolve
 
@@ -81,7 +88,7 @@ CLEAR = 1e-9
 """How far beyond the reach of the law a flung punch is left, relative to it."""
 
 
-def out_of_reach(points, surface: np.ndarray, height: np.ndarray, reach: float) -> float:
+def out_of_reach(points: PunchPoints, surface: np.ndarray, height: np.ndarray, reach: float) -> float:
     """The nearest position [m] at which a punch of this face no longer feels the surface, all [m]. Collective.
 
     A punch that a dead load flings away is left there: there is no end to its way.
@@ -99,8 +106,9 @@ class Machine:
     energy of the spring fell in them, since it was last set to zero.
     """
 
-    def __init__(self, solver, compliance: float, stiffness: float, dead_load: bool):
-        self.solver, self.points = solver, solver.points
+    def __init__(self, solver: NewtonSolver, compliance: float, stiffness: float, dead_load: bool):
+        assert isinstance(solver.convolve, SprungConvolution)
+        self.solver, self.points, self._convolve = solver, solver.points, solver.convolve
         self.compliance, self.stiffness, self.dead_load = compliance, stiffness, dead_load
         self._rows = np.zeros((1, solver.points.rows))
         self._given = self._start = 0.0
@@ -138,17 +146,21 @@ class Machine:
         if abs(place - expected) > MISPLACED * solver.law.range:
             corrected = self._correct(place - expected, u, w, compliance, traction)
             place = self.place(drive, self._force(self._start, compliance))
-        solver.offset = solver.convolve.uniform * self._start
+        solver.offset = self._convolve.uniform * self._start
         return place, corrected
 
     def end(self, drive: float, u: np.ndarray, w: np.ndarray, compliance: float) -> tuple[float, float]:
         """After the solve: makes u the true surface again; position of the punch [m] and force on it [N]. Collective."""
         now = total(self.points, w, self._rows)
-        u -= self.solver.convolve.uniform * (now - self._start)
+        u -= self._convolve.uniform * (now - self._start)
         self.solver.offset = 0.0
         before, force = self._force(self._start, compliance), self._force(now, compliance)
         self.fallen += 0.5 * self.compliance * (before**2 - force**2)
         return self.place(drive, force), force
+
+    def surface_of(self, w: np.ndarray, u: np.ndarray) -> None:
+        """u = G0 w [m] of a load w [Pa], without the spring. Collective."""
+        self._convolve.convolve(w, u)
 
     def _force(self, load: float, compliance: float) -> float:
         """Force on the punch [N] that a load w asks for, by its sum over the points."""
@@ -161,6 +173,6 @@ class Machine:
             return False
         force = -misplaced / (self.compliance + compliance / self.stiffness)
         w[np.flatnonzero(traction)] -= compliance * force / (self.points.grid.cell_area * count)
-        self.solver.convolve.convolve(w, u)
+        self.surface_of(w, u)
         self._start = total(self.points, w, self._rows)
         return True

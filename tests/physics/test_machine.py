@@ -38,6 +38,10 @@ def column(elements, accuracy=0.005, **drive):
     )
 
 
+def nothing(t):
+    return np.zeros(0)
+
+
 def exact(scene):
     """Phases of the column: (start, duration, F(t), d(t)) with t from the start of each, from ODEs of its elements.
 
@@ -69,7 +73,7 @@ def exact(scene):
             )  # fmt: skip
             inner, span = found.sol, found.t[-1]
         else:
-            inner = lambda t: np.zeros(0)
+            inner = nothing
             span = span if target is None else brentq(lambda t: met(t, np.zeros(0)), 1e-9, span, xtol=1e-16)
 
         def force(t, pull=pull, inner=inner):

@@ -1,12 +1,12 @@
 """Folders as version 0.1 wrote them, whose contact is overlap: read with that meaning, and not gone on with."""
 
+import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
-from small_runs import run
-from synthetic_results import as_version_0_1
 from typer.testing import CliRunner
 
 from pgfmd.analysis.summary import analyse
@@ -14,12 +14,15 @@ from pgfmd.cli import app
 from pgfmd.errors import ResultError
 from pgfmd.files.table_reading import CurveTail
 from pgfmd.files.tables import CURVE
+from pgfmd.restart.checkpoint_layout import examine
 from pgfmd.results import load
 from pgfmd.results.reading import FieldsMapping
 from pgfmd.results.status import status_of
 from pgfmd.results.verify import verify
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
+from tests.unit.small_runs import run
+from tests.unit.synthetic_results import as_version_0_1
 
 SCENE = ("tri-tack", ["grid.n=24", "drive.preload=1 mN", 'output.snapshots=["1 s"]'])
 """That of small_runs."""
@@ -82,11 +85,29 @@ def test_an_earlier_run_is_not_gone_on_with(tmp_path):
     stopped = run(tmp_path / "out", stop_after=20)
     as_version_0_1(stopped)
     before = {path.name: path.read_bytes() for path in stopped.iterdir() if path.is_file()}
-    with pytest.raises(ResultError, match="version 0.1 of pgfmd.*can't go on.*--fresh"):
+    with pytest.raises(ResultError, match=r"version 0\.1 of pgfmd.*can't go on.*--fresh"):
         run_scene(load_scene(*SCENE), MPI.COMM_SELF, stopped, lambda line: None)
     assert {path.name: path.read_bytes() for path in stopped.iterdir() if path.is_file()} == before
     (told,) = status_of(stopped).warnings
     assert "version 0.1" in told and "--fresh" in told
+
+
+def test_a_checkpoint_that_version_0_1_has_written_is_refused_and_left_alone(tmp_path):
+    """`run_of_0_1` is what its program left when it was stopped after 23 steps of this scene."""
+    folder = shutil.copytree(Path(__file__).parent / "run_of_0_1", tmp_path / "out")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert examine(folder / "checkpoint.h5")["pgfmd"] == "0.1.0"
+    invoked = CliRunner().invoke(app, ["run", SCENE[0], *SCENE[1][:2], "--out", str(folder)])
+    assert invoked.exit_code == 4
+    assert re.search("version 0.1 of pgfmd.*finish it with version 0.1.*--fresh", invoked.stderr.replace("\n", " "))
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    found = status_of(folder)
+    assert (found.state, found.steps, len(found.warnings)) == ("resumable", 23, 1)
+    with load(folder) as results:
+        assert results.counts_overlap and len(results.curve) == 24
+        area = results.curve["contact_area [m^2]"].iloc[-1]
+    assert 0.0 < area < 4.4e-7
+    assert CliRunner().invoke(app, ["verify", str(folder)]).exit_code == 0
 
 
 def test_an_earlier_run_that_had_not_begun_is_begun(tmp_path):

@@ -3,10 +3,8 @@ knows it."""
 
 import math
 
-import kelvin_voigt
 import numpy as np
 import pytest
-import small_runs
 
 import pgfmd
 from pgfmd.errors import SceneError
@@ -15,6 +13,7 @@ from pgfmd.results import uncertainty
 from pgfmd.results.curve import Loop
 from pgfmd.scene import load_scene
 from pgfmd.schemes import registry
+from tests.unit import kelvin_voigt, small_runs
 
 SLOW = ["rheology.modulus_ratio=1e5", "rheology.relaxation_time=1 us"]
 """A spectrum of which slow motion sees the dashpot alone, of 0.1 s."""

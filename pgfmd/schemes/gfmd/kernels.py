@@ -13,13 +13,12 @@ from pgfmd.solver.kernels import _compile, _compile_maxima, _compile_sums
 
 
 @_compile
-def spread(traction, offset, first, top, left, plane):
-    """The traction of the points under the punch on the rows of the plane, zero elsewhere.
+def spread(traction: np.ndarray, offset: np.ndarray, first: np.ndarray, top: int, left: int, plane: np.ndarray) -> None:
+    """Copies the traction of the points under the punch to the rows of the plane, zero elsewhere.
 
     top: the plane's local row of the first local row of the punch block; left: the block's first column.
     """
-    rows, columns = plane.shape
-    for row in range(rows):
+    for row in range(plane.shape[0]):
         target = plane[row]
         local = row - top
         if 0 <= local < offset.size - 1:
@@ -33,8 +32,12 @@ def spread(traction, offset, first, top, left, plane):
 
 
 @_compile_maxima
-def touch(plane, top, left, first, height, position, law, levels, offset, u, f, rows):
-    """The surface under the punch, out of the plane, and the traction there: u, f = Gamma'(d + z - u).
+def touch(
+    plane: np.ndarray, top: int, left: int, first: np.ndarray, height: np.ndarray, position: float,
+    law: tuple[float, ...], levels: tuple[float, float, float], offset: np.ndarray, u: np.ndarray, f: np.ndarray,
+    rows: np.ndarray,
+) -> None:  # fmt: skip
+    """The surface under the punch from the plane, and the traction there: u, f = Gamma'(d + z - u).
 
     rows: [0], [1], [2] points with a gap below each of the levels [m], [3] Gamma [J/m^2], [4] f [Pa], [5] minus the
     smallest gap [m].
@@ -62,7 +65,7 @@ def touch(plane, top, left, first, height, position, law, levels, offset, u, f, 
             energy += 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
             pull += traction
             closest = min(closest, gap)
-        # Apart from the sums above: those would be added up in another order beside them.
+        # In a separate loop, because otherwise the order of the sums above would change.
         rows[0, row], rows[1, row], rows[2, row] = count_below(height, position, u, start, offset[row + 1], levels)
         rows[3, row] = energy
         rows[4, row] = pull
@@ -71,23 +74,10 @@ def touch(plane, top, left, first, height, position, law, levels, offset, u, f, 
 
 @_compile
 def advance_modes(
-    buffer,
-    compliance,
-    u,
-    v,
-    branches,
-    weights,
-    rates,
-    keep,
-    kick,
-    step,
-    decay,
-    old_gain,
-    new_gain,
-    stiffness,
-    fold,
-    sums,
-):
+    buffer: np.ndarray, compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray,
+    weights: np.ndarray, rates: np.ndarray, keep: float, kick: float, step: float, decay: np.ndarray,
+    old_gain: np.ndarray, new_gain: np.ndarray, stiffness: float, fold: np.ndarray, sums: np.ndarray,
+) -> None:  # fmt: skip
     """One step of every mode; `buffer` holds the traction and is given the new u, both (n, 2 columns).
 
     v = keep v + kick (G0 f + sum_m kappa_m u_m - kappa_inf u);  u_new = u + step v
@@ -115,8 +105,10 @@ def advance_modes(
 
 @compiled(fastmath={"contract"})
 def _advance_row(
-    buffer, compliance, u, v, branches, i, weights, keep, kick, step, decay, old_gain, new_gain, stiffness, work
-):
+    buffer: np.ndarray, compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray, i: int,
+    weights: np.ndarray, keep: float, kick: float, step: float, decay: np.ndarray, old_gain: np.ndarray,
+    new_gain: np.ndarray, stiffness: float, work: np.ndarray,
+) -> None:  # fmt: skip
     width = buffer.size
     for c in range(width):
         work[c] = compliance[c] * buffer[c] - stiffness * u[c]
@@ -139,7 +131,10 @@ def _advance_row(
 
 
 @_compile_sums
-def _add_energies(compliance, u, v, branches, i, weights, rates, fold, stored, loss, sums):
+def _add_energies(
+    compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray, i: int, weights: np.ndarray,
+    rates: np.ndarray, fold: np.ndarray, stored: np.ndarray, loss: np.ndarray, sums: np.ndarray,
+) -> None:  # fmt: skip
     width = u.size
     for c in range(width):
         stored[c] = u[c] * u[c]

@@ -2,8 +2,9 @@
 
     u = G0 w,   w = J_inf f + sum_m J_m phi_m,   lambda_m dphi_m/dt = f - phi_m,   f = Gamma'(d(t) + z - u)
 
-Each stage of a step (retardation.py) is a static contact problem (newton.py) with the compliance J_i G0, begun where
-the last ends of steps point (path_following.py).
+w is the effective traction, phi_m are the internal variables. Each stage of a step (retardation.py) is a static contact
+problem (newton.py) with the compliance J_i G0. Its start is extrapolated from the last ends of steps
+(path_following.py).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgfmd.errors import RunError
-from pgfmd.physics.drive import Phase
+from pgfmd.physics.drive import AT_REST, Phase
 from pgfmd.physics.rheology import CreepSeries
 from pgfmd.schemes.path_following import EVENT_TOLERANCE, PathFollowing
 from pgfmd.solver import kernels
@@ -31,28 +32,32 @@ if TYPE_CHECKING:
     from pgfmd.solver.machine import Machine
 
 LOOSEST_TOLERANCE = 2e-2
-"""Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
+"""Largest tolerance of a solve, whatever the allowed error of the step, so that its end is close to equilibrium."""
 EVENT_SHARE = 0.25
-"""Largest share of the usual tolerance in solves that look for an event: the force is then good to half of what the
-preload has to be met to."""
+"""Tolerance of solves that locate an event, as a fraction of the usual one: the error of the force is then half of the
+allowed error of the preload."""
 JUMP_SHARPNESS = 1e-3
-"""Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
-tiny, and a loose solve lingers on it."""
-NEARLY_ELASTIC, ELASTIC_PATIENCE = 0.5, 2
-"""Patience of CG (newton.py) where more than this share of the compliance is instantaneous, as where it is elastic."""
+"""Tolerance of solves in a jump, as a fraction of the usual one: just after the loss of stability the residual on the
+unstable branch is tiny, and a solve with a large tolerance would stay on it."""
 DEAD_LOAD_SHARPNESS = 0.25
-"""Under load control the place of the punch has the error of a solve, and is not given: solves are tighter by this."""
+"""Under force control the place of the punch has the error of a solve, and is not given: tolerance, as a fraction."""
+NEARLY_ELASTIC = 0.5
+"""An elastomer is nearly elastic if more than this fraction of its compliance is instantaneous."""
+ELASTIC_PATIENCE = 2
+"""Patience of the conjugate gradients (newton.py) for elastic and nearly elastic elastomers."""
 ELASTIC_SHARPNESS = 0.25
-"""Elastic scenes: share of the tolerance to which steps are solved: an elastic step's only error is its solve's."""
+"""Tolerance of the solves in elastic scenes, as a fraction of that of the step: they are the only source of error."""
 
 
 class Inertialess(PathFollowing):
-    """Steps of the massless model. `try_step` leaves the state alone; `accept` moves it on.
+    """Steps of the massless model. `try_step` does not change the state; `accept` advances it.
 
     solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are
     solved to the same tolerance, as their errors enter the error estimate with a tenth of their size. audit: whether to
-    follow energies. far_weights: of the far displacement (far_field.py), empty where there is none. near_gap [m]: below
-    which a point is near. order: 2 or 1, of steps with retardation. machine: the spring that carries the punch, None for a rigid one. All fields have the precision of the solver's convolution.
+    compute energies. far_weights: of the far displacement (far_field.py), empty if there is none. near_gap [m]: below
+    which a point is near. order: 2 or 1, of steps with retardation. machine: the spring that carries the punch, None
+    for a rigid one. All fields have the precision of the solver's
+    convolution.
     """
 
     cure = "Try a smaller solver.accuracy, or a larger adhesion.range."
@@ -90,21 +95,21 @@ class Inertialess(PathFollowing):
         return State(u, w, f, branches, images, position, phase_start=position)
 
     def start(self, state: State) -> float:
-        """Brings the surface into instantaneous balance with the punch at its first position; returns the force [N].
+        """Computes the instantaneous equilibrium with the punch at its first position; returns the force [N].
 
-        Nothing to do, and nothing done, for a punch out of reach. RunError if there is no balance.
+        Does nothing if the punch is beyond the range of adhesion. Raises RunError if there is no equilibrium.
         """
         solver = self.solver
         history, solve = self._history[0], solver.solve
         history[:] = 0.0
         if not self.creep.elements and state.position < self.law.reach and not self.machine:
-            # From a relaxed surface at rest the way is long, and most of Newton's corrections on it would be cut.
+            # The start is far from a relaxed surface at rest, and most of Newton's corrections would be truncated.
             from pgfmd.solver.descent import Descent
 
             solve = Descent(solver).solve
         surface = state.displacement, state.load
         for jump in (False, True):
-            # Where the punch starts in contact, the way from the surface at rest may be long.
+            # If the punch starts in contact, the equilibrium may be far from the surface at rest.
             place = self._begin(state, state.phase_start, surface, history, self.creep.J_inf, state.position)
             outcome = solve(
                 place, history, self.creep.J_inf, *surface, 0.1 * self.tolerance, jump, largest_force=solver.force_scale
@@ -114,7 +119,7 @@ class Inertialess(PathFollowing):
             if outcome.converged:
                 break
         else:
-            first = Trial(0.0, state.position, None, converged=False, left_over=outcome.left_over)
+            first = Trial(0.0, state.position, AT_REST, converged=False, left_over=outcome.left_over)
             where = f"d = {state.position:.6g} m"
             raise RunError(f"no equilibrium found at the start ({where}). {self.advice(state, first)}")
         state.traction[:] = solver.traction
@@ -127,8 +132,8 @@ class Inertialess(PathFollowing):
     def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> StagedTrial:
         """Solves the stages of a step of `step` [s] from `state`. Collective.
 
-        sharp: solve tighter, for finding events. jump: solve tighter still, and start each stage from the last one
-        instead of extrapolating, so that the potential drop is that of the surface's jump.
+        sharp: smaller tolerance, to locate events. jump: even smaller tolerance, and start each stage from the last one
+        instead of extrapolating, so that the decrease of the potential is that of the surface's jump.
         """
         weights = step_weights(self.creep, self.tableau, step)
         retardation_kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
@@ -169,13 +174,8 @@ class Inertialess(PathFollowing):
                 retardation_kernels.stage_and_history(*stage, weight, self._f[i], following)
             else:
                 retardation_kernels.stage_of(*stage, self._f[i])
-        if self.machine:
-            trial.flung = self._is_flung(trial)
-        if trial.flung and self.machine.interacting(state.traction):
-            # Where a punch comes free under a load there is no step that is short enough: it jumps.
-            trial.converged = jump
-        if trial.flung:
-            self._follow_flight(state, trial)
+        if self.machine and self._is_flung(self.machine, trial):
+            self._follow_flight(self.machine, state, trial, jump)
         # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path
         # is.
         trial.change = self._change(state, trial, self.order + 1 if self.creep.elements else 3)
@@ -188,7 +188,7 @@ class Inertialess(PathFollowing):
         return trial
 
     def accept(self, state: State, trial: StagedTrial) -> None:
-        """Moves fields, history and energies of the state to the end of the trial step."""
+        """Advances fields, history and energies of the state to the end of the trial step."""
         weights = trial.weights
         spring = self.spring_compliance
         work = work_of(state, trial, self.tableau, spring)
@@ -214,7 +214,15 @@ class Inertialess(PathFollowing):
             return 1.0
         return self.machine.share(self.machine.interacting(state.traction) > 0)
 
-    def _begin(self, state: State, drive: float, surface, history, compliance: float, expected: float) -> float:
+    def _begin(
+        self,
+        state: State,
+        drive: float,
+        surface: tuple[np.ndarray, np.ndarray],
+        history: np.ndarray,
+        compliance: float,
+        expected: float,
+    ) -> float:
         """Before a solve, with the machine at `drive` [m]: the position of the punch [m]."""
         if not self.machine:
             return drive
@@ -224,7 +232,9 @@ class Inertialess(PathFollowing):
             self._drift = self._drift.renewed(self._extent(place))
         return place
 
-    def _end(self, drive: float, surface, compliance: float, place: float, force: float) -> tuple[float, float]:
+    def _end(
+        self, drive: float, surface: tuple[np.ndarray, np.ndarray], compliance: float, place: float, force: float
+    ) -> tuple[float, float]:
         """After a solve with the punch at `place` [m] that ended at a force [N]: where it is now, and that force."""
         return self.machine.end(drive, *surface, compliance) if self.machine else (place, force)
 
@@ -233,32 +243,31 @@ class Inertialess(PathFollowing):
         places = [state.position]
         for span, force in zip(accumulate(state.past_steps), state.past_forces, strict=True):
             drive = state.phase_start + trial.phase.displacement(state.elapsed - span)
-            places.append(self.machine.place(drive, force))
+            places.append(drive + self.spring_compliance * force)
         places = [*trial.positions[-1:], *places]
         return sum(weight * place for weight, place in zip(weights, places, strict=False))
 
     def _surface_of(self, w: np.ndarray, u: np.ndarray) -> None:
-        convolve = self.solver.convolve
-        (convolve.convolve if self.machine else convolve)(w, u)
+        (self.machine.surface_of if self.machine else self.solver.convolve)(w, u)
 
     def _extent(self, position: float) -> float:
         """Size of u [ranges of adhesion]. The load's rounding reaches it through the spring."""
         return super()._extent(position) + self.spring_compliance * self.solver.force_scale / self.law.range
 
-    def _is_flung(self, trial: Trial) -> bool:
+    def _is_flung(self, machine: Machine, trial: Trial) -> bool:
         """Whether a dead load has pulled the punch off in a trial. Collective."""
-        return (
-            self.machine.dead_load
-            and trial.phase.velocity_end > 0.0
-            and not self.machine.interacting(self.solver.curvature)
-        )
+        return machine.dead_load and trial.phase.velocity_end > 0.0 and not machine.interacting(self.solver.curvature)
 
-    def _follow_flight(self, state: State, trial: Trial) -> None:
+    def _follow_flight(self, machine: Machine, state: State, trial: Trial, jump: bool) -> None:
         """Leaves a flung punch out of reach. What it releases is counted up to there, and not what a spring that stands for
         a load makes of the rest."""
+        trial.flung = True
+        if machine.interacting(state.traction):
+            # No step is short enough for a punch to come free under a load: it jumps.
+            trial.converged = jump
         clear = out_of_reach(self.points, self._u[-1], self.height, self.law.reach)
         trial.position = min(trial.position, max(clear, state.position))
-        trial.potential_drop -= self.machine.fallen
+        trial.potential_drop -= machine.fallen
         trial.potential_drop -= state.force * (trial.position - state.position)
 
     def _tolerance(self, state: State, sharp: bool, jump: bool) -> float:

@@ -1,34 +1,32 @@
-"""Compiled kernels of the search for the lowest curvature (soft_mode.py), as those of kernels.py: sums are left as one
-partial sum a row."""
+"""Compiled kernels of LOBPCG (soft_mode.py). As in kernels.py, sums are returned as one partial sum per row."""
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from pgfmd.hashing import STRIDE, scrambled
-from pgfmd.solver.compiled import compiled
+from pgfmd.solver.compiled import compiled, inlined
 from pgfmd.solver.contact_kernels import _sine_of
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
-_scrambled = numba.njit(inline="always")(scrambled)
+_scrambled = inlined(scrambled)
 SEED_STRIDE = np.uint64(0xD1B54A32D192ED03)
-"""An odd number, by which seeds lie apart."""
+"""An odd number, the distance of seeds."""
 SOFTENED = 1e-6
-"""Of the law's stiffness: by how much a point must have softened to count, as single precision rounds."""
+"""Least softening of a point, relative to the law's stiffness; above the rounding of single precision."""
 
 
-@numba.njit(inline="always")
-def _hashed(point, seed):
-    """A number between -1 and 1: a hash of the seed and of the point's index in the whole, so that it does not depend on
-    how the points are shared out."""
+@inlined
+def _hashed(point: int, seed: int) -> float:
+    """A number between -1 and 1: a hash of the seed and of the point's global index, so that it does not depend on the
+    distribution of points."""
     x = _scrambled(np.uint64(point) * STRIDE + np.uint64(seed) * SEED_STRIDE)
     return np.float64(np.int64(x >> np.uint64(12))) * 2.0**-51 - 1.0
 
 
 @_compile
-def noise(first_point, seed, k, out):
+def noise(first_point: int, seed: int, k: np.ndarray, out: np.ndarray) -> None:
     """out = numbers between -1 and 1 at points that interact (K != 0), else 0. first_point: index of the first local
     point."""
     for i in range(out.size):
@@ -36,9 +34,12 @@ def noise(first_point, seed, k, out):
 
 
 @_compile
-def softened(first_point, seed, height, position, u, law, k, out):
+def softened(
+    first_point: int, seed: int, height: np.ndarray, position: float, u: np.ndarray, law: tuple[float, ...],
+    k: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
     """out = by how much the interface has softened at each point since the surface was u and the punch at `position`,
-    max(K(d + z - u) - k, 0), more or less by up to a half; 0 for what may be rounding. law: as in
+    max(K(d + z - u) - k, 0), times a random factor between 0.5 and 1.5; 0 within rounding. law: as in
     contact_kernels.evaluate."""
     stiffness, reach, attractive = law
     least = SOFTENED * stiffness
@@ -52,7 +53,7 @@ def softened(first_point, seed, height, position, u, law, k, out):
 
 
 @_compile_sums
-def pull_of(k, x, dual, mu, amount, g):
+def pull_of(k: np.ndarray, x: np.ndarray, dual: np.ndarray, mu: float, amount: float, g: np.ndarray) -> None:
     """g = mu dual - K x + amount g: minus the gradient of the quotient x K x / (x dual), with what was in g as
     noise."""
     for i in range(x.size):
@@ -60,7 +61,10 @@ def pull_of(k, x, dual, mu, amount, g):
 
 
 @_compile_sums
-def quotients(k, x, dx, z, dz, p, dp, offset, rows):
+def quotients(
+    k: np.ndarray, x: np.ndarray, dx: np.ndarray, z: np.ndarray, dz: np.ndarray, p: np.ndarray, dp: np.ndarray,
+    offset: np.ndarray, rows: np.ndarray,
+) -> None:  # fmt: skip
     """rows[0..5] of v K v' and rows[6..11] of v (dual of v'), for the pairs xx, xz, xp, zz, zp, pp of x, z, p."""
     for row in range(offset.size - 1):
         kxx, kxz, kxp, kzz, kzp, kpp = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -86,7 +90,7 @@ def quotients(k, x, dx, z, dz, p, dp, offset, rows):
 
 
 @_compile
-def recombine(a, b, c, x, z, p):
+def recombine(a: float, b: float, c: float, x: np.ndarray, z: np.ndarray, p: np.ndarray) -> None:
     """p = b z + c p;  x = a x + p."""
     for i in range(x.size):
         way = b * z[i] + c * p[i]
