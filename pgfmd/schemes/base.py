@@ -125,8 +125,9 @@ class Trial(Protocol):
     """A step that was tried, as a controller judges it; solver.trial.Trial is one.
 
     step [s]; position [m] of the machine, force [N] on the punch at its end. converged: whether it could be solved.
-    error: in ranges of adhesion, or as a share of the largest force. is_jump: whether the surface jumps in it, to
-    which potential_drop [J] is what it releases. energy_error: as a share of what is allowed, 0 where nothing is. change: from the start of the step, where it is known.
+    error: in ranges of adhesion, or as a share of the largest force; energy_error: as a share of what is allowed, 0 where
+    nothing is. is_jump: whether the surface jumps in it; potential_drop [J]: what it then releases. change: from the start of
+    the step, where it is known.
     """
 
     step: float
