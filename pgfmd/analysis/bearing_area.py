@@ -167,7 +167,7 @@ def laws_of(scene: Any, asperity: Results | None = None) -> dict[str, Callable[[
     modulus, energy = scene.substrate.contact_modulus, scene.adhesion.work_of_adhesion
     laws: dict[str, Callable[[float], AsperityLaw]] = {"JKR": lambda radius: JkrAsperity(radius, modulus, energy)}
     series, drive = series_of(scene.rheology), scene.drive
-    if series.elements and law_of(scene.adhesion).attractive:
+    if series.elements and scene.adhesion.attractive:
         crack = CrackLaw(series, modulus, energy, law_of(scene.adhesion).strength)
         speeds = drive.speed, drive.retract_speed
         laws["JKR with crack speed"] = lambda radius: ViscoelasticAsperity(radius, modulus, energy, crack, *speeds)

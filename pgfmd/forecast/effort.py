@@ -25,6 +25,7 @@ import numpy as np
 
 from pgfmd import coarsening
 from pgfmd.parts import automatic_range, law_of, quasistatic_compliance, relaxation_of
+from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.run_ahead import coarse_scenes
 from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
@@ -94,7 +95,7 @@ def jump_threshold(scene) -> float:
 
 def kind_of(scene) -> str:
     """The kind of a scene, of which FITTED has numbers."""
-    if scene.adhesion.law == "repulsive":
+    if not scene.adhesion.attractive:
         return "repulsive"
     shape = "flat, " if scene.punch.pattern == "flat" else ""
     if relaxation_of(scene).elements:
@@ -111,9 +112,9 @@ def kind_of(scene) -> str:
 
 def ways_of(scene) -> tuple[Way, Way]:
     """The ways in and out."""
-    drive, reach = scene.drive, scene.adhesion.range
+    drive, reach = scene.drive, length_of(scene.adhesion)
     depth, beyond = depth_at_preload(scene), pull_off_height(scene)
-    start = max(drive.clearance, 0.0) if law_of(scene.adhesion).attractive else 0.0
+    start = max(drive.clearance, 0.0) if scene.adhesion.attractive else 0.0
     into, out = depth + start, depth + beyond
     lengths = (into, out) if scene.punch.pattern != "flat" else (start + reach, beyond)
     creep, stiffness, accuracy = relaxation_of(scene).to_creep(), stiffness_of_law(scene), scene.solver.accuracy
@@ -139,7 +140,7 @@ def slowness(scene, creep, time: float, speed: float) -> float:
         return 1.0
     # The middle of a broad spectrum, by logarithms: short and long times count by what they give way.
     middle = math.exp(float((creep.J * np.log(creep.retardation_times)).sum() / creep.J.sum()))
-    if scene.adhesion.law == "repulsive":
+    if not scene.adhesion.attractive:
         return time / middle / (1.0 + time / middle)
     return scene.adhesion.work_of_adhesion / (scene.substrate.contact_modulus * speed * middle)
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pgfmd.parts import compliance_of, law_of, relaxation_of, topography_of
-from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.physics.adhesion.registry import range_by_rule
 from pgfmd.physics.film import Film
 from pgfmd.physics.topography import layered
 from pgfmd.reference import hertz
@@ -41,7 +41,7 @@ def summit_points(scene) -> float:
     punch, law, spacing = scene.punch, law_of(scene.adhesion), scene.grid.length / scene.grid.n
     if not law.attractive and punch.pattern not in ("sphere", "power"):
         return math.inf
-    height = law.range if law.attractive else depth_of(scene)
+    height = law.length if law.attractive else depth_of(scene)
     if punch.pattern == "file":
         rise = _rise_of_map(scene)
         return math.pi * height / rise if rise > 0.0 else math.inf
@@ -127,7 +127,7 @@ def overlap_share(scene) -> float:
     """How far punch and elastomer overlap at the preload, relative to the indentation: an estimate; 0 where there is
     none.
 
-    Mean pressure over K_0, as if the elastomer were covered with springs. The contact is Hertz's, of the punch or of
+    Mean pressure over the stiffness of overlaps, as if the elastomer were covered with springs. The contact is Hertz's, of the punch or of
     one of its summits, or that of a flat punch; the modulus that of the time in which it is made.
     """
     punch, law, load = scene.punch, law_of(scene.adhesion), scene.drive.preload
@@ -147,7 +147,7 @@ def overlap_share(scene) -> float:
         if math.isfinite(radius):
             depth = max(depth, float(hertz.indentation(load, radius, modulus)))
         size = min(limit, math.sqrt(radius * depth))
-        overlap = load / (math.pi * size**2) / law.stiffness
+        overlap = load / (math.pi * size**2) / law.overlap_stiffness
         # The punch moves by both while the load is made.
         modulus = modulus_of(scene) * mean_kappa(scene, (depth + overlap) / scene.drive.speed)
     return overlap / (depth * softness_of_film(scene, size))
@@ -157,7 +157,7 @@ def range_follows_the_grid(scene) -> bool:
     """Whether the range of adhesion is the automatic one, which a finer grid makes shorter."""
     adhesion, grid, modulus = scene.adhesion, scene.grid, scene.substrate.contact_modulus
     q_ref = 2.0 * math.pi * grid.n / grid.length
-    own = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, q_ref)
+    own = range_by_rule(adhesion, modulus, adhesion.range_factor, q_ref)
     return math.isclose(own, adhesion.range, rel_tol=1e-9)
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from pgfmd.errors import Problem, SceneError
 from pgfmd.parts import drive_of
+from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import PRELOAD, automatic_turn
 from pgfmd.scene import parse_scene
 from pgfmd.scene.model import SECTIONS
@@ -111,7 +112,7 @@ def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:
 def _turn_follows(key: str, scene) -> bool:
     """Whether a key is the time of the turn, with the value that follows from the speeds."""
     speeds = scene.drive.speed, scene.drive.retract_speed
-    return key == "drive.turn_time" and scene.drive.turn_time == automatic_turn(scene.adhesion.range, *speeds)
+    return key == "drive.turn_time" and scene.drive.turn_time == automatic_turn(length_of(scene.adhesion), *speeds)
 
 
 def _drive_refusal(head: dict, scene) -> str:

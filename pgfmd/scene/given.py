@@ -18,9 +18,9 @@ from pgfmd.files.text import read_text
 from pgfmd.units import DIMENSIONS
 
 from .fields import written
-from .model import PATTERNS, RHEOLOGIES, SECTIONS
+from .model import ADHESION, PATTERNS, RHEOLOGIES, SECTIONS
 
-SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES))
+SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES), ("adhesion", "law", ADHESION))
 """Keys whose choice decides which other keys their section may have, with those keys."""
 
 
@@ -76,7 +76,7 @@ class Given:
     def changed(self, changes: Mapping[str, Any]) -> Given:
         """With other values of keys, by section; None stands for a key's default.
 
-        A new pattern or model drops the keys of its section that it has no use for, unless they are named as well.
+        A new pattern, model or law drops the keys of its section that it has no use for, unless they are named as well.
         """
         mapping = {name: dict(value) if isinstance(value, dict) else value for name, value in self.mapping.items()}
         changes = {name: plain(value) for name, value in changes.items()}

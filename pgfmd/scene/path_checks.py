@@ -9,7 +9,7 @@ from pgfmd.errors import Problem
 
 from .draft import Draft, Unread, is_unicode
 
-FILE_KEYS = ("punch.file", "substrate.compliance_file")
+FILE_KEYS = ("punch.file", "substrate.compliance_file", "adhesion.file")
 
 
 def paths_can_be_used(draft: Draft) -> Iterator[Problem]:

@@ -143,7 +143,7 @@ class PathFollowing:
 
     def _extent(self, position: float) -> float:
         """Size of u [ranges of adhesion], of which its rounding is a share, with the punch's end at a position [m]."""
-        return abs(position) / self.law.range
+        return abs(position) / self.law.length
 
     def _after_solve(self, position: float, outcome: Outcome) -> None:
         """Keeps the drift up with a solve that ended at this position [m] of the punch's end."""
@@ -160,9 +160,9 @@ class PathFollowing:
         extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=True))
         law, scale = self.solver.law, self._scale(state, trial)
         local = kernels.largest_difference_near(
-            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.range
+            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.length
         )
-        distance, moved = (value / law.range for value in self.points.maxima_of(*local))
+        distance, moved = (value / law.length for value in self.points.maxima_of(*local))
         return Change(
             moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
             tuple(times), trial.step,

@@ -85,8 +85,11 @@ def _mark_of(what: str) -> Path | None:
 
 @functools.cache
 def _sources() -> str:
-    """A digest of the sources of all kernels."""
-    texts = (source.read_bytes() for source in sorted(Path(__file__).parent.glob("*kernels.py")))
+    """A digest of the sources of all kernels, and of what is compiled into them."""
+    package = Path(__file__).parent.parent
+    inlined = package / "solver" / "inlined_laws.py", package / "hashing.py"
+    files = *package.rglob("*kernels.py"), *(package / "physics" / "adhesion").glob("*.py"), *inlined
+    texts = (source.read_bytes() for source in sorted(files))
     return hashlib.sha256(b"\0".join(texts)).hexdigest()
 
 

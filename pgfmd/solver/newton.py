@@ -89,7 +89,7 @@ class NewtonSolver:
         # A traction on the whole plane has a mean, and a half-space no compliance for it.
         self.floating = points.total == points.grid.n**2 and convolve.mean_compliance == 0.0
         self.points, self.convolve, self.height, self.law = points, convolve, height, law
-        self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
+        self.law_numbers = law.numbers
         self.rough = rough or convolve
         self.operators = [convolve, rough] if rough else [convolve]
         self.dtype, self._slack = convolve.dtype, SLACK[convolve.dtype.name, self.rough.dtype.name]
@@ -181,7 +181,7 @@ class NewtonSolver:
         of no obstacle on its way, by how far it moves any point: it sets the surface free, and may press it far into
         the punch. Collective."""
         if everywhere and size == 0.0:
-            size = self.points.maximum_of(float(np.abs(self.cg.s).max(initial=0.0))) / self.law.range
+            size = self.points.maximum_of(float(np.abs(self.cg.s).max(initial=0.0))) / self.law.length
         return 1e-3 * tolerance / max(size, 1.0)
 
     def _go_down(self, position, u, w, history, compliance, potential, longest, shortest):
@@ -204,7 +204,7 @@ class NewtonSolver:
         lower place either way, nothing moves, and traction and curvature are those of the surface as it is. Collective.
         """
         self.cg.s[:], self.cg.t[:] = mode, dual
-        whole = self.law.range / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
+        whole = self.law.length / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
         values = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
         start, best, best_step = values[2], -self._slack * abs(values[2]), 0.0
         for first in SLIDES:

@@ -1,6 +1,6 @@
 """Connected patches of contact, found by all ranks together, and what each of them carries. Collective.
 
-Contact is where the gap is below the law's contact_gap (cohesion.py), as in the contact area. Points are connected through the four sides of their
+Contact is where the gap is below the law's contact_gap (physics/adhesion/base.py), as in the contact area. Points are connected through the four sides of their
 cells: two that share a corner only have no width of contact between them. Only where the punch fills the cell do
 patches go on across its edges. Patches are numbered by their first points, row by row, whatever the number of ranks.
 

@@ -8,7 +8,8 @@ import math
 import numpy as np
 
 from pgfmd.solver.compiled import compiled
-from pgfmd.solver.contact_kernels import _cosine_of, _sine_of, count_below
+from pgfmd.solver.contact_kernels import count_below
+from pgfmd.solver.inlined_laws import attraction
 from pgfmd.solver.kernels import _compile, _compile_maxima, _compile_sums
 
 
@@ -39,11 +40,6 @@ def touch(plane, top, left, first, height, position, law, levels, offset, u, f, 
     rows: [0], [1], [2] points with a gap below each of the levels [m], [3] Gamma [J/m^2], [4] f [Pa], [5] minus the
     smallest gap [m].
     """
-    stiffness, reach, attractive = law
-    strength = attractive * stiffness * reach / math.pi
-    depth = strength * reach / math.pi
-    per_range = 1.0 / reach
-    limit = reach if attractive > 0.0 else 0.0
     for row in range(offset.size - 1):
         source = plane[top + row]
         begin = left + first[row]
@@ -53,13 +49,12 @@ def touch(plane, top, left, first, height, position, law, levels, offset, u, f, 
             here = source[begin + i]
             gap = position + height[start + i] - here
             overlap = min(gap, 0.0)
-            y = min(max(gap * per_range, 0.0), 1.0) - 0.5
-            sine, minus_cosine = _cosine_of(y * y), y * _sine_of(y * y)
-            near = gap < limit
-            traction = stiffness * overlap + (strength * sine if near else 0.0)
+            drawn, _, depth, level = attraction(gap, law)
+            near = gap < law.reach
+            traction = law.overlap * overlap + (drawn if near else 0.0)
             u[start + i] = here
             f[start + i] = traction
-            energy += 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
+            energy += 0.5 * law.overlap * overlap * overlap + (depth * level if near else 0.0)
             pull += traction
             closest = min(closest, gap)
         # Apart from the sums above: those would be added up in another order beside them.

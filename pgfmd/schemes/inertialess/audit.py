@@ -67,7 +67,7 @@ class EnergyAudit:
         of the punch. u [m], f [Pa] at the stages; adhesive [J]: energy of the interface at the end of the step.
         Collective.
         """
-        energies, reach = state.energies, self.law.range
+        energies, reach = state.energies, self.law.length
         elastic, viscous = self.energies(state, trial.weights, u, f, keep=False)
         gained = elastic - energies.elastic + adhesive - energies.adhesive
         residual = work_of(state, trial, self.tableau) - gained - viscous

@@ -163,7 +163,7 @@ class Quasistatic(PathFollowing):
         """Whether a step that met no instability may have passed over a jump all the same."""
         if state.past_steps:
             return trial.error > LEAST_SIGN * self.tolerance
-        return trial.change.surface * self.law.range > FAST * abs(trial.position - state.position)
+        return trial.change.surface * self.law.length > FAST * abs(trial.position - state.position)
 
     def accept(self, state: State, trial: Trial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
@@ -211,7 +211,7 @@ class Quasistatic(PathFollowing):
     def _extent(self, position: float) -> float:
         """Size of u [ranges of adhesion] with the machine at a position [m]. What the loads of the points make of a
         soft spring, one by one, is more than their sum: of that, about the preload is reckoned with."""
-        return super()._extent(position) + self.machine_compliance * self.solver.force_scale / self.law.range
+        return super()._extent(position) + self.machine_compliance * self.solver.force_scale / self.law.length
 
     @staticmethod
     def _take(trial: Trial, outcome: Outcome) -> None:
@@ -295,5 +295,5 @@ class Quasistatic(PathFollowing):
         at_stake += 0.5 * self.machine_compliance * trial.force**2
         noise = 1e-2 * interacting + rounding * at_stake
         if self.machine_compliance:
-            noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.range
+            noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.length
         return noise

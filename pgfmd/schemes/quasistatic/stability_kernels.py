@@ -8,7 +8,7 @@ import numpy as np
 
 from pgfmd.hashing import STRIDE, scrambled
 from pgfmd.solver.compiled import compiled
-from pgfmd.solver.contact_kernels import _sine_of
+from pgfmd.solver.inlined_laws import stiffness
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
@@ -48,15 +48,12 @@ def noise(first_point, seed, k, out):
 @_compile
 def softened(first_point, seed, height, position, u, law, k, out):
     """out = by how much the interface has softened at each point since the surface was u and the punch at `position`,
-    max(K(d + z - u) - k, 0), more or less by up to a half; 0 for what may be rounding. law: as in
-    contact_kernels.evaluate."""
-    stiffness, reach, attractive = law
-    least = SOFTENED * stiffness
-    limit = reach if attractive > 0.0 else 0.0
+    max(K(d + z - u) - k, 0), more or less by up to a half; 0 for what may be rounding. law: its
+    Numbers."""
+    least = SOFTENED * law.stiffness
     for i in range(out.size):
         gap = position + height[i] - u[i]
-        y = min(max(gap / reach, 0.0), 1.0) - 0.5
-        before = -stiffness * (y * _sine_of(y * y)) if gap < limit else 0.0
+        before = stiffness(gap, law) if gap < law.reach else 0.0
         change = before - k[i]
         out[i] = change * (1.0 + 0.5 * _hashed(first_point + i, seed)) if change > least else 0.0
 
