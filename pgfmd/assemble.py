@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import coarsening, parts, symmetry
+from .physics.adhesion.registry import law_of
 from .schemes import registry
 from .solver.conjugate_gradients import ConjugateGradients
 from .solver.far_field import far_weights
@@ -97,7 +98,7 @@ def newton_solver(
     m = coarsening.expected(scene).factor
     if m:
         corrections = _corrections_on_two_grids(scene, points, m, (rough or convolve).dtype)
-    return NewtonSolver(points, convolve, height, parts.law_of(scene.adhesion), scene.drive.preload, rough, corrections)
+    return NewtonSolver(points, convolve, height, law_of(scene.adhesion), scene.drive.preload, rough, corrections)
 
 
 def _corrections_on_two_grids(scene: Scene, points: PunchPoints, m: int, dtype: DTypeLike) -> MakeCorrections:

@@ -150,7 +150,7 @@ class PathFollowing:
 
     def _extent(self, position: float) -> float:
         """Size of u [ranges of adhesion], to which its rounding error is relative, for a position [m] of the drive."""
-        return abs(position) / self.law.range
+        return abs(position) / self.law.length
 
     def _after_solve(self, position: float, outcome: Outcome) -> None:
         """Updates the drift after a solve at this position [m] of the drive."""
@@ -168,9 +168,9 @@ class PathFollowing:
         extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=True))
         law, scale = self.solver.law, self._scale(state, trial)
         local = kernels.largest_difference_near(
-            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.range
+            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.length
         )
-        distance, moved = (value / law.range for value in self.points.maxima_of(*local))
+        distance, moved = (value / law.length for value in self.points.maxima_of(*local))
         return Change(
             moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
             tuple(times), trial.step,

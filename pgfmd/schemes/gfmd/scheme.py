@@ -24,7 +24,7 @@ from . import kernels
 from .inertia import Inertia
 
 if TYPE_CHECKING:
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
     from pgfmd.solver.grid import PunchPoints
     from pgfmd.solver.multiplier import Compliance
     from pgfmd.solver.transform import Plane
@@ -59,7 +59,7 @@ class Gfmd:
     ):
         self.points, self.plane, self.height, self.law = points, plane, height, law
         self.series, self.inertia, self.audit = series, inertia, audit
-        self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
+        self.law_numbers = law.numbers
         grid = points.grid
         unit = 2.0 * np.pi / grid.length
         # Of the un-normalised transform, for the real view of the spectrum: each column twice.
