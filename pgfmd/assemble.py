@@ -15,6 +15,7 @@ from .host.launch import on_first
 from .map_rules import refusals
 from .maps.raw import MapError
 from .physics import heightfile
+from .physics.adhesion.registry import law_of
 from .schemes import registry
 from .solver.conjugate_gradients import ConjugateGradients
 from .solver.far_field import far_weights
@@ -128,7 +129,7 @@ def newton_solver(
     m = coarsening.expected(scene).factor
     if m:
         corrections = _corrections_on_two_grids(scene, points, m, (rough or convolve).dtype, wrap)
-    return NewtonSolver(points, convolve, height, parts.law_of(scene.adhesion), scene.drive.preload, rough, corrections)
+    return NewtonSolver(points, convolve, height, law_of(scene.adhesion), scene.drive.preload, rough, corrections)
 
 
 def _corrections_on_two_grids(

@@ -13,7 +13,7 @@ import numpy as np
 from .errors import Problem, SceneError
 from .map_rules import refusals
 from .maps.raw import MapError
-from .physics.cohesion import LAWS, CohesiveLaw, range_of_adhesion
+from .physics.adhesion.registry import law_of, range_by_rule
 from .physics.drive import Drive
 from .physics.film import Base, Film
 from .physics.free_kernel import FreeFilm, FreeHalfSpace
@@ -25,7 +25,7 @@ from .schemes import registry
 from .solver.grid import Grid
 
 if TYPE_CHECKING:
-    from .scene.model import Adhesion, Punch, Rheology, Scene
+    from .scene.model import Punch, Rheology, Scene
 
 Periodic = HalfSpace | TabulatedCompliance | Film
 BONDED: Base = "bonded"
@@ -104,15 +104,10 @@ def drive_of(scene: Scene) -> Drive:
     return Drive(approach, drive.preload, retract, drive.turn_time, dwell, drive.clearance)
 
 
-def law_of(adhesion: Adhesion) -> CohesiveLaw:
-    """The cohesive law of a scene's [adhesion]."""
-    return CohesiveLaw(adhesion.work_of_adhesion, adhesion.range, LAWS[adhesion.law])
-
-
 def automatic_range(scene: Scene) -> float:
     """The range of adhesion [m] that the paper's rule gives for the scene's grid."""
     q_ref = 2.0 * math.pi * scene.grid.n / scene.grid.length
-    return range_of_adhesion(scene.adhesion.work_of_adhesion, scene.substrate.contact_modulus, PAPER_FACTOR, q_ref)
+    return range_by_rule(scene.adhesion, scene.substrate.contact_modulus, PAPER_FACTOR, q_ref)
 
 
 def quasistatic_compliance(scene: Scene) -> float:
@@ -221,7 +216,7 @@ def _overlap_problems(scene: Scene) -> list[Problem]:
     most."""
     law, radius = law_of(scene.adhesion), scene.punch.radius
     area = math.pi * radius**2 if radius else scene.grid.length**2
-    most = law.stiffness * deepest_indentation(scene) * area
+    most = law.overlap_stiffness * deepest_indentation(scene) * area
     if scene.drive.preload <= most:
         return []
     expected = f"at most {most:.3g} N, what overlaps of {deepest_indentation(scene):.3g} m can carry in this range"

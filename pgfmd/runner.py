@@ -24,6 +24,7 @@ from .host.run_lock import RunLock
 from .host.stop_signals import StopSignals
 from .output.outputs import Outputs
 from .output.record import record_of, versions
+from .physics.adhesion.registry import DEFAULT_LAW, LAWS
 from .physics.heightfile import forget
 from .restart import resume
 from .restart.checkpoints import Checkpoints
@@ -32,6 +33,7 @@ from .restart.history import History
 from .restart.keeper import Keeper, Timing
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
+from .scene.model import toml_text
 from .schemes import registry
 from .solver import compiled
 from .solver.interruption import Interrupted
@@ -292,19 +294,27 @@ def compile_kernels(comm: Intracomm, scene: Scene) -> None:
     """
     if comm.size == 1:
         return
-    scheme, precision = scene.solver.scheme, scene.solver.precision
+    scheme, precision, adhesion = scene.solver.scheme, scene.solver.precision, scene.adhesion
     node = Node.of(comm)
-    if node.local.rank == 0 and not compiled.is_kept(f"{scheme}-{precision}"):
-        warm_up(scheme, precision)
+    if node.local.rank == 0 and not compiled.is_kept(f"{scheme}-{precision}-{adhesion.law}"):
+        asked = LAWS[adhesion.law].required - {"work_of_adhesion"}
+        warm_up(scheme, precision, adhesion.law, tuple((name, getattr(adhesion, name)) for name in sorted(asked)))
     node.local.Barrier()
 
 
 @functools.cache
-def warm_up(scheme: str = registry.DEFAULT, precision: str = "double") -> None:
-    """Runs tiny tack tests that use every kernel of a scheme, so that numba has them in its cache. Once a process."""
+def warm_up(
+    scheme: str = registry.DEFAULT,
+    precision: str = "double",
+    law: str = DEFAULT_LAW,
+    keys: tuple[tuple[str, str], ...] = (),
+) -> None:
+    """Runs tiny tack tests that use every kernel of a scheme with a law of adhesion, so that numba has them in its cache. Once
+    a process. keys: what the law asks for, texts by the names of keys of [adhesion]."""
     from mpi4py import MPI
 
     common = [f"solver.scheme={scheme}", f"solver.precision={precision}", "grid.n=20", "drive.preload=1 mN"]
+    common += [f"adhesion.law={law}", *(f"adhesion.{name}={toml_text(text)}" for name, text in keys)]
     for changes in registry.named(scheme).scenes_to_warm_up(precision):
         assemble(load_scene("tri-tack", [*common, *changes]), MPI.COMM_SELF).run()
-    compiled.remember(f"{scheme}-{precision}")
+    compiled.remember(f"{scheme}-{precision}-{law}")

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pgfmd.parts import automatic_range, deepest_indentation, drive_of, relaxation_of
+from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import OVERSHOOT
 from pgfmd.reference import jkr
 from pgfmd.schemes import registry
@@ -58,7 +59,7 @@ def remarks(scene: Scene) -> Iterator[str]:
 
 def _range(scene: Scene) -> Iterator[str]:
     share, own = scene.adhesion.range / automatic_range(scene), automatic_range(scene)
-    if scene.adhesion.law != "cosine" or share > 0.999:
+    if not scene.adhesion.attractive or share > 0.999:
         return
     text = f"adhesion.range is {share:.2g} of the automatic range of this grid, {shown(own, 'length', 4)}: "
     if share < PINNING_SHARE:
@@ -98,14 +99,13 @@ def _start(scene: Scene) -> Iterator[str]:
 def _depth_at_once(scene: Scene) -> float:
     """Approximate indentation [m] at the preload with the modulus of short times; infinite if unknown."""
     punch, adhesion, stiffening = scene.punch, scene.adhesion, relaxation_of(scene).kappa_inf
-    attractive = adhesion.law == "cosine"
-    if punch.pattern == "sphere" and attractive:
+    if punch.pattern == "sphere" and adhesion.attractive:
         # Adhesion alone pulls a sphere in.
         contact = punch.curvature_radius, stiffening * modulus_of(scene), adhesion.work_of_adhesion
         radius = jkr.contact_radius_at_force(scene.drive.preload, *contact)
         return float(jkr.indentation(radius, *contact))
     if punch.pattern == "power":
-        return math.inf if attractive else depth_of(scene, stiffening)
+        return math.inf if adhesion.attractive else depth_of(scene, stiffening)
     bow = 0.0 if punch.pattern == "sphere" else punch.outline**2 / (2.0 * punch.curvature_radius)
     return depth_of(scene, stiffening) + 2.0 * (punch.amplitude or 0.0) + bow
 
@@ -118,14 +118,15 @@ def _turn(scene: Scene) -> Iterator[str]:
     if not registry.scheme_of(scene).timeless:
         ways["comes back by"] = drive.rise
     what, way = max(ways.items(), key=lambda item: item[1])
-    repulsive = scene.adhesion.law == "repulsive"
-    scale = max(depth_of(scene), scene.adhesion.range) if repulsive else scene.adhesion.range
+    attractive = scene.adhesion.attractive
+    length = length_of(scene.adhesion)
+    scale = length if attractive else max(depth_of(scene), length)
     if way <= LONGEST_TURN * scale:
         return
-    longest = drive.turn_time * OVERSHOOT * scene.adhesion.range / way
+    longest = drive.turn_time * OVERSHOOT * length / way
     yield (
         f"drive.turn_time: within the turn the punch {what} {shown(way, 'length')}, {way / scale:.2g} "
-        f"{'indentations' if repulsive else 'ranges of adhesion'}: what happens there, perhaps the pull-off, does so "
+        f"{'ranges of adhesion' if attractive else 'indentations'}: what happens there, perhaps the pull-off, does so "
         "below "
         f'the speed of the retraction; leave it out, or set at most "{longest:.2g} s"'
     )
@@ -151,7 +152,7 @@ def _preload(scene: Scene) -> Iterator[str]:
 
 def _speed(scene: Scene) -> Iterator[str]:
     series = relaxation_of(scene)
-    passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
+    passing = length_of(scene.adhesion) / max(scene.drive.speed, scene.drive.retract_speed)
     if series.elements and passing < GLASSY * series.tau.min():
         yield (
             f"drive.speed, drive.retract_speed: the punch moves by rho in {passing:.2g} s, far below the shortest "
@@ -192,7 +193,7 @@ def _memory(scene: Scene, ranks: int) -> Iterator[str]:
 def _jumps(scene: Scene) -> Iterator[str]:
     series, least = relaxation_of(scene), jump_threshold(scene)
     scheme = registry.scheme_of(scene)
-    if scheme.jumps and scene.adhesion.law == "cosine" and series.kappa_inf < least:
+    if scheme.jumps and scene.adhesion.attractive and series.kappa_inf < least:
         state = "quasi-static" if scheme.timeless else "elastic"
         what = (
             f"kappa_inf = {series.kappa_inf:.4g} is below {least:.3g}" if series.elements else f"the scene is {state}"
@@ -213,6 +214,6 @@ def _far_displacement(scene: Scene) -> Iterator[str]:
 
 def _quasi_static(scene: Scene) -> Iterator[str]:
     series = relaxation_of(scene)
-    passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
+    passing = length_of(scene.adhesion) / max(scene.drive.speed, scene.drive.retract_speed)
     if series.elements and passing > QUASI_STATIC * series.to_creep().retardation_times.max():
         yield f"speed: rho/v = {passing:.2g} s is {QUASI_STATIC:.0f} longest retardation times: nearly quasi-static"

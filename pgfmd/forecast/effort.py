@@ -26,7 +26,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgfmd import coarsening
-from pgfmd.parts import automatic_range, law_of, quasistatic_compliance, relaxation_of
+from pgfmd.parts import automatic_range, quasistatic_compliance, relaxation_of
+from pgfmd.physics.adhesion.registry import law_of, length_of
 from pgfmd.run_ahead import coarse_scenes
 from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
@@ -104,7 +105,7 @@ def jump_threshold(scene: Scene) -> float:
 
 def kind_of(scene: Scene) -> str:
     """The kind of a scene: a key of FITTED."""
-    if scene.adhesion.law == "repulsive":
+    if not scene.adhesion.attractive:
         return "repulsive"
     shape = "flat, " if scene.punch.pattern == "flat" else ""
     if relaxation_of(scene).elements:
@@ -121,9 +122,9 @@ def kind_of(scene: Scene) -> str:
 
 def ways_of(scene: Scene) -> tuple[Way, Way]:
     """Approach and retraction."""
-    drive, reach = scene.drive, scene.adhesion.range
+    drive, reach = scene.drive, length_of(scene.adhesion)
     depth, beyond = depth_at_preload(scene), pull_off_height(scene)
-    start = max(drive.clearance, 0.0) if law_of(scene.adhesion).attractive else 0.0
+    start = max(drive.clearance, 0.0) if scene.adhesion.attractive else 0.0
     into, out = depth + start, depth + beyond
     lengths = (into, out) if scene.punch.pattern != "flat" else (start + reach, beyond)
     creep, stiffness, accuracy = relaxation_of(scene).to_creep(), stiffness_of_law(scene), scene.solver.accuracy
@@ -150,7 +151,7 @@ def slowness(scene: Scene, creep: CreepSeries, time: float, speed: float) -> flo
         return 1.0
     # For a broad spectrum, the mean of the logarithms of the times, weighted by compliance.
     middle = math.exp(float((creep.J * np.log(creep.retardation_times)).sum() / creep.J.sum()))
-    if scene.adhesion.law == "repulsive":
+    if not scene.adhesion.attractive:
         return time / middle / (1.0 + time / middle)
     return scene.adhesion.work_of_adhesion / (scene.substrate.contact_modulus * speed * middle)
 

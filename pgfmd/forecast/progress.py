@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pgfmd.parts import deepest_indentation
+from pgfmd.physics.adhesion.registry import clearance_of
 from pgfmd.schemes import registry
 
 from .effort import effort_of
@@ -79,7 +80,7 @@ def outlook(scene: Scene, moment: Moment) -> Outlook:
         return Outlook(remark="where the preload was met is not known")
     way = _way(scene, moment)
     progress = way.share()
-    if way.out_left < scene.adhesion.range and moment.phase == "retract":
+    if way.out_left < clearance_of(scene.adhesion) and moment.phase == "retract":
         # The place of the last jump is not known better than this.
         return Outlook(progress, remark="the punch may come off at any moment")
     steps, remark = registry.scheme_of(scene).steps_left_of(scene, moment, way)
@@ -115,7 +116,7 @@ def _depth_ahead(scene: Scene, moment: Moment) -> float:
 def steps_by_way(scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:
     """Remaining steps for schemes with an accuracy, and what they do not include."""
     drive = scene.drive
-    viscous = scene.adhesion.law != "repulsive" and scene.rheology.model != "elastic"
+    viscous = scene.adhesion.attractive and scene.rheology.model != "elastic"
     share = way.share(math.sqrt(drive.speed / drive.retract_speed) if viscous else 1.0)
     steps = (1.0 - share) * ((1.0 - share) * effort_of(scene).steps + moment.steps - moment.dwell_steps)
     if moment.phase == "dwell" and moment.preload_time is not None:

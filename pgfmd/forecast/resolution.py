@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.parts import BONDED, compliance_of, law_of, relaxation_of, topography_of
-from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.parts import BONDED, compliance_of, relaxation_of, topography_of
+from pgfmd.physics.adhesion.registry import law_of, range_by_rule
 from pgfmd.physics.film import Film
 from pgfmd.physics.topography import layered
 from pgfmd.reference import hertz
@@ -46,7 +46,7 @@ def summit_points(scene: Scene) -> float:
     punch, law, spacing = scene.punch, law_of(scene.adhesion), scene.grid.length / scene.grid.n
     if not law.attractive and punch.pattern not in ("sphere", "power"):
         return math.inf
-    height = law.range if law.attractive else depth_of(scene)
+    height = law.length if law.attractive else depth_of(scene)
     if punch.pattern == "file":
         rise = _rise_of_map(scene)
         return math.pi * height / rise if rise > 0.0 else math.inf
@@ -131,8 +131,9 @@ def _summits(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def overlap_share(scene: Scene) -> float:
     """Estimated overlap of punch and elastomer at the preload, relative to the indentation; 0 if there is none.
 
-    It is the mean pressure divided by K_0, as for an elastomer covered with springs. The contact is that of Hertz, for
-    the punch or one of its summits, or that of a flat punch; the modulus is that at the duration of the approach.
+    It is the mean pressure divided by the stiffness of overlaps, as for an elastomer covered with springs. The contact is
+    that of Hertz, for the punch or one of its summits, or that of a flat punch; the modulus is that at the duration of the
+    approach.
     """
     punch, law, load = scene.punch, law_of(scene.adhesion), scene.drive.preload
     if punch.pattern in ("sphere", "power"):
@@ -151,7 +152,7 @@ def overlap_share(scene: Scene) -> float:
         if math.isfinite(radius):
             depth = max(depth, float(hertz.indentation(load, radius, modulus)))
         size = min(limit, math.sqrt(radius * depth))
-        overlap = load / (math.pi * size**2) / law.stiffness
+        overlap = load / (math.pi * size**2) / law.overlap_stiffness
         # The punch moves by indentation and overlap.
         modulus = modulus_of(scene) * mean_kappa(scene, (depth + overlap) / scene.drive.speed)
     return overlap / (depth * softness_of_film(scene, size))
@@ -161,7 +162,7 @@ def range_follows_the_grid(scene: Scene) -> bool:
     """Whether the range of adhesion is automatic, so that it is shorter on a finer grid."""
     adhesion, grid, modulus = scene.adhesion, scene.grid, scene.substrate.contact_modulus
     q_ref = 2.0 * math.pi * grid.n / grid.length
-    own = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, q_ref)
+    own = range_by_rule(adhesion, modulus, adhesion.range_factor, q_ref)
     return math.isclose(own, adhesion.range, rel_tol=1e-9)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ellipe, ellipk
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.base import CohesiveLaw
 
 from . import jkr
 
@@ -163,4 +163,4 @@ class CohesiveSphere:
         hertzian = a**2 / (np.pi * self.radius) * (np.sqrt(ratio**2 - 1) + (ratio**2 - 2) * angle)
         outside = hertzian + 2 / np.pi * np.sqrt(2 * np.pi * work * a / self.contact_modulus) * angle
         pressure = jkr.pressure(np.minimum(r, 0.999 * a), a, self.radius, self.contact_modulus, work)
-        return np.where(r < a, np.minimum(-pressure / self.law.stiffness, gap), gap + outside)
+        return np.where(r < a, np.minimum(-pressure / self.law.overlap_stiffness, gap), gap + outside)

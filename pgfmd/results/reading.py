@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,11 @@ from pgfmd.files.storage import (
 )
 from pgfmd.files.table_reading import NUMPY_TYPES, is_earlier, read_columns
 from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES, Table
-from pgfmd.physics.cohesion import LAWS, CohesiveLaw
+from pgfmd.physics.adhesion.registry import DEFAULT_LAW, LAWS
 from pgfmd.units import parse_quantity
+
+QUANTITIES = {"work_of_adhesion": "energy per area", "range": "length", "overlap_stiffness": "stiffness per area"}
+"""Keys of [adhesion] that a law is made from, with their dimensions."""
 
 
 def load(directory: str | Path) -> Results:
@@ -125,7 +129,8 @@ class Results:
             earlier = is_earlier(path)
         except OSError as problem:
             raise ResultError(f"{path}: could not be read: {reason(problem)}") from problem
-        return earlier and LAWS.get(str(self._adhesion.get("law")), True)
+        law = LAWS.get(str(self._adhesion.get("law")))
+        return earlier and (law is None or law.attractive)
 
     @property
     def contact_gap(self) -> float:
@@ -135,11 +140,19 @@ class Results:
         if "contact_gap_m" in self.run:
             return float(self.run["contact_gap_m"])
         # A run that is going on has no record yet.
-        attractive = LAWS.get(str(self._adhesion.get("law")), True)
-        if not (attractive and "range" in self._adhesion):
+        law = LAWS.get(str(self._adhesion.get("law", DEFAULT_LAW)))
+        if law is None or "range" not in self._adhesion:
             return 0.0
-        energy, reach = self._adhesion["work_of_adhesion"], self._adhesion["range"]
-        return CohesiveLaw(parse_quantity(energy, "energy per area"), parse_quantity(reach, "length")).contact_gap
+        given: dict[str, Any] = {name: self._adhesion.get(name) for name in ("smoothing", "file")}
+        for name, dimension in QUANTITIES.items():
+            text = self._adhesion.get(name)
+            given[name] = None if text is None else parse_quantity(text, dimension)
+        try:
+            return law.of(SimpleNamespace(**given)).contact_gap
+        except (OSError, ValueError) as problem:
+            raise ResultError(
+                f"{self.directory / SCENE_FILE}: its law of adhesion can't be told: {problem}"
+            ) from problem
 
     @property
     def near_gap(self) -> float:

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 
 from pgfmd.errors import Problem
 from pgfmd.maps.raw import unit_of
+from pgfmd.physics.adhesion.registry import LAWS
 from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
 from .draft import MISSING, Draft, Unread, example
 from .fields import expectation, extra_of
-from .model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from .model import ADHESION, LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
 from .path_checks import paths_can_be_used
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
@@ -54,6 +56,20 @@ def punch_keys(draft: Draft) -> Iterator[Problem]:
 
 def rheology_keys(draft: Draft) -> Iterator[Problem]:
     yield from _keys_of_choice(draft, "rheology", "model", RHEOLOGIES)
+
+
+def adhesion_keys(draft: Draft) -> Iterator[Problem]:
+    yield from _keys_of_choice(draft, "adhesion", "law", ADHESION)
+
+
+def law_can_be_read(draft: Draft) -> Iterator[Problem]:
+    """The file of a law; whether it is there is another rule's."""
+    law, path = LAWS[draft["adhesion.law"]], draft.path("adhesion.file")
+    if "file" in law.required and path is not None and path.is_file():
+        try:
+            law.own_values(SimpleNamespace(file=str(path)))
+        except (OSError, ValueError) as error:
+            yield draft.problem("adhesion.file", "a law of adhesion", str(error))
 
 
 def punch_fits_the_cell(draft: Draft) -> Iterator[Problem]:
@@ -286,6 +302,8 @@ def _modulus_ratio(draft: Draft) -> float:
 RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     punch_keys,
     rheology_keys,
+    adhesion_keys,
+    law_can_be_read,
     punch_fits_the_cell,
     free_punch_has_room,
     curvature_has_an_axis,

@@ -18,13 +18,13 @@ from pgfmd.files.text import read_text
 from pgfmd.units import DIMENSIONS
 
 from .fields import extra_of, written
-from .model import PATTERNS, RHEOLOGIES, SECTIONS, toml_of
+from .model import ADHESION, PATTERNS, RHEOLOGIES, SECTIONS, toml_of
 
-SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES))
+SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES), ("adhesion", "law", ADHESION))
 """Keys that determine which other keys their section may have, with those keys."""
 
 
-PATHS = ("punch.file", "substrate.compliance_file")
+PATHS = ("punch.file", "substrate.compliance_file", "adhesion.file")
 """Keys that name files: relative ones start at the folder of the scene."""
 
 
@@ -81,7 +81,7 @@ class Given:
     def changed(self, changes: Mapping[str, Any]) -> Given:
         """The scene with changed keys, by section; None resets a key to its default.
 
-        A new pattern or model drops unused keys of its section, unless they are changed as well.
+        A new pattern, model or law drops unused keys of its section, unless they are changed as well.
         """
         mapping = {name: dict(value) if isinstance(value, dict) else value for name, value in self.mapping.items()}
         changes = {name: plain(value) for name, value in changes.items()}

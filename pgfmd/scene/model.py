@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import PrivateAttr
 
+from pgfmd.physics.adhesion.registry import DEFAULT_LAW, LAWS, LawName, meanings
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity
 
@@ -60,6 +61,9 @@ RHEOLOGIES: dict[str, Keys] = {
 }
 """For every `rheology.model` the keys of [rheology] it needs and those it may have."""
 
+ADHESION: dict[str, Keys] = {name: (law.required, law.optional) for name, law in LAWS.items()}
+"""For every `adhesion.law` the keys of [adhesion] it needs and those it may have."""
+
 LARGEST_MODULUS_RATIO = 1e6
 
 
@@ -69,13 +73,14 @@ if TYPE_CHECKING:
     Automatic = float
     OfGrid = float
     LikeAnother = float
+    OfLaw = float
     IfUsed = float
     CountIfUsed = int
     NumbersIfUsed = tuple[float, ...]
 else:
     Automatic = float | Literal["auto"]
     OfGrid = float | Literal["grid"]
-    LikeAnother = IfUsed = float | None
+    LikeAnother = OfLaw = IfUsed = float | None
     CountIfUsed = int | None
     NumbersIfUsed = tuple[float, ...] | None
 
@@ -197,19 +202,40 @@ class Rheology(Section):
 class Adhesion(Section):
     """The cohesive law between punch and elastomer."""
 
-    law: Literal["cosine", "repulsive"] = key(
-        "`cosine`: the paper's law; `repulsive`: its harmonic overlap alone", "cosine"
-    )
-    work_of_adhesion: float = quantity(
-        "energy per area", "work of adhesion gamma; of `repulsive` it only sets the overlap's stiffness"
+    law: LawName = key(meanings(), DEFAULT_LAW)
+    work_of_adhesion: OfLaw = quantity(
+        "energy per area",
+        "work of adhesion gamma; of `repulsive` it only sets the overlap's stiffness; of `table` the area under the traction "
+        "of the file unless said otherwise",
+        None,
     )
     range: Automatic = quantity(
-        "length", "range rho; `auto` solves gamma pi^2/(2 rho^2) = range_factor q_ref E*", "auto", words=("auto",)
+        "length",
+        "range rho; `auto` makes the largest stiffness of the law range_factor q_ref E*: gamma pi^2/(2 rho^2) with `cosine`. "
+        "Of `table` the reach of the file unless said otherwise",
+        "auto",
+        words=("auto",),
     )
     range_factor: float = number("factor of the automatic range; 0.156 gives the paper's ranges", 0.156, above=0.0)
     q_ref: OfGrid = quantity(
         "wavenumber", "reference wavenumber of the automatic range; `grid` is 2 pi n/L", "grid", words=("grid",)
     )
+    smoothing: float | None = number(
+        "width of the smooth ends of the traction, in ranges; 0.2 unless said otherwise", None, above=0.0, at_most=0.8
+    )
+    overlap_stiffness: float | None = quantity(
+        "stiffness per area", "stiffness of overlaps; the largest one of the law unless said otherwise", None
+    )
+    file: str | None = key(
+        "file with gaps and tractions, relative to the scene's folder; see [](../explanation/adhesion.md#your-own-law)",
+        None,
+        min_length=1,
+    )
+
+    @property
+    def attractive(self) -> bool:
+        """Whether the law attracts."""
+        return LAWS[self.law].attractive
 
 
 class Drive(Section):
@@ -403,6 +429,9 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "punch":
         required, optional = PATTERNS[scene.punch.pattern]
         return frozenset(Punch.model_fields) - required - optional - {"pattern"}
+    if section == "adhesion":
+        required, optional = ADHESION[scene.adhesion.law]
+        return frozenset(Adhesion.model_fields) - required - optional - {"law"}
     if section == "rheology":
         required, optional = RHEOLOGIES[scene.rheology.model]
         return frozenset(Rheology.model_fields) - required - optional - {"model"}

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.base import CohesiveLaw
 from pgfmd.physics.drive import Phase
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.solver.state import State

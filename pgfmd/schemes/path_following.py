@@ -163,7 +163,7 @@ class PathFollowing:
 
     def _extent(self, position: float) -> float:
         """Size of u [ranges of adhesion], to which its rounding error is relative, for a position [m] of the drive."""
-        return abs(position) / self.law.range
+        return abs(position) / self.law.length
 
     def _after_solve(self, position: float, outcome: Outcome) -> None:
         """Updates the drift after a solve at this position [m] of the drive."""
@@ -181,13 +181,13 @@ class PathFollowing:
         extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=True))
         law, scale = self.solver.law, self._scale(state, trial)
         local = kernels.largest_difference_near(
-            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.range
+            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.length
         )
-        distance, moved = (value / law.range for value in self.points.maxima_of(*local))
+        distance, moved = (value / law.length for value in self.points.maxima_of(*local))
         if self.spring_compliance:
             # A punch on a spring has a way of its own.
-            distance = max(distance, self.spring_compliance * abs(trial.force - extrapolated) / law.range)
-            moved = max(moved, self.spring_compliance * abs(trial.force - state.force) / law.range)
+            distance = max(distance, self.spring_compliance * abs(trial.force - extrapolated) / law.length)
+            moved = max(moved, self.spring_compliance * abs(trial.force - state.force) / law.length)
         return Change(
             moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
             tuple(times), trial.step,

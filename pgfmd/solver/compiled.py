@@ -23,11 +23,11 @@ import numba
 from numba.core import caching
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
 from numba.core.dispatcher import Dispatcher
+from numba.extending import overload
 
 CURE = "NUMBA_CACHE_DIR names a folder to keep them in"
-_COMPILED = ("**/*kernels.py", "hashing.py", "physics/cohesion/*.py")
+_COMPILED = ("**/*kernels.py", "hashing.py", "solver/inlined_laws.py", "physics/adhesion/*.py")
 """Sources, in the package, of what is compiled."""
-
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -50,6 +50,17 @@ def compiled(**options: Any) -> Callable[[Kernel], Kernel]:
 def inlined(function: Kernel) -> Kernel:
     """A decorator for what kernels call: it becomes a part of each of them."""
     return cast("Kernel", numba.njit(inline="always")(function))
+
+
+def overloading(function: Callable[..., Any], **options: Any) -> Callable[[Kernel], Kernel]:
+    """A decorator, `numba.extending.overload`: what it decorates finds, by the types of the arguments, the code that
+    kernels have in place of the function."""
+
+    def decorate(chosen: Kernel) -> Kernel:
+        # Not strict: only the names of the arguments have to agree, not their annotations.
+        return cast("Kernel", overload(function, strict=False, **options)(chosen))
+
+    return decorate
 
 
 def hear(listener: Callable[[str], None] | None) -> None:
@@ -96,7 +107,7 @@ def _mark_of(what: str) -> Path | None:
 
 @functools.cache
 def _sources() -> str:
-    """A digest of the sources of all kernels, wherever they are in the package."""
+    """A digest of the sources of all kernels, wherever they are in the package, and of what is compiled into them."""
     package = Path(__file__).parents[1]
     texts = (source.read_bytes() for pattern in _COMPILED for source in sorted(package.glob(pattern)))
     return hashlib.sha256(b"\0".join(texts)).hexdigest()

@@ -156,7 +156,7 @@ class Descent:
         sums = self.points.summed(rows[:9]).tolist()
         pull, imbalance, adhesive, rise, down, along, zz, zp, pp = sums
         return _Place(
-            pull, imbalance, adhesive, rise, (down, along), (zz, zp, pp), float(rows[9].max()) / self.law.range
+            pull, imbalance, adhesive, rise, (down, along), (zz, zp, pp), float(rows[9].max()) / self.law.length
         )
 
     def _lower(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+from pgfmd.physics.adhesion.base import Numbers
+
 from .compiled import compiled
-from .contact_kernels import _cosine_of, _sine_of
+from .inlined_laws import attraction
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
@@ -37,7 +37,7 @@ def products(
 @_compile_maxima
 def probe(
     height: np.ndarray, position: float, u: np.ndarray, w: np.ndarray, b: float, z: np.ndarray, dz: np.ndarray,
-    c: float, p: np.ndarray, dp: np.ndarray, history: np.ndarray, compliance: float, law: tuple[float, ...],
+    c: float, p: np.ndarray, dp: np.ndarray, history: np.ndarray, compliance: float, law: Numbers,
     offset: np.ndarray, f: np.ndarray, k: np.ndarray, r: np.ndarray, rows: np.ndarray,
 ) -> None:  # fmt: skip
     """As kernels.evaluate, at u + s and w + J t with s = b z + c p and t = b dz + c dp.
@@ -45,11 +45,6 @@ def probe(
     rows[0..3] as there; rows[4..5] of z r, p r; rows[6..8] of z K z, z K p, p K p; rows[9]: the largest |s| over points
     that are within reach, before or after, row by row.
     """
-    stiffness, reach, attractive = law
-    strength = attractive * stiffness * reach / math.pi
-    depth = strength * reach / math.pi
-    per_range = 1.0 / reach
-    limit = reach if attractive > 0.0 else 0.0
     inverse = 1.0 / compliance
     for row in range(offset.size - 1):
         pull, imbalance, potential, growth, largest = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -60,19 +55,21 @@ def probe(
             gap_before = position + height[i] - u[i]
             gap = gap_before - move
             overlap = min(gap, 0.0)
-            y = min(max(gap * per_range, 0.0), 1.0) - 0.5
-            sine, minus_cosine = _cosine_of(y * y), y * _sine_of(y * y)
-            near = gap < limit
-            traction = stiffness * overlap + (strength * sine if near else 0.0)
-            bend = -stiffness * minus_cosine if near else 0.0
-            interacting = near or gap_before < limit
+            pressed, wall = law.overlap * overlap, 0.5 * law.overlap * overlap * overlap
+            near = gap < law.reach
+            if near:
+                drawn, bend, depth, level = attraction(gap, law)
+                traction, below = pressed + drawn, depth * level
+            else:
+                traction, bend, below = pressed, 0.0, 0.0
+            interacting = near or gap_before < law.reach
             rest = traction - (load - history[i]) * inverse
             f[i] = traction
             k[i] = bend
             r[i] = rest
             pull += traction
             imbalance += rest
-            potential += 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
+            potential += wall + below
             growth += move * (0.5 * (w[i] + load) - history[i]) * inverse
             largest = max(largest, abs(move) if interacting else 0.0)
             gz += z[i] * rest

@@ -143,7 +143,7 @@ class Machine:
         self._given = total(self.points, history, rows)
         self._start = total(self.points, w, rows)
         place, corrected = self.place(drive, self._force(self._start, compliance)), False
-        if abs(place - expected) > MISPLACED * solver.law.range:
+        if abs(place - expected) > MISPLACED * solver.law.length:
             corrected = self._correct(place - expected, u, w, compliance, traction)
             place = self.place(drive, self._force(self._start, compliance))
         solver.offset = self._convolve.uniform * self._start

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import pgfmd
+from pgfmd.physics.adhesion.registry import LAWS
 from pgfmd.schemes import registry
 
 PACKAGE = Path(pgfmd.__file__).parent
@@ -25,7 +26,8 @@ NAMES = {file: dotted(file) for file in FILES}
 LONGEST_FILE, LONGEST_FUNCTION = 500, 60
 
 PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (PACKAGE / "physics").glob("[a-z]*.py")),
-         "schemes.registry", "schemes.gfmd.inertia", "characterisation.dma", "characterisation.prony_fit",
+         "physics.adhesion.registry", "schemes.registry", "schemes.gfmd.inertia", "characterisation.dma",
+         "characterisation.prony_fit",
          "characterisation.temperature_shift"]  # fmt: skip
 READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
            "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.bearing_area",
@@ -125,6 +127,15 @@ def test_the_core_knows_no_scene_and_no_files():
         assert all(module.startswith(tuple(f"pgfmd.{other}" for other in allowed)) for module in own), core
 
 
+def test_no_law_of_adhesion_is_known_by_name():
+    """Elsewhere it is asked what a law can do: a new one is its module and a line of the registry."""
+    for file in (file for file in FILES if "adhesion" not in file.parts):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Compare) and "law" in ast.unparse(node):
+                words = {part.value for part in ast.walk(node) if isinstance(part, ast.Constant)}
+                assert words.isdisjoint(LAWS), f"{file}:{node.lineno}"
+
+
 def test_no_folder_needs_one_that_needs_it():
     """Folders of the package stand on each other in one order. What a scheme can do is known to all, and loads none of it."""
     facts = {"pgfmd.schemes", "pgfmd.schemes.entry", "pgfmd.schemes.registry"}
@@ -160,7 +171,7 @@ def test_no_numbers_come_from_pictures():
 
 
 def test_closed_forms_import_nothing_of_the_solver():
-    allowed = ("pgfmd.reference", "pgfmd.physics.rheology", "pgfmd.physics.cohesion")
+    allowed = ("pgfmd.reference", "pgfmd.physics.rheology", "pgfmd.physics.adhesion")
     for name, modules in IMPORTS.items():
         if name.startswith("pgfmd.reference"):
             assert all(module.startswith(allowed) for module in modules if module.startswith("pgfmd")), name

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
     from pgfmd.physics.drive import Drive
     from pgfmd.physics.rheology import PronySeries
     from pgfmd.scene.solver_section import GfmdKeys
@@ -60,21 +60,22 @@ def inertia_of(keys: GfmdKeys, series: PronySeries, law: CohesiveLaw, drive: Dri
         raise ValueError("an elastic substrate has no relaxation time to derive omega and dt from")
     shortest = float(series.tau.min())
     by_time = shortest / keys.steps_per_tau
-    by_motion = keys.fast_pull * law.range / max(drive.speed, drive.retract_speed)
+    by_motion = keys.fast_pull * law.length / max(drive.speed, drive.retract_speed)
     # omega dt is the same by either rule, pi/10 with the paper's numbers.
     step, limited_by = (by_time, "relaxation") if by_time <= by_motion else (by_motion, "motion")
     return Inertia(keys.omega_tau / keys.steps_per_tau / step, step, limited_by)
 
 
 def contact_stiffness(compliance: Compliance, law: CohesiveLaw, n: int, length: float) -> float:
-    """K_0 max G0(q): stiffness of contact, relative to that of the softest wave of the cell (dimensionless).
+    """K_0 max G0(q): stiffness of contact, relative to that of the softest wave of the cell (dimensionless). K_0: the
+    largest stiffness of the law, overlaps included.
 
     compliance: G0(qx, qy) of a periodic cell of side `length` [m] with n points a side. Along the axes, as |q| decides,
     and a prestrain has its extremes there.
     """
     q = 2.0 * np.pi / length * np.arange(n // 2 + 1)
     zero = np.zeros_like(q)
-    return law.stiffness * float(max(compliance(q, zero).max(), compliance(zero, q).max()))
+    return max(law.stiffness, law.overlap_stiffness) * float(max(compliance(q, zero).max(), compliance(zero, q).max()))
 
 
 def instability(inertia: Inertia, stiffness: float, kappa_inf: float) -> str:

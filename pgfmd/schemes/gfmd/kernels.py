@@ -7,8 +7,10 @@ import math
 
 import numpy as np
 
+from pgfmd.physics.adhesion.base import Numbers
 from pgfmd.solver.compiled import compiled
-from pgfmd.solver.contact_kernels import _cosine_of, _sine_of, count_below
+from pgfmd.solver.contact_kernels import count_below
+from pgfmd.solver.inlined_laws import attraction
 from pgfmd.solver.kernels import _compile, _compile_maxima, _compile_sums
 
 
@@ -34,7 +36,7 @@ def spread(traction: np.ndarray, offset: np.ndarray, first: np.ndarray, top: int
 @_compile_maxima
 def touch(
     plane: np.ndarray, top: int, left: int, first: np.ndarray, height: np.ndarray, position: float,
-    law: tuple[float, ...], levels: tuple[float, float, float], offset: np.ndarray, u: np.ndarray, f: np.ndarray,
+    law: Numbers, levels: tuple[float, float, float], offset: np.ndarray, u: np.ndarray, f: np.ndarray,
     rows: np.ndarray,
 ) -> None:  # fmt: skip
     """The surface under the punch from the plane, and the traction there: u, f = Gamma'(d + z - u).
@@ -42,11 +44,6 @@ def touch(
     rows: [0], [1], [2] points with a gap below each of the levels [m], [3] Gamma [J/m^2], [4] f [Pa], [5] minus the
     smallest gap [m].
     """
-    stiffness, reach, attractive = law
-    strength = attractive * stiffness * reach / math.pi
-    depth = strength * reach / math.pi
-    per_range = 1.0 / reach
-    limit = reach if attractive > 0.0 else 0.0
     for row in range(offset.size - 1):
         source = plane[top + row]
         begin = left + first[row]
@@ -56,13 +53,12 @@ def touch(
             here = source[begin + i]
             gap = position + height[start + i] - here
             overlap = min(gap, 0.0)
-            y = min(max(gap * per_range, 0.0), 1.0) - 0.5
-            sine, minus_cosine = _cosine_of(y * y), y * _sine_of(y * y)
-            near = gap < limit
-            traction = stiffness * overlap + (strength * sine if near else 0.0)
+            drawn, _, depth, level = attraction(gap, law)
+            near = gap < law.reach
+            traction = law.overlap * overlap + (drawn if near else 0.0)
             u[start + i] = here
             f[start + i] = traction
-            energy += 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
+            energy += 0.5 * law.overlap * overlap * overlap + (depth * level if near else 0.0)
             pull += traction
             closest = min(closest, gap)
         # In a separate loop, because otherwise the order of the sums above would change.

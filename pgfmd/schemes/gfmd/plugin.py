@@ -12,6 +12,7 @@ from pgfmd.errors import Problem
 from pgfmd.forecast.effort import Effort, effort_of_steps
 from pgfmd.forecast.estimate import Memory, map_bytes_of, output_bytes, punch_points
 from pgfmd.forecast.progress import Moment, Way, time_left
+from pgfmd.physics.adhesion.registry import law_of
 
 from .inertia import Inertia, contact_stiffness, inertia_of, instability
 
@@ -41,7 +42,7 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     plane = Plane(comm, scene.grid.n)
     slab = (plane.row_start, plane.real.shape[0])
     points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm, slab)
-    law, series, inertia = parts.law_of(scene.adhesion), parts.series_of(scene.rheology), inertia_of_scene(scene)
+    law, series, inertia = law_of(scene.adhesion), parts.series_of(scene.rheology), inertia_of_scene(scene)
     compliance, height, output = parts.compliance_of(scene), heights_of(scene, points), scene.output
     scheme = Gfmd(
         points, plane, compliance, height, law, series, inertia, output.energy, output.near_gap,
@@ -52,7 +53,7 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
 
 def inertia_of_scene(scene: Scene) -> Inertia:
     """The auxiliary inertia of a scene."""
-    series, law = parts.series_of(scene.rheology), parts.law_of(scene.adhesion)
+    series, law = parts.series_of(scene.rheology), law_of(scene.adhesion)
     # The punch's own speeds: under load control the end of its soft spring goes far ahead.
     drive = replace(parts.drive_of(scene), speed=scene.drive.speed, retract_speed=scene.drive.retract_speed)
     return inertia_of(scene.solver_gfmd, series, law, drive)
@@ -98,7 +99,7 @@ def warm_up(precision: str) -> tuple[Overrides, ...]:
 def problems(scene: Scene) -> list[Problem]:
     """Problems: a start within the range of adhesion, and steps that are too long."""
     found = []
-    law, clearance = parts.law_of(scene.adhesion), parts.drive_of(scene).clearance
+    law, clearance = law_of(scene.adhesion), parts.drive_of(scene).clearance
     if clearance < law.reach:
         cure = 'leave it out, or set solver.scheme = "inertialess"'
         expected = f"a start out of reach, at least {law.reach:.3g} m, as gfmd begins with a surface at rest"
@@ -136,5 +137,5 @@ def remarks(scene: Scene) -> Iterator[str]:
 
 
 def _contact_stiffness(scene: Scene) -> float:
-    law = parts.law_of(scene.adhesion)
+    law = law_of(scene.adhesion)
     return contact_stiffness(parts.compliance_of(scene), law, scene.grid.n, scene.grid.length)

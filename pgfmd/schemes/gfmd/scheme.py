@@ -25,7 +25,7 @@ from . import kernels
 from .inertia import Inertia
 
 if TYPE_CHECKING:
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
     from pgfmd.solver.grid import PunchPoints
     from pgfmd.solver.multiplier import Compliance
     from pgfmd.solver.transform import Plane
@@ -71,8 +71,8 @@ class Gfmd:
     ):
         self.points, self.plane, self.height, self.law = points, plane, height, law
         self.series, self.inertia, self.audit = series, inertia, audit
-        self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
         self.spring, self.dead_load = spring, dead_load
+        self.law_numbers = law.numbers
         grid = points.grid
         unit = 2.0 * np.pi / grid.length
         # Of the un-normalised transform, for the real view of the spectrum: each column twice.
@@ -222,7 +222,7 @@ class Gfmd:
         d = D + F(d)/k_M at the surface as it is: by the secant method from where the punch was, and where that does not
         settle, because the law lets go, by Brent's method between places on either side. Collective.
         """
-        spring, exact = self.spring, PLACED * self.law.range
+        spring, exact = self.spring, PLACED * self.law.length
 
         def missing(place: float) -> float:
             state.position = place
@@ -231,8 +231,8 @@ class Gfmd:
 
         old = before = state.position
         value, stored = missing(old), state.energies.adhesive
-        near = missing(old + NEAR * self.law.range)
-        slope = (near - value) / (NEAR * self.law.range)
+        near = missing(old + NEAR * self.law.length)
+        slope = (near - value) / (NEAR * self.law.length)
         new = old - value / slope if slope > 0.0 else old
         for _ in range(MOST_SECANTS if slope > 0.0 else 0):
             last, value = value, missing(new)
@@ -244,10 +244,10 @@ class Gfmd:
             old, new = new, new - value / slope
         from scipy.optimize import brentq
 
-        low, high, way = old, old, self.law.range
+        low, high, way = old, old, self.law.length
         while missing(low) > 0.0:
             low, way = low - way, 2.0 * way
-        way = self.law.range
+        way = self.law.length
         while missing(high) < 0.0:
             high, way = high + way, 2.0 * way
         missing(low if low == high else brentq(missing, low, high, xtol=exact, rtol=1e-15))

@@ -24,7 +24,7 @@ from .retardation import StagedTrial, StepWeights, Tableau
 if TYPE_CHECKING:
     from numpy.typing import DTypeLike
 
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
     from pgfmd.solver.grid import PunchPoints
 
 FINE = 1.5e-3
@@ -94,7 +94,7 @@ class EnergyAudit:
         energy in proportion to the travel of the punch. u [m], f [Pa] at the stages; adhesive [J]: energy of the
         interface at the end of the step. Collective.
         """
-        energies, reach = state.energies, self.law.range
+        energies, reach = state.energies, self.law.length
         elastic, viscous = self.energies(state, trial.weights, u, f, keep=False)
         gained = elastic - energies.elastic + adhesive - energies.adhesive
         residual = work_of(state, trial, self.tableau, self.spring) - gained - viscous

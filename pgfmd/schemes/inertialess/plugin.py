@@ -39,7 +39,7 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
         solver, series.to_creep(), tolerance, output.energy, weights, output.near_gap, scene.solver.order, machine
     )
     shortest = float(series.tau.min()) if series.elements else math.inf
-    limits = StepLimits(tolerance, law.range, shortest, law.attractive)
+    limits = StepLimits(tolerance, law.length, shortest, law.attractive)
     return scheme, Controller(scheme, limits, scene.drive.preload)
 
 

@@ -252,7 +252,7 @@ class Inertialess(PathFollowing):
 
     def _extent(self, position: float) -> float:
         """Size of u [ranges of adhesion]. The load's rounding reaches it through the spring."""
-        return super()._extent(position) + self.spring_compliance * self.solver.force_scale / self.law.range
+        return super()._extent(position) + self.spring_compliance * self.solver.force_scale / self.law.length
 
     def _is_flung(self, machine: Machine, trial: Trial) -> bool:
         """Whether a dead load has pulled the punch off in a trial. Collective."""

@@ -31,7 +31,7 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     dead = scene.drive.control == "load"
     weights, near = far_weights_of(scene, solver), scene.output.near_gap
     scheme = Quasistatic(solver, compliance, tolerance, weights, near, spring, stiffness, dead)
-    return scheme, LoadSteps(scheme, tolerance, law.range, scene.drive.preload, law.attractive)
+    return scheme, LoadSteps(scheme, tolerance, law.length, scene.drive.preload, law.attractive)
 
 
 def memory(scene: Scene, ranks: int) -> Memory:

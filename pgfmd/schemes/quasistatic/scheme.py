@@ -167,7 +167,7 @@ class Quasistatic(PathFollowing):
         """Whether a step without instability may have passed over a jump."""
         if state.past_steps:
             return trial.error > LEAST_SIGN * self.tolerance
-        return known_change(trial.change).surface * self.law.range > FAST * abs(trial.position - state.position)
+        return known_change(trial.change).surface * self.law.length > FAST * abs(trial.position - state.position)
 
     def accept(self, state: State, trial: Trial) -> None:
         """Advances fields, history and energies of the state to the end of the trial step."""
@@ -215,7 +215,7 @@ class Quasistatic(PathFollowing):
     def _extent(self, position: float) -> float:
         """Size of u [ranges of adhesion] with the machine at a position [m]. The tractions of single points stretch a
         soft spring more than their sum does; about the preload is assumed for this."""
-        return super()._extent(position) + self.machine_compliance * self.solver.force_scale / self.law.range
+        return super()._extent(position) + self.machine_compliance * self.solver.force_scale / self.law.length
 
     @staticmethod
     def _take(trial: Trial, outcome: Outcome) -> None:
@@ -298,5 +298,5 @@ class Quasistatic(PathFollowing):
         at_stake += 0.5 * self.machine_compliance * trial.force**2
         noise: float = 1e-2 * interacting + rounding * at_stake
         if self.machine_compliance:
-            noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.range
+            noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.length
         return noise

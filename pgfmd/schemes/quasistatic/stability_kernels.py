@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pgfmd.hashing import STRIDE, scrambled
+from pgfmd.physics.adhesion.base import Numbers
 from pgfmd.solver.compiled import compiled, inlined
-from pgfmd.solver.contact_kernels import _sine_of
+from pgfmd.solver.inlined_laws import stiffness
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
@@ -35,19 +36,15 @@ def noise(first_point: int, seed: int, k: np.ndarray, out: np.ndarray) -> None:
 
 @_compile
 def softened(
-    first_point: int, seed: int, height: np.ndarray, position: float, u: np.ndarray, law: tuple[float, ...],
+    first_point: int, seed: int, height: np.ndarray, position: float, u: np.ndarray, law: Numbers,
     k: np.ndarray, out: np.ndarray,
 ) -> None:  # fmt: skip
     """out = by how much the interface has softened at each point since the surface was u and the punch at `position`,
-    max(K(d + z - u) - k, 0), times a random factor between 0.5 and 1.5; 0 within rounding. law: as in
-    contact_kernels.evaluate."""
-    stiffness, reach, attractive = law
-    least = SOFTENED * stiffness
-    limit = reach if attractive > 0.0 else 0.0
+    max(K(d + z - u) - k, 0), times a random factor between 0.5 and 1.5; 0 within rounding. law: its Numbers."""
+    least = SOFTENED * law.stiffness
     for i in range(out.size):
         gap = position + height[i] - u[i]
-        y = min(max(gap / reach, 0.0), 1.0) - 0.5
-        before = -stiffness * (y * _sine_of(y * y)) if gap < limit else 0.0
+        before = stiffness(gap, law) if gap < law.reach else 0.0
         change = before - k[i]
         out[i] = change * (1.0 + 0.5 * _hashed(first_point + i, seed)) if change > least else 0.0
 
