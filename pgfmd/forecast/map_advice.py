@@ -8,9 +8,9 @@ import os
 from collections.abc import Iterator
 
 from pgfmd.maps.preparing import MapFacts
-from pgfmd.parts import topography_of
 from pgfmd.physics.map_survey import Place, Survey, survey
 from pgfmd.physics.topography import Topography
+from pgfmd.scene_objects import topography_of
 from pgfmd.units import handy_quantity as shown
 
 ATOM = 1e-10

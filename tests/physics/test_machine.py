@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import pgfmd
-from pgfmd import parts
+from pgfmd import scene_objects
 
 RHEOLOGIES = {
     0: {"model": "elastic"},
@@ -47,9 +47,9 @@ def exact(scene):
 
     f = K (D + F/k_M - u), F = -A f, u = G0 (J_inf f + J phi), lambda dphi/dt = f - phi.
     """
-    creep, law = parts.series_of(scene.rheology).to_creep(), parts.law_of(scene.adhesion)
-    area, spring = scene.grid.length**2, parts.machine_compliance(scene)
-    depth = float(parts.compliance_of(scene)(np.zeros(1), np.zeros(1))[0])
+    creep, law = scene_objects.series_of(scene.rheology).to_creep(), scene_objects.law_of(scene.adhesion)
+    area, spring = scene.grid.length**2, scene_objects.machine_compliance(scene)
+    depth = float(scene_objects.compliance_of(scene)(np.zeros(1), np.zeros(1))[0])
     weights, times = np.asarray(creep.J), np.asarray(creep.retardation_times)
     stiff = law.stiffness / (1.0 + law.stiffness * (spring * area + depth * creep.J_inf))
 
@@ -57,7 +57,7 @@ def exact(scene):
         return stiff * (origin + phase.displacement(t) - depth * (weights @ phi))
 
     phases, begin, origin, phi = [], 0.0, scene.drive.clearance, np.zeros(weights.size)
-    for phase in parts.drive_of(scene).phases:
+    for phase in scene_objects.drive_of(scene).phases:
         pull = partial(traction, phase, origin)
         target = {"preload": scene.drive.preload, "detached": 0.0}.get(phase.ends_with)
 
@@ -162,6 +162,6 @@ def test_explicit_steps_of_a_small_mass_see_the_same_machine(drive):
 
 def test_a_dead_load_flings_the_punch_out_of_reach():
     state = final(TACK.replace(drive=LOADED))
-    assert state.finished == "detached" and state.smallest_gap >= parts.law_of(TACK.adhesion).reach
+    assert state.finished == "detached" and state.smallest_gap >= scene_objects.law_of(TACK.adhesion).reach
     # What it released is the work of the load on the last way, and the interface's.
     assert state.energies.released > 0.0 and state.counters.jumps == 2

@@ -9,8 +9,8 @@ from map_files import COUNT, SIZE, classic, hdf5, lopsided, matrix, middles, sph
 
 from pgfmd.errors import SceneError
 from pgfmd.maps.reading import read_map
-from pgfmd.parts import confirm, topography_of
 from pgfmd.scene import scene_from_mapping
+from pgfmd.scene_objects import confirm, topography_of
 
 SIZES = {"file_size": ["840 um", "840 um"]}
 HEAD = "# Channel: Height\n# Width: 840.0 µm\n# Height: 840.0 µm\n# Value units: µm\n"

@@ -10,8 +10,8 @@ from test_map_files import DOWN, SIZES, scene_of
 
 from pgfmd.commands.check import report
 from pgfmd.forecast import map_advice
-from pgfmd.parts import confirm, topography_of
 from pgfmd.physics.map_survey import survey
+from pgfmd.scene_objects import confirm, topography_of
 
 MAP = SIZES | DOWN | {"file_unit": "m"}
 X = middles(96, 840e-6)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pgfmd import parts
+from pgfmd import scene_objects
 from pgfmd.errors import Problem
 from pgfmd.forecast.effort import Effort, effort_of_steps
 from pgfmd.forecast.estimate import Memory, map_bytes_of, output_bytes, punch_points
@@ -42,20 +42,20 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     plane = Plane(comm, scene.grid.n)
     slab = (plane.row_start, plane.real.shape[0])
     points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm, slab)
-    law, series, inertia = law_of(scene.adhesion), parts.series_of(scene.rheology), inertia_of_scene(scene)
-    compliance, height, output = parts.compliance_of(scene), heights_of(scene, points), scene.output
+    law, series, inertia = law_of(scene.adhesion), scene_objects.series_of(scene.rheology), inertia_of_scene(scene)
+    compliance, height, output = scene_objects.compliance_of(scene), heights_of(scene, points), scene.output
     scheme = Gfmd(
         points, plane, compliance, height, law, series, inertia, output.energy, output.near_gap,
-        parts.machine_compliance(scene), scene.drive.control == "load",
+        scene_objects.machine_compliance(scene), scene.drive.control == "load",
     )  # fmt: skip
     return scheme, FixedSteps(scheme, inertia.step, scene.drive.preload)
 
 
 def inertia_of_scene(scene: Scene) -> Inertia:
     """The auxiliary inertia of a scene."""
-    series, law = parts.series_of(scene.rheology), law_of(scene.adhesion)
+    series, law = scene_objects.series_of(scene.rheology), law_of(scene.adhesion)
     # The punch's own speeds: under load control the end of its soft spring goes far ahead.
-    drive = replace(parts.drive_of(scene), speed=scene.drive.speed, retract_speed=scene.drive.retract_speed)
+    drive = replace(scene_objects.drive_of(scene), speed=scene.drive.speed, retract_speed=scene.drive.retract_speed)
     return inertia_of(scene.solver_gfmd, series, law, drive)
 
 
@@ -66,7 +66,7 @@ def memory(scene: Scene, ranks: int) -> Memory:
     n, points = scene.grid.n, punch_points(scene)
     columns, rows = math.ceil((n // 2 + 1) / ranks), math.ceil(n / ranks)
     spectral = 16.0 * n * columns
-    state = (2 + parts.series_of(scene.rheology).elements) * spectral
+    state = (2 + scene_objects.series_of(scene.rheology).elements) * spectral
     mine = 8.0 * min(points.total, rows * points.nb)
     modes = state + 16.0 * (n // 2 + 1) * columns
     transform = 8.0 * rows * n + 16.0 * rows * (n // 2 + 1) + 2.0 * spectral
@@ -99,13 +99,13 @@ def warm_up(precision: str) -> tuple[Overrides, ...]:
 def problems(scene: Scene) -> list[Problem]:
     """Problems: a start within the range of adhesion, and steps that are too long."""
     found = []
-    law, clearance = law_of(scene.adhesion), parts.drive_of(scene).clearance
+    law, clearance = law_of(scene.adhesion), scene_objects.drive_of(scene).clearance
     if clearance < law.reach:
         cure = 'leave it out, or set solver.scheme = "inertialess"'
         expected = f"a start out of reach, at least {law.reach:.3g} m, as gfmd begins with a surface at rest"
         found.append(Problem("drive.clearance", f"{clearance:.3g} m", expected, cure))
     inertia = inertia_of_scene(scene)
-    cure = instability(inertia, _contact_stiffness(scene), parts.series_of(scene.rheology).kappa_inf)
+    cure = instability(inertia, _contact_stiffness(scene), scene_objects.series_of(scene.rheology).kappa_inf)
     if cure:
         found.append(Problem("solver.gfmd.dt", f"{inertia.step:.3g} s", "a stable time step", cure))
     return found
@@ -113,7 +113,7 @@ def problems(scene: Scene) -> list[Problem]:
 
 def lines(scene: Scene) -> Iterator[tuple[str, float, str, str]]:
     """Inertia, step, stability, and additional viscosity."""
-    inertia, series = inertia_of_scene(scene), parts.series_of(scene.rheology)
+    inertia, series = inertia_of_scene(scene), scene_objects.series_of(scene.rheology)
     yield "frequency omega of the inertia", inertia.frequency, "rad/s", ""
     yield "time step", inertia.step, "s", f"set by the {inertia.limited_by}"
     note = "omega dt sqrt(1 + K_0 G0/kappa_inf), below 2 where stable"
@@ -125,7 +125,7 @@ def lines(scene: Scene) -> Iterator[tuple[str, float, str, str]]:
 
 def remarks(scene: Scene) -> Iterator[str]:
     """The additional viscosity due to inertia, which the paper neglects but is known exactly."""
-    series = parts.series_of(scene.rheology)
+    series = scene_objects.series_of(scene.rheology)
     if not series.elements:
         return
     share = inertia_of_scene(scene).added_viscosity(series)
@@ -138,4 +138,4 @@ def remarks(scene: Scene) -> Iterator[str]:
 
 def _contact_stiffness(scene: Scene) -> float:
     law = law_of(scene.adhesion)
-    return contact_stiffness(parts.compliance_of(scene), law, scene.grid.n, scene.grid.length)
+    return contact_stiffness(scene_objects.compliance_of(scene), law, scene.grid.n, scene.grid.length)

@@ -22,7 +22,7 @@ from pgfmd.solver import kernels
 from pgfmd.solver.machine import out_of_reach
 from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.state import State
-from pgfmd.solver.trial import Trial
+from pgfmd.solver.trial_step import Trial
 
 from . import retardation_kernels
 from .audit import EnergyAudit, tension_of, work_of
