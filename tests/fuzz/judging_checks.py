@@ -164,6 +164,10 @@ def _of_report(scene: Scene) -> Iterator[Fault]:
             yield Fault("report: a warning that says nan, inf or None", text[:300])
 
 
+KEPT_AS_TEXT = {("punch", "file_unit")}
+"""Keys whose text a scene keeps: the name of a unit, or a multiple of it."""
+
+
 def respelled(draw: Draw, scene: Mapping) -> str:
     """The same scene with other prefixes before its units."""
 
@@ -177,7 +181,9 @@ def respelled(draw: Draw, scene: Mapping) -> str:
         return f"{Decimal(match['number']).scaleb(-PREFIXES[prefix])} {prefix}{match['unit']}"
 
     return as_toml({
-        section: {name: other(value) for name, value in keys.items()} if isinstance(keys, dict) else keys
+        section: {
+            name: value if (section, name) in KEPT_AS_TEXT else other(value) for name, value in keys.items()
+        } if isinstance(keys, dict) else keys
         for section, keys in scene.items()
     })  # fmt: skip
 
