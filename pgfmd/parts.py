@@ -67,7 +67,8 @@ def topography_of(punch) -> Topography:
     """The lower face of a scene's [punch]."""
     names = (
         "pattern", "radius", "wavelength", "amplitude", "curvature_radius", "exponent", "layer_step", "height_jitter",
-        "seed", "file", "file_size", "file_relief",
+        "seed", "file", "file_size", "file_relief", "hurst", "rms_height", "rms_slope", "longest", "roll_off", "shortest",
+        "period",
     )  # fmt: skip
     given = {name: getattr(punch, name) for name in names}
     return Topography(**{name: value for name, value in given.items() if value is not None})

@@ -56,7 +56,7 @@ def summits_of(scene: Any) -> Summits:
     if face.pattern == "file":
         step = max(grid.spacing, *face.map.pixel)
     else:
-        step = (face.wavelength or FINE * grid.spacing) / FINE
+        step = (face.wavelength or face.shortest or FINE * grid.spacing) / FINE
     xx, yy, xy = _curvatures(face, x, y, step)
     determinant = xx * yy - xy**2
     peaked = (xx + yy > 0) & (determinant > FLATTEST * (xx + yy) ** 2)

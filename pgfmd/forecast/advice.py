@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from pgfmd.parts import automatic_range, deepest_indentation, drive_of, inertia_of_scene, relaxation_of, series_of
 from pgfmd.physics.drive import OVERSHOOT
+from pgfmd.physics.topography import PATTERNS
 from pgfmd.reference import jkr
 from pgfmd.units import handy_quantity as shown
 
@@ -60,14 +61,16 @@ def _range(scene) -> Iterator[str]:
 
 
 def _resolution(scene) -> Iterator[str]:
-    wavelength, n, length = scene.punch.wavelength, scene.grid.n, scene.grid.length
+    n, length = scene.grid.n, scene.grid.length
+    wavelength = scene.punch.wavelength or scene.punch.shortest
     if wavelength is None:
         return
     # 1.5 mm over 150 um is a little more than 10 in binary.
     needed = math.ceil(FEWEST_POINTS * length / wavelength * (1.0 - 1e-9))
     if n < needed:
+        which = ", the shortest of the face" if scene.punch.wavelength is None else ""
         yield (
-            f"grid.n: only {wavelength * n / length:.3g} points a wavelength, fewer than {FEWEST_POINTS} distort the "
+            f"grid.n: only {wavelength * n / length:.3g} points a wavelength{which}, fewer than {FEWEST_POINTS} distort the "
             f"asperities; use n >= {needed}"
         )
 
@@ -75,7 +78,8 @@ def _resolution(scene) -> Iterator[str]:
 def _start(scene) -> Iterator[str]:
     """Starts that are pressed in beyond the preload: at once, and so with the modulus of short times."""
     drive, punch = scene.drive, scene.punch
-    if drive.clearance >= 0.0 or punch.pattern == "file" or punch.radius is None or scene.substrate.compliance_file:
+    unknown = PATTERNS[punch.pattern].sampled or punch.radius is None or scene.substrate.compliance_file
+    if drive.clearance >= 0.0 or unknown:
         return
     depth = _depth_at_once(scene)
     if -drive.clearance > PRESSED_IN * depth:

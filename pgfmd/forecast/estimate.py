@@ -12,6 +12,7 @@ import numpy as np
 from pgfmd import coarsening
 from pgfmd.parts import quasistatic_compliance, series_of, topography_of, transform_side
 from pgfmd.physics.heightfile import map_bytes
+from pgfmd.physics.random_surface import surface_bytes
 from pgfmd.reference import flat_punch, hertz
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.symmetry import expected, points_of
@@ -159,7 +160,9 @@ def _transform_of(scene, points: PunchPoints, ranks: int) -> tuple[int, int, int
 
 
 def _map_bytes(punch) -> float:
-    """A height map while heights are taken from it."""
+    """A height map, or the waves of a random face, while heights are taken from it."""
+    if punch.pattern == "rough":
+        return surface_bytes(punch.period, punch.shortest)
     return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from pgfmd.parts import compliance_of, law_of, relaxation_of, topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.film import Film
-from pgfmd.physics.topography import layered
+from pgfmd.physics.topography import PATTERNS, layered
 from pgfmd.reference import hertz
 from pgfmd.solver.grid import Grid
 
@@ -24,7 +24,7 @@ MOST_POINTS = 2**20
 BAND = 64
 """Rows that are looked at together, where there are more points than that."""
 LOWEST = 64
-"""Summits of a height map that count: those that touch first."""
+"""Summits of a height map, or of a random face, that count: those that touch first."""
 SUMMITS_A_CELL = {"triangular": 1, "hexagonal": 2}
 """Summits in a unit cell of the lattice, sqrt(3)/2 wavelength^2."""
 WAVES = 96
@@ -42,7 +42,7 @@ def summit_points(scene) -> float:
     if not law.attractive and punch.pattern not in ("sphere", "power"):
         return math.inf
     height = law.range if law.attractive else depth_of(scene)
-    if punch.pattern == "file":
+    if PATTERNS[punch.pattern].sampled:
         rise = _rise_of_map(scene)
         return math.pi * height / rise if rise > 0.0 else math.inf
     raw = _before_layers(height, punch.layer_step, topography_of(punch).layer_smoothing)
@@ -72,7 +72,7 @@ def _before_layers(height: float, layer_step: float, smoothing: float) -> float:
 def _rise_of_map(scene) -> float:
     """How much higher [m] the four neighbours of a summit are than it, in the mean: h^2/(2R) where it is round.
 
-    The median of the lowest summits of a height map on the scene's grid, 0 where it has none.
+    The median of the lowest summits of a height map, or of a random face, on the scene's grid, 0 where it has none.
     """
     grid, radius = Grid(scene.grid.n, scene.grid.length), scene.punch.radius
     start, count = grid.block(radius)
