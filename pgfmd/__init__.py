@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from .errors import PgfmdError as PgfmdError
     from .in_memory import simulate as simulate
     from .plots.folder import plot_results as plot_results
+    from .plots.punch import plot_punch as plot_punch
+    from .punch.export import export_punch as export_punch
     from .results import load as load
     from .runner import run_scene as run_scene
     from .scene import Scene as Scene
@@ -39,6 +41,8 @@ _HOMES = {
     "load": "results:load",
     "analyse": "analysis.summary:analyse",
     "plot_results": "plots.folder:plot_results",
+    "plot_punch": "plots.punch:plot_punch",
+    "export_punch": "punch.export:export_punch",
     "PgfmdError": "errors:PgfmdError",
 }
 """Where each name of the interface is defined: module and name."""

@@ -14,6 +14,7 @@ from . import __version__
 from .commands import analysis as analysis_command
 from .commands import bench as bench_command
 from .commands import fit_prony as fit_command
+from .commands import punch as punch_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
@@ -198,6 +199,8 @@ def plot_rheology(
     print(out)
 
 
+app.command()(punch_command.show)
+app.command()(punch_command.export)
 app.command()(fit_command.fit_prony)
 app.command()(run_command.run)
 app.command()(status_command.status)

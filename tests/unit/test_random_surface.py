@@ -86,7 +86,9 @@ def test_the_spectrum_is_the_closed_form():
     plateau, h = face.density(np.array([low]))[0], face.hurst
     integral = 0.5 * (roll**2 - low**2) + roll ** (2 + 2 * h) * (roll ** (-2 * h) - high ** (-2 * h)) / (2 * h)
     assert plateau * integral / (2 * math.pi) == pytest.approx(face.rms_height**2, rel=0.01)
-    integral = 0.25 * (roll**4 - low**4) + roll ** (2 + 2 * h) * (high ** (2 - 2 * h) - roll ** (2 - 2 * h)) / (2 - 2 * h)
+    integral = 0.25 * (roll**4 - low**4) + roll ** (2 + 2 * h) * (high ** (2 - 2 * h) - roll ** (2 - 2 * h)) / (
+        2 - 2 * h
+    )
     assert plateau * integral / (2 * math.pi) == pytest.approx(face.expected.slope**2, rel=0.01)
 
 
@@ -121,21 +123,29 @@ def test_summits_have_the_mean_curvature_of_nayak():
 
 
 @pytest.mark.parametrize(
-    "change, word",
+    ("change", "word"),
     [
-        (dict(hurst=0.0), "hurst"), (dict(hurst=1.1), "hurst"), (dict(rms_slope=0.1), "one of the two"),
-        (dict(rms_height=None), "one of the two"), (dict(shortest=50e-6), "roll_off"), (dict(longest=2e-4), "period"),
-        (dict(shortest=1e-9), "2048"), (dict(longest=59e-6, shortest=58e-6, roll_off=58.5e-6), "no wave"),
+        ({"hurst": 0.0}, "hurst"), ({"hurst": 1.1}, "hurst"), ({"rms_slope": 0.1}, "one of the two"),
+        ({"rms_height": None}, "one of the two"), ({"shortest": 50e-6}, "roll_off"), ({"longest": 2e-4}, "period"),
+        ({"shortest": 1e-9}, "2048"), ({"longest": 59e-6, "shortest": 58e-6, "roll_off": 58.5e-6}, "no wave"),
     ],
 )  # fmt: skip
 def test_a_face_that_can_not_be_is_refused(change, word):
-    keys = dict(hurst=0.8, longest=6e-5, roll_off=4e-5, shortest=7e-6, period=1e-4, rms_height=1e-6, rms_slope=None)
+    keys = {
+        "hurst": 0.8,
+        "longest": 6e-5,
+        "roll_off": 4e-5,
+        "shortest": 7e-6,
+        "period": 1e-4,
+        "rms_height": 1e-6,
+        "rms_slope": None,
+    }
     with pytest.raises(ValueError, match=word):
         RandomSurface(**keys | change)
 
 
 @pytest.mark.parametrize(
-    "changes, key",
+    ("changes", "key"),
     [
         (["punch.rms_height=1 um"], "punch.rms_slope"), (["punch.shortest=400 um"], "punch.shortest"),
         (["punch.roll_off=400 um"], "punch.roll_off"), (["punch.shortest=40 um"], "punch.shortest"),
