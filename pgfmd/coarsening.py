@@ -1,6 +1,6 @@
 """Whether conjugate gradients use a coarser grid beside the points of a scene (solver/two_grid.py), and which. No MPI.
 
-It follows from measurements: scripts/two_grid_cost.py, docs/measured.md.
+It follows from measurements: scripts/studies/cost/two_grid.py, docs/evidence/measured.md.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ def _on_ranks(
     scene: Scene, directory: Path, ranks: int, fresh: bool, allow: Sequence[str], every: str, say: Callable[[str], None]
 ) -> None:
     """The same by `pgfmd run` under mpirun."""
-    from .study.pool import STOPPED, Ending, Pool, Task
+    from .studies.pool import STOPPED, Ending, Pool, Task
 
     # A program under mpirun has to say what its processes are to do.
     communicator(None, "run")

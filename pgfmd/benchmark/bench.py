@@ -74,7 +74,7 @@ def work_precision(
     gfmd has the paper's omega dt, and one five times as large; the reference is inertialess with `REFERENCE`.
 
     base: overrides of tri-tack; omega_taus: omega tau_min in units of pi. `say` is given a line as each is measured.
-    scripts/work_precision.py is the full study.
+    scripts/studies/work_precision/run.py is the full study.
     """
     laboratory = Laboratory(comm)
     settings = [

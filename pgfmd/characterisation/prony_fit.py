@@ -4,7 +4,7 @@
 
 For given times this is linear with positive unknowns: non-negative least squares find the best weights. The times
 are a geometric ladder of N rungs, whose two ends are moved for the least misfit. Against a ladder from one end of the
-data to the other this gains a quarter for few elements and a lot for many (scripts/prony_misfit.py); freeing all times
+data to the other this gains a quarter for few elements and a lot for many (scripts/studies/rheology/prony_misfit.py); freeing all times
 on top of it gained another tenth or less up to N = 10 over ten decades. All misfits are relative,
 (fit - measured)/measured, of E' and of E'' alike.
 """

@@ -19,7 +19,7 @@ from pgfmd.symmetry import expected, points_of
 
 OWN_BYTES, FILE_BYTES = 110e6, 138e6
 """Python, compiled kernels and libraries: memory of each rank's own, and the files of the program, which the ranks of a node
-share (scripts/memory.py at n = 64)."""
+share (scripts/studies/cost/memory.py at n = 64)."""
 PROGRAM_BYTES = OWN_BYTES + FILE_BYTES
 """What a single rank needs beside its fields."""
 FUSED_PAIR, OUTSIDE = 0.55, 0.2

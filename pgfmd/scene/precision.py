@@ -1,6 +1,6 @@
 """The precision that a scene with `solver.precision = "auto"` is computed in, and why. No MPI.
 
-It follows from measurements: scripts/precision.py, docs/work_precision.md.
+It follows from measurements: scripts/studies/precision/run.py, docs/evidence/work_precision.md.
 """
 
 from __future__ import annotations

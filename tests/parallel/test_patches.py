@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy import ndimage
-from stopper import StopAfter
 
 import pgfmd.runner
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
@@ -20,6 +19,7 @@ from pgfmd.scene import load_scene
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.solver.patches import label_contact, patches_of
 from pgfmd.solver.sites import SitePoints
+from tests.stopper import StopAfter
 
 pytestmark = pytest.mark.mpi
 

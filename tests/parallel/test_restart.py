@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from stopper import StopAfter
 
 import pgfmd.runner
 from pgfmd.assemble import assemble
@@ -26,6 +25,7 @@ from pgfmd.restart.sameness import differences
 from pgfmd.results import load
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, precision
+from tests.stopper import StopAfter
 
 pytestmark = pytest.mark.mpi
 

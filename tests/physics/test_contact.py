@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 from mpi4py import MPI
-from runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 from pgfmd.assemble import assemble
 from pgfmd.reference import jkr
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.solver.simulation import Observer
+from tests.physics.runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 
 class Areas(Observer):

@@ -6,9 +6,9 @@ adhesive zone at the rim is as wide as the range lets it be. At a fixed range fa
 
 import numpy as np
 import pytest
-from runs import CONTACT_MODULUS, RADIUS, RIGID, WORK_OF_ADHESION, orders, pull, run
 
 from pgfmd.reference import flat_punch
+from tests.physics.runs import CONTACT_MODULUS, RADIUS, RIGID, WORK_OF_ADHESION, orders, pull, run
 
 KENDALL = flat_punch.pull_off_force(RADIUS, CONTACT_MODULUS, WORK_OF_ADHESION)
 WORK = flat_punch.work_of_separation(RADIUS, WORK_OF_ADHESION)

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 from mpi4py import MPI
-from runs import run
 
 from pgfmd import parts
 from pgfmd.assemble import assemble
 from pgfmd.errors import SceneError
 from pgfmd.scene import load_scene
+from tests.physics.runs import run
 
 FIVE = (
     "rheology.model=geometric", "rheology.elements=5", "rheology.time_ratio=6", "rheology.exponent=0.8",

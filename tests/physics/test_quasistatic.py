@@ -8,12 +8,12 @@ import scipy.interpolate
 import scipy.linalg
 import scipy.optimize
 from mpi4py import MPI
-from runs import SINUSOID
 
 from pgfmd import parts
 from pgfmd.assemble import assemble
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.solver.simulation import Observer
+from tests.physics.runs import SINUSOID
 
 QUASISTATIC = "solver.scheme=quasistatic"
 

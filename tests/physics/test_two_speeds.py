@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mpi4py import MPI
-from runs import run
 
 from pgfmd.errors import RunError, SceneError
 from pgfmd.output.record import record_of
@@ -18,6 +17,7 @@ from pgfmd.restart.scene_changes import review
 from pgfmd.scene import load_scene
 from pgfmd.schemes.energy_audit import tension_of
 from pgfmd.solver.retardation import IMPLICIT_EULER
+from tests.physics.runs import run
 
 FEW = ("grid.n=32", "drive.speed=1 um/s", "solver.accuracy=0.003")
 TACK, PUNCH = ("tri-tack", *FEW, "drive.preload=1 mN"), ("flat-punch", *FEW, "drive.preload=5 mN")

@@ -4,13 +4,13 @@ import math
 from pathlib import Path
 
 from mpi4py import MPI
-from stopper import StopAfter
 
 import pgfmd.runner
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.restart.keeper import Stopped, Timing
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
+from tests.stopper import StopAfter
 
 SCENE = ("tri-tack", "grid.n=24", "drive.preload=1 mN", 'output.snapshots=["1 s"]')
 """About 70 steps, the preload at the 43rd; snapshots at 1 s, the preload, and the largest tension."""

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from analysis_loops import MODULUS, WORK, loop_of
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
@@ -16,6 +15,7 @@ from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import jkr
 from pgfmd.results.curve import measure
 from pgfmd.scene import load_scene
+from tests.unit.analysis_loops import MODULUS, WORK, loop_of
 
 RADIUS = 140e-6
 STRENGTH = math.pi * WORK / (2 * 0.5e-6)

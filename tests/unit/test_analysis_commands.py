@@ -5,9 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from analysis_loops import flat_punch_loop, loop_of, triangle, write_folder
 from matplotlib.image import imread
-from small_runs import run
 from typer.testing import CliRunner
 
 from pgfmd.analysis import pictures
@@ -17,6 +15,8 @@ from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
 from pgfmd.errors import ResultError
 from pgfmd.scene import shipped_text
+from tests.unit.analysis_loops import flat_punch_loop, loop_of, triangle, write_folder
+from tests.unit.small_runs import run
 
 
 @pytest.fixture(scope="module")

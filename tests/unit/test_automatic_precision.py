@@ -4,7 +4,6 @@ import json
 
 import pytest
 from mpi4py import MPI
-from small_runs import SCENE, run
 
 from pgfmd.commands.check import report
 from pgfmd.errors import SceneError
@@ -18,6 +17,7 @@ from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, parse_scene, shipped_scenes
 from pgfmd.scene import precision as rule
 from pgfmd.scene.precision import FINEST_MIXED, LEAST_SIDE, best_precision
+from tests.unit.small_runs import SCENE, run
 
 AUTO, DOUBLE, MIXED = (f"solver.precision={name}" for name in ("auto", "double", "mixed"))
 LARGE = f"grid.n={LEAST_SIDE}"

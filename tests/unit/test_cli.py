@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -13,9 +14,7 @@ import pgfmd
 from pgfmd.forecast.advice import warnings as warnings_of
 from pgfmd.host import launch
 from pgfmd.scene import load_scene, shipped_scenes, shipped_text
-
-sys.path.insert(0, str(Path(__file__).parent))
-from synthetic_results import write_results
+from tests.unit.synthetic_results import write_results
 
 HEAVY = ("mpi4py.MPI", "numba", "h5py", "matplotlib")
 LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
@@ -50,6 +49,15 @@ def test_light_commands_load_nothing_heavy(arguments, tmp_path):
 
 def test_version(tmp_path):
     assert pgfmd_command(["--version"], tmp_path).stdout.strip() == pgfmd.__version__
+
+
+def test_the_version_is_the_same_wherever_it_is_written():
+    root = Path(__file__).parents[2]
+    declared = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    cited = re.search(r"^version: (.+)$", (root / "CITATION.cff").read_text(encoding="utf-8"), re.M)[1]
+    newest = re.search(r"^## (\S+)$", (root / "docs" / "changelog.md").read_text(encoding="utf-8"), re.M)[1]
+    assert declared == cited == pgfmd.__version__
+    assert declared.removesuffix(".0") == newest
 
 
 def test_init_writes_the_commented_scene_that_check_and_run_read(tmp_path):

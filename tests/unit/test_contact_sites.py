@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from small_runs import run
 
 from pgfmd import load
 from pgfmd.physics import contact_sites as module
 from pgfmd.physics.contact_sites import KINDS, contact_sites
 from pgfmd.physics.persistence import critical_points
 from pgfmd.physics.topography import Topography
+from tests.unit.small_runs import run
 
 WAVE, RADIUS = 150e-6, 375e-6
 SADDLE_HEIGHT = {"hexagonal": 2 / 9, "triangular": 16 / 9}

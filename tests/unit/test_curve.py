@@ -5,13 +5,13 @@ import shutil
 
 import numpy as np
 import pytest
-from analysis_loops import loop_of, write_folder
-from small_runs import run
 
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE, EVENTS
 from pgfmd.results import load
 from pgfmd.results.curve import SAME_STEP, Loop, net_work_of_rows, rows_of_jumps
+from tests.unit.analysis_loops import loop_of, write_folder
+from tests.unit.small_runs import run
 
 SCENE = "[solver]\naccuracy = 0.01\n"
 

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from test_kernels import LAWS, RHO, SHARES, close, numbers, row_maxima, row_sums
 
 from pgfmd.solver import contact_kernels, drift_kernels, kernels, retardation_kernels
 from pgfmd.solver.grid import Grid, PunchPoints
+from tests.unit.test_kernels import LAWS, RHO, SHARES, close, numbers, row_maxima, row_sums
 
 ROUNDING = {"float32": 3e-6, "float64": 2e-14}
 

@@ -8,9 +8,7 @@ import shutil
 
 import numpy as np
 import pytest
-from analysis_loops import loop_of
 from mpi4py import MPI
-from small_runs import run
 from typer.testing import CliRunner
 
 from pgfmd.analysis.pictures import overlay_figure, styled
@@ -24,6 +22,8 @@ from pgfmd.results.curve import Loop, branches, measure, turning_row
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 from pgfmd.solver.state import State
+from tests.unit.analysis_loops import loop_of
+from tests.unit.small_runs import run
 
 STUDY = """scene = "tri-tack"
 [set]

@@ -7,7 +7,6 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from synthetic_results import CONTACT_GAP, NEAR_GAP, PUNCH, history, sphere, write_results
 
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE
@@ -18,6 +17,7 @@ from pgfmd.plots.sites import site_figure
 from pgfmd.results import load
 from pgfmd.results.curve import Loop, measure
 from pgfmd.results.sites import site_histories
+from tests.unit.synthetic_results import CONTACT_GAP, NEAR_GAP, PUNCH, history, sphere, write_results
 
 ALL = ["force-displacement.png", "contact-maps.png", "stress-maps.png", "energy.png", "sites.png"]
 

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
-from small_runs import SCENE, run
 
 from pgfmd.errors import SceneError
 from pgfmd.files.storage import SCENE_FILE
@@ -14,6 +13,7 @@ from pgfmd.restart.scene_changes import differing
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, parse_scene, scene_from_mapping
+from tests.unit.small_runs import SCENE, run
 
 FIXED = settings(derandomize=True, database=None, deadline=None, max_examples=60)
 

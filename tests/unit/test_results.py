@@ -5,11 +5,11 @@ import sys
 
 import numpy as np
 import pytest
-from synthetic_results import CONTACT_GAP, NEAR_GAP, OFFSET, history, sphere, write_results
 
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE
 from pgfmd.results import load
+from tests.unit.synthetic_results import CONTACT_GAP, NEAR_GAP, OFFSET, history, sphere, write_results
 
 
 @pytest.fixture

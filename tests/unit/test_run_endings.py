@@ -5,7 +5,6 @@ import json
 
 import pytest
 from mpi4py import MPI
-from small_runs import SCENE, run
 
 from pgfmd.commands.run import _missed_preload, _summary
 from pgfmd.errors import ResultError
@@ -15,10 +14,11 @@ from pgfmd.results.curve import Loop, measure
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
-from pgfmd.study.cases import cases_of
-from pgfmd.study.standing import standing_of
-from pgfmd.study.study_file import study_from_mapping
-from pgfmd.study.table import overview, rows_of, write_table
+from pgfmd.studies.cases import cases_of
+from pgfmd.studies.standing import standing_of
+from pgfmd.studies.study_file import study_from_mapping
+from pgfmd.studies.table import overview, rows_of, write_table
+from tests.unit.small_runs import SCENE, run
 
 
 def record_of(folder):

@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from mpi4py import MPI
@@ -23,9 +22,7 @@ from pgfmd.restart.checkpoint_layout import read_head
 from pgfmd.results.status import Mark, _pace, status_of
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
-
-sys.path.insert(0, str(Path(__file__).parent))
-from small_runs import damage_an_array, flip, run
+from tests.unit.small_runs import damage_an_array, flip, run
 
 STOPPED_AT = 20
 

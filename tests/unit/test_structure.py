@@ -28,7 +28,7 @@ PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (P
          "characterisation.temperature_shift"]  # fmt: skip
 READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
            "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.bearing_area",
-           "study.campaign", "study.slurm_array", "study.pictures", "study.extrapolation", "study.refinement",
+           "studies.campaign", "studies.slurm_array", "studies.pictures", "studies.extrapolation", "studies.refinement",
            "commands.study"]  # fmt: skip
 HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
 
@@ -119,7 +119,9 @@ def test_no_folder_needs_one_that_needs_it():
 
 def test_no_module_needs_one_that_needs_it():
     """Nor do the modules that read, measure, draw and compare results, in whichever way they import each other."""
-    ours = tuple(f"pgfmd.{name}." for name in ("files", "output", "results", "plots", "analysis", "study", "benchmark"))
+    ours = tuple(
+        f"pgfmd.{name}." for name in ("files", "output", "results", "plots", "analysis", "studies", "benchmark")
+    )
     modules = {name for name in IMPORTS if name.startswith(ours)}
     graphlib.TopologicalSorter({name: IMPORTS[name] & modules - {name} for name in modules}).prepare()
 
@@ -127,7 +129,7 @@ def test_no_module_needs_one_that_needs_it():
 def test_no_numbers_come_from_pictures():
     """What draws is asked for the manner of drawing alone."""
     for name, modules in IMPORTS.items():
-        if name.startswith(("pgfmd.analysis", "pgfmd.study", "pgfmd.benchmark")):
+        if name.startswith(("pgfmd.analysis", "pgfmd.studies", "pgfmd.benchmark")):
             drawn = {module for module in modules if module.startswith("pgfmd.plots.")}
             assert all(module.startswith("pgfmd.plots.drawing") for module in drawn), name
 

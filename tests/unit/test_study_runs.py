@@ -15,17 +15,15 @@ from pgfmd import cli
 from pgfmd.host.run_lock import RunLock
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
-from pgfmd.study import pool as pool_module
-from pgfmd.study.campaign import Campaign, Unfinished, Wishes
-from pgfmd.study.cases import cases_of
-from pgfmd.study.pictures import Plan, curves_figure, draw_study, measures_figure
-from pgfmd.study.pool import LaunchFailed, Pool, Task, last_words
-from pgfmd.study.standing import Standing, standing_of
-from pgfmd.study.study_file import StudyError, study_from_mapping
-from pgfmd.study.table import COLUMNS, MEASURED, overview, rows_of, write_table
-
-sys.path.insert(0, str(Path(__file__).parent))
-from small_runs import SCENE, damage_an_array, run
+from pgfmd.studies import pool as pool_module
+from pgfmd.studies.campaign import Campaign, Unfinished, Wishes
+from pgfmd.studies.cases import cases_of
+from pgfmd.studies.pictures import Plan, curves_figure, draw_study, measures_figure
+from pgfmd.studies.pool import LaunchFailed, Pool, Task, last_words
+from pgfmd.studies.standing import Standing, standing_of
+from pgfmd.studies.study_file import StudyError, study_from_mapping
+from pgfmd.studies.table import COLUMNS, MEASURED, overview, rows_of, write_table
+from tests.unit.small_runs import SCENE, damage_an_array, run
 
 COMMON = {"grid": {"n": 24}, "output": {"snapshots": ["1 s"]}}
 SPEEDS, PRELOADS = ["1 um/s", "2 um/s"], ["1 mN", "2 mN"]

@@ -11,12 +11,12 @@ import subprocess
 import sys
 
 import pytest
-from synthetic_results import write_results
 
 from pgfmd import cli
 from pgfmd.commands.run import _summary
 from pgfmd.host import faults, launch, streams
 from pgfmd.plots.drawing import literal
+from tests.unit.synthetic_results import write_results
 
 TITLE = "Δγ = 50 mJ/m² costs $5 or $6^"
 

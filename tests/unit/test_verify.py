@@ -2,8 +2,6 @@
 
 import contextlib
 import os
-import sys
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -18,9 +16,7 @@ from pgfmd.host import run_lock
 from pgfmd.host.run_lock import Holder, RunLock
 from pgfmd.restart.checkpoint_layout import SEAL_BYTES, read_head
 from pgfmd.results import verify
-
-sys.path.insert(0, str(Path(__file__).parent))
-from small_runs import damage_an_array, flip, run
+from tests.unit.small_runs import damage_an_array, flip, run
 
 ARRAYS = ("gap", "traction", "displacement", "surface_displacement")
 
