@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgfmd.analysis.table import Table
-from pgfmd.errors import PgfmdError, SceneError
+from pgfmd.errors import ResultError, SceneError
 from pgfmd.files.regular_files import write_atomically
 from pgfmd.files.storage import plain, reason
 from pgfmd.parts import confirm
@@ -160,7 +160,7 @@ class Fit:
             try:
                 write_atomically(out / name, text.encode())
             except OSError as error:
-                raise PgfmdError(f"{out / name}: could not be written: {reason(error)}") from error
+                raise ResultError(f"{out / name}: could not be written: {reason(error)}") from error
         depth, simulated, measured = self.runs.misfit.forces(self.best)
         start, best = (self.runs.misfit.laid_over(loop) for loop in (self.start, self.best))
         with drawing():

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.errors import PgfmdError, SceneError
+from pgfmd.errors import PgfmdError, ResultError, SceneError
 from pgfmd.files.regular_files import write_atomically
 from pgfmd.files.storage import reason
 from pgfmd.parts import confirm
@@ -190,7 +190,7 @@ class Runs:
         try:
             write_atomically(self.out / TABLE, text.getvalue().encode())
         except OSError as error:
-            raise PgfmdError(f"{self.out / TABLE}: could not be written: {reason(error)}") from error
+            raise ResultError(f"{self.out / TABLE}: could not be written: {reason(error)}") from error
 
 
 def _say_nothing(line: str) -> None:

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.errors import PgfmdError, ResultError
+from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_new
 from pgfmd.files.surface_files import MAP_FORMATS, HeightMapFile, stl_bytes
 from pgfmd.scene import Scene
 from pgfmd.units import handy_quantity
 
 from .face import face_on_grid
-from .solid import solid_of
+from .solid import ExportError, solid_of
 
 SOLID = ".stl"
 SUFFIXES = (SOLID, *MAP_FORMATS)
@@ -56,23 +56,23 @@ def export_punch(
         force: overwrite a file of this name.
 
     Raises:
-        SceneError: if the scene can't be. PgfmdError: for another ending, an option that the format has no use for, a solid that
+        SceneError: if the scene can't be. ExportError: for another ending, an option that the format has no use for, a solid that
         can't be. ResultError: if the file can't be written.
     """
     path, scene = Path(path), scene if isinstance(scene, Scene) else Scene(scene)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise PgfmdError(f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, which says the format")
+        raise ExportError(f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, which says the format")
     if peaks not in ("down", "up"):
-        raise PgfmdError(f"peaks = {peaks!r}: expected 'down' or 'up'")
+        raise ExportError(f"peaks = {peaks!r}: expected 'down' or 'up'")
     if not (math.isfinite(magnify) and magnify > 0.0):
-        raise PgfmdError(f"magnify = {magnify!r}: expected a positive number")
+        raise ExportError(f"magnify = {magnify!r}: expected a positive number")
     if suffix == SOLID and (peaks != "down" or cut):
-        raise PgfmdError(f"{path}: peaks and cut are for maps of heights; a solid has its face up, within the outline")
+        raise ExportError(f"{path}: peaks and cut are for maps of heights; a solid has its face up, within the outline")
     if suffix != SOLID and (height is not None or magnify != 1.0):
-        raise PgfmdError(f"{path}: height and magnify are for a solid (.stl); a map has the heights of the scene")
+        raise ExportError(f"{path}: height and magnify are for a solid (.stl); a map has the heights of the scene")
     if scene.punch.file and path.exists() and path.samefile(scene.punch.file):
-        raise PgfmdError(f"{path}: is the map that the scene's face is read from; choose another name")
+        raise ExportError(f"{path}: is the map that the scene's face is read from; choose another name")
     if suffix == SOLID:
         content, done = _solid(scene, path, height, magnify)
     else:

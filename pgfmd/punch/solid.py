@@ -24,6 +24,13 @@ from .face import SLACK, Array
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
+
+class ExportError(PgfmdError):
+    """A punch that can't be written as it was asked for: says what was expected and what to do."""
+
+    exit_code = 2
+
+
 MOST_POINTS = 2**23
 """Points of the grid that a solid is made of, at most: its file then has 800 megabytes."""
 APART = 0.1
@@ -61,13 +68,13 @@ def solid_of(scene: Scene, height: float | None = None, magnify: float = 1.0) ->
     """The punch of a scene; its face has corners at all points of the grid below the punch, and on the outline.
 
     height [m]: from the back to the highest points; unless it is given, half of the width. magnify: by how much everything is
-    made larger, but for `height`, which is that of the solid itself. Raises PgfmdError where the height does not reach below the
+    made larger, but for `height`, which is that of the solid itself. Raises ExportError where the height does not reach below the
     face, or the grid is too fine; ValueError, OSError for a map that can't be used.
     """
     grid, radius, topography = Grid(scene.grid.n, scene.grid.length), scene.punch.radius, topography_of(scene.punch)
     start, count = grid.block(radius)
     if count**2 > MOST_POINTS:
-        raise PgfmdError(
+        raise ExportError(
             f"grid.n = {grid.n}: a solid of {count} x {count} points is larger than any program that prints it can read; "
             f"set a coarser grid, such as grid.n={int(grid.n * math.sqrt(MOST_POINTS) / count)}"
         )
@@ -86,7 +93,7 @@ def solid_of(scene: Scene, height: float | None = None, magnify: float = 1.0) ->
     relief, half = magnify * float(z.max()), 0.5 * magnify * float(np.ptp(top[:, 0]))
     height = max(half, 2.0 * relief) if height is None else height
     if height <= relief:
-        raise PgfmdError(
+        raise ExportError(
             f"--height {handy_quantity(height, 'length')}: the solid has to reach below its face, whose deepest point is "
             f"{handy_quantity(relief, 'length')} below the highest; give more than that"
         )
