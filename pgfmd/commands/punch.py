@@ -65,8 +65,11 @@ def export(
         float, typer.Option("--magnify", metavar="FACTOR", help="By how much the solid is larger than the punch.")
     ] = 1.0,
     peaks: Annotated[
-        Peaks, typer.Option("--peaks", help="Of a map: whether low (as in scenes) or high places touch first.")
-    ] = Peaks.down,
+        Peaks | None,
+        typer.Option(
+            "--peaks", help="Of a map: whether low (as in scenes) or high places touch first; up for .x3p, .nc."
+        ),
+    ] = None,
     cut: Annotated[bool, typer.Option("--cut", help="Leave out the heights of a map beyond the outline.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file of this name.")] = False,
 ) -> None:
@@ -80,7 +83,13 @@ def export(
     loaded = load_scene(scene, all_changes(changes, overrides))
     confirm(loaded, scene)
     done = export_punch(
-        loaded, file, height=length(height, "--height"), magnify=magnify, peaks=peaks.value, cut=cut, force=force
+        loaded,
+        file,
+        height=length(height, "--height"),
+        magnify=magnify,
+        peaks=peaks.value if peaks else None,
+        cut=cut,
+        force=force,
     )
     print(f"{done.path} written: {done.text}")
     if done.reading:

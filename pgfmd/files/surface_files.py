@@ -26,13 +26,15 @@ _X3P_NAMESPACE = "http://www.opengps.eu/2008/ISO5436_2"
 @dataclass(frozen=True, eq=False)
 class HeightMapFile:
     """What a file of a height map says. z [m]: (rows, columns). pixel [m]: along x and y. first [m]: x and y of the first sample.
-    title: a line about it. periodic: whether it goes on from its last row and column to its first."""
+    title: a line about it. periodic: whether it goes on from its last row and column to its first. peaks: "down" if the lower
+    places touch first, or "up"; said in the files that have a place for it."""
 
     z: Array
     pixel: tuple[float, float]
     first: tuple[float, float]
     title: str
     periodic: bool = False
+    peaks: str = "down"
 
     @property
     def size(self) -> tuple[float, float]:
@@ -62,9 +64,9 @@ def npy_bytes(surface: HeightMapFile) -> bytes:
 
 
 def npz_bytes(surface: HeightMapFile) -> bytes:
-    """The arrays "z" and "size" (x, y) [m]."""
+    """The arrays "z" and "size" (x, y) [m], and the words "unit" and "peaks"."""
     file = io.BytesIO()
-    np.savez(file, z=surface.z, size=np.array(surface.size))
+    np.savez(file, z=surface.z, size=np.array(surface.size), unit=np.array("m"), peaks=np.array(surface.peaks))
     return file.getvalue()
 
 
@@ -75,9 +77,8 @@ def xyz_bytes(surface: HeightMapFile) -> bytes:
     y = surface.first[1] + surface.pixel[1] * np.arange(rows)
     table = np.column_stack([np.tile(x, rows), np.repeat(y, columns), surface.z.ravel()])
     file = io.BytesIO()
-    np.savetxt(
-        file, table[np.isfinite(table[:, 2])], ("%.12g", "%.12g", "%.17g"), header="x (m) y (m) z (m)", comments="# "
-    )
+    known, formats = np.isfinite(table[:, 2]), ("%.15g", "%.15g", "%.17g")
+    np.savetxt(file, table[known], formats, delimiter="\t", header="x (m)\ty (m)\tz (m)", comments="")
     return file.getvalue()
 
 
@@ -151,7 +152,7 @@ def netcdf_bytes(surface: HeightMapFile) -> bytes:
         variable.length, variable.periodic = surface.size[axis], int(surface.periodic)
     heights = data.createVariable("heights", "f8", ("x", "y"))
     heights[:] = surface.z.T
-    heights.units = b"m"
+    heights.units, heights.peaks = b"m", surface.peaks.encode()
     data.flush()
     content = file.getvalue()
     data.close()

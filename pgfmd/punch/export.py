@@ -21,6 +21,8 @@ from .solid import ExportError, solid_of
 
 SOLID = ".stl"
 SUFFIXES = (SOLID, *MAP_FORMATS)
+OF_INSTRUMENTS = (".x3p", ".nc")
+"""Formats of maps whose readers take high places for peaks, as instruments have them."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ def export_punch(
     *,
     height: float | None = None,
     magnify: float = 1.0,
-    peaks: str = "down",
+    peaks: str | None = None,
     cut: bool = False,
     force: bool = False,
 ) -> Exported:
@@ -51,7 +53,8 @@ def export_punch(
             the points of the grid [m], with one more around the outline.
         height: [m] of the solid, from its back to its highest points; half of its width unless it is given.
         magnify: by how much the solid is larger than the punch.
-        peaks: of a map: "down" as in scenes, where lower heights touch first, or "up" as instruments have it.
+        peaks: of a map: "down" as in scenes, where lower heights touch first, or "up" as instruments have it; unless it is given
+            "up" for .x3p and .nc, "down" for the others.
         cut: leave out the heights of a map beyond the outline, where the face goes on as its formula does.
         force: overwrite a file of this name.
 
@@ -63,11 +66,11 @@ def export_punch(
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ExportError(f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, which says the format")
-    if peaks not in ("down", "up"):
+    if peaks not in (None, "down", "up"):
         raise ExportError(f"peaks = {peaks!r}: expected 'down' or 'up'")
     if not (math.isfinite(magnify) and magnify > 0.0):
         raise ExportError(f"magnify = {magnify!r}: expected a positive number")
-    if suffix == SOLID and (peaks != "down" or cut):
+    if suffix == SOLID and (peaks is not None or cut):
         raise ExportError(f"{path}: peaks and cut are for maps of heights; a solid has its face up, within the outline")
     if suffix != SOLID and (height is not None or magnify != 1.0):
         raise ExportError(f"{path}: height and magnify are for a solid (.stl); a map has the heights of the scene")
@@ -76,7 +79,7 @@ def export_punch(
     if suffix == SOLID:
         content, done = _solid(scene, path, height, magnify)
     else:
-        content, done = _map(scene, path, peaks, cut)
+        content, done = _map(scene, path, peaks or ("up" if suffix in OF_INSTRUMENTS else "down"), cut)
     try:
         write_new(path, content, force)
     except FileExistsError:
@@ -100,9 +103,8 @@ def _map(scene: Scene, path: Path, peaks: str, cut: bool) -> tuple[bytes, Export
     title = f"{scene.title or scene.punch.pattern}: heights of the lower face of a punch, m, peaks {peaks}"
     periodic = face.radius is None
     pixel = face.spacing
-    surface = HeightMapFile(
-        z if peaks == "down" else 0.0 - z, (pixel, pixel), (float(face.x[0]), float(face.y[0])), title, periodic
-    )
+    first = float(face.x[0]), float(face.y[0])
+    surface = HeightMapFile(z if peaks == "down" else 0.0 - z, (pixel, pixel), first, title, periodic, peaks)
     size_x, size_y = surface.size
     lines = ['pattern = "file"', f'file = "{path.name}"', f'file_size = ["{size_x!r} m", "{size_y!r} m"]']
     lines += [f'radius = "{face.radius!r} m"'] if face.radius is not None else []

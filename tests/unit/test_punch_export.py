@@ -80,23 +80,24 @@ def test_a_solid_is_magnified_but_not_its_height(tmp_path):
 @pytest.mark.parametrize("scene", [LAYERED, FILLED], ids=["outline", "whole cell"])
 def test_a_map_holds_the_heights(tmp_path, suffix, scene):
     path = tmp_path / f"face{suffix}"
-    pgfmd.export_punch(scene, path)
+    pgfmd.export_punch(scene, path, peaks="down")
     face = face_on_grid(scene, margin=1)
     step = face.spacing
     if suffix == ".npy":
         z = np.load(path)
     elif suffix == ".npz":
         z, size = (np.load(path)[name] for name in ("z", "size"))
-        assert tuple(size) == face.size
+        assert tuple(size) == face.size and (np.load(path)["unit"], np.load(path)["peaks"]) == ("m", "down")
     elif suffix == ".xyz":
-        x, y, z = (column.reshape(face.z.shape) for column in np.loadtxt(path).T)
-        np.testing.assert_allclose(x[0], face.x, rtol=1e-11, atol=1e-15)
-        np.testing.assert_allclose(y[:, 0], face.y, rtol=1e-11, atol=1e-15)
+        x, y, z = (column.reshape(face.z.shape) for column in np.loadtxt(path, skiprows=1).T)
+        np.testing.assert_allclose(x[0], face.x, rtol=1e-14)
+        np.testing.assert_allclose(y[:, 0], face.y, rtol=1e-14)
     elif suffix == ".nc":
         with netcdf_file(path, mmap=False) as file:
             z = file.variables["heights"][:].T
             np.testing.assert_allclose(file.variables["x"][:], face.x, rtol=0, atol=1e-9 * step)
             assert file.variables["y"].length == face.size[1] and file.variables["x"].length_unit == b"m"
+            assert file.variables["heights"].peaks == b"down"
             assert bool(file.variables["x"].periodic) == (scene is FILLED)
     else:
         z = read_x3p(path, step)
@@ -124,9 +125,9 @@ def test_surface_topography_reads_a_map(tmp_path, suffix):
     from SurfaceTopography import read_topography
 
     path = tmp_path / f"face{suffix}"
-    pgfmd.export_punch(LAYERED, path)
+    pgfmd.export_punch(LAYERED, path, peaks="up")
     found, face = read_topography(str(path)), face_on_grid(LAYERED, margin=1)
-    np.testing.assert_allclose(found.heights(), face.z.T, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(found.heights(), -face.z.T, rtol=1e-12, atol=1e-18)
     np.testing.assert_allclose(found.physical_sizes, face.size, rtol=1e-9)
     assert found.unit == "m" or suffix == ".xyz"
 
@@ -139,7 +140,7 @@ def test_a_map_may_be_cut_and_turned_over(tmp_path):
     np.testing.assert_array_equal(cut[face.inside], face.z[face.inside])
     np.testing.assert_array_equal(up, -face.z)
     pgfmd.export_punch(TRI, tmp_path / "cut.xyz", cut=True)
-    assert len(np.loadtxt(tmp_path / "cut.xyz")) == face.inside.sum()
+    assert len(np.loadtxt(tmp_path / "cut.xyz", skiprows=1)) == face.inside.sum()
 
 
 def test_what_an_export_refuses(tmp_path):
