@@ -149,7 +149,8 @@ def netcdf_bytes(surface: HeightMapFile) -> bytes:
         variable = data.createVariable(name, "f8", (name,))
         variable[:] = surface.first[axis] + surface.pixel[axis] * np.arange(count)
         variable.units = variable.length_unit = b"m"
-        variable.length, variable.periodic = surface.size[axis], int(surface.periodic)
+        # A plain number would be written in single precision.
+        variable.length, variable.periodic = np.float64(surface.size[axis]), int(surface.periodic)
     heights = data.createVariable("heights", "f8", ("x", "y"))
     heights[:] = surface.z.T
     heights.units, heights.peaks = b"m", surface.peaks.encode()
