@@ -148,12 +148,13 @@ def netcdf_bytes(surface: HeightMapFile) -> bytes:
         data.createDimension(name, count)
         variable = data.createVariable(name, "f8", (name,))
         variable[:] = surface.first[axis] + surface.pixel[axis] * np.arange(count)
-        variable.units = variable.length_unit = b"m"
+        variable.units = variable.unit = b"m"
         # A plain number would be written in single precision.
         variable.length, variable.periodic = np.float64(surface.size[axis]), int(surface.periodic)
     heights = data.createVariable("heights", "f8", ("x", "y"))
     heights[:] = surface.z.T
-    heights.units, heights.peaks = b"m", surface.peaks.encode()
+    heights.units = heights.unit = b"m"
+    heights.peaks = surface.peaks.encode()
     data.flush()
     content = file.getvalue()
     data.close()

@@ -20,8 +20,8 @@ from pgfmd.parts import confirm
 from pgfmd.results.uncertainty import share_of
 from pgfmd.scene import load_scene
 
-from .least_squares import ALIKE, UNKNOWN, Array, Certainty, certainty, derivatives, search
-from .parameters import FitError, Parameter
+from .least_squares import ALIKE, UNKNOWN, Array, Certainty, Found, certainty, derivatives, search
+from .parameters import FitError, MissingRun, Parameter
 from .runs import TABLE, Runs
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ TOLERANCE, COARSE_TOLERANCE = 1e-3, 2e-2
 """Step of x with which a search ends, on the scene's grid and on coarser ones."""
 MOST_STEPS, COARSE_STEPS = 30, 8
 """Steps that a search tries, likewise."""
+CLOSER = 0.01
+"""Share by which another run's misfit has to be smaller for the search to begin again from there."""
 RECORD, SCENE, PICTURE = "fit.json", "fitted.toml", "fit.png"
 
 
@@ -153,7 +155,7 @@ class Fit:
         record["standard_errors"] = dict(zip(record["values"], self.errors, strict=True))
         record["intervals_95"] = dict(zip(record["values"], self.intervals, strict=True))
         record["bounds"] = {one.key: (one.low, one.high) for one in self.parameters}
-        record["correlation"] = self.certainty.correlation
+        record["correlation_matrix"] = self.certainty.correlation
         record["converged"], record["best_run"] = self.converged, self.runs.folder(n, self.x).name
         scene = load_scene(self.runs.source, self.runs.changes(n, self.values))
         for name, text in ((RECORD, json.dumps(plain(record), indent=2) + "\n"), (SCENE, scene.to_toml())):
@@ -210,14 +212,31 @@ def fit(runs: Runs, levels: Sequence[int], say: Callable[[str], None] = print) -
                 f"{one.key} = {one.shown(value)}" for one, value in zip(parameters, runs.values(x), strict=True)
             )
         )
-        evaluate = partial(runs.residuals, n)
-        tolerance, most = (TOLERANCE, MOST_STEPS) if last else (COARSE_TOLERANCE, COARSE_STEPS)
-        found = search(evaluate, measured, parameters, x, tolerance, most)
+        try:
+            found = _search_on(runs, n, measured, x, last)
+        except MissingRun as error:
+            raise FitError(f"{error}\n  {runs.last_trouble}") from None
         x = found.x
-    scale = float(np.sqrt(np.mean(measured**2)))
-    jacobian = derivatives(evaluate, parameters, x, found.residuals, scale, central=True)
+    evaluate, scale = partial(runs.residuals, levels[-1]), float(np.sqrt(np.mean(measured**2)))
+    jacobian, bends = derivatives(evaluate, parameters, x, found.residuals, scale, central=True)
     share = share_of(load_scene(runs.source, runs.overrides).solver.model_dump())
-    known = certainty(jacobian, found.residuals, measured, share)
+    known = certainty(jacobian, found.residuals, measured, share, bends)
     evaluate([first], "start")
     start, best = runs.loop(levels[-1], first), runs.loop(levels[-1], x)
     return Fit(runs, tuple(levels), x, found.residuals, known, found.converged, found.why, start, best)
+
+
+def _search_on(runs: Runs, n: int, measured: Array, x: Array, last: bool) -> Found:
+    """Searches on a grid of n points from x on, and again from wherever a run has come closer than where the search ended: runs
+    are a little rough as functions of their numbers, and a search by slopes may stop on a bump."""
+    evaluate, scale = partial(runs.residuals, n), float(np.sqrt(np.mean(measured**2)))
+    tolerance, most = (TOLERANCE, MOST_STEPS) if last else (COARSE_TOLERANCE, COARSE_STEPS)
+    while True:
+        found = search(evaluate, measured, runs.parameters, x, tolerance, most)
+        if last:
+            # The runs around the end, which its certainty needs in any case.
+            derivatives(evaluate, runs.parameters, found.x, found.residuals, scale, central=True)
+        best, misfit = runs.closest(n)
+        if misfit >= (1.0 - CLOSER) * float(np.sqrt(np.mean(found.residuals**2))):
+            return found
+        x = best

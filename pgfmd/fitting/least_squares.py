@@ -9,7 +9,8 @@ The covariance of x is that of linear least squares,
 
 with n places and p numbers, but for t: residuals of neighbouring places are alike, so that of t of them only one counts; t is
 their autocorrelation, summed up to its first negative value (Sokal's integrated autocorrelation time). What the errors of a
-run's own steps may add, a share of all its forces, is the shift (J^T J)^-1 J^T (share F) of x, and is added in squares.
+run's own steps may add, a share of all its forces, is the shift (J^T J)^-1 J^T (share F) of x, and is added in squares. So is
+what is rough in the runs as functions of x: the second differences of r over STEP, as if they were noise of the runs alone.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .parameters import FitError, Parameter
+from .parameters import FitError, MissingRun, Parameter
 
 Array = NDArray[np.float64]
 Evaluate = Callable[[Sequence[Array], str], list[Array | None]]
 """Residuals r [N], (places,), for each x, (numbers,); None where a run could not be made. The text says what for."""
 
-STEP = 0.05
-"""Step of x for derivatives: 5 % of a number."""
+STEP = 0.1
+"""Step of x for derivatives, 10 % of a number: smaller ones are lost in what the runs' own steps do to the curve."""
 LEAST_GAIN = 1e-3
 """Share of the sum of squares by which a step has to make it smaller for the search to go on."""
 UNMOVED = 1e-5
@@ -84,9 +85,7 @@ def search(
         found = evaluate([x], "search")[0]
         if found is None:
             if not known:
-                raise FitError(
-                    "the run at the start could not be made, or has no whole loop; look at its log, and start elsewhere"
-                )
+                raise MissingRun("the run at the start could not be made, or has no whole loop; start elsewhere")
             # The search comes back from there.
             return np.full(measured.size, np.nan)
         known[x.tobytes()] = found
@@ -94,7 +93,7 @@ def search(
 
     def jacobian(moved: Array) -> Array:
         x = origin + moved
-        return derivatives(evaluate, parameters, x, known[x.tobytes()], scale) / scale
+        return derivatives(evaluate, parameters, x, known[x.tobytes()], scale)[0] / scale
 
     low, high = (np.array([one.place(getattr(one, side)) for one in parameters]) - origin for side in ("low", "high"))
     result = least_squares(
@@ -113,9 +112,15 @@ def search(
 
 
 def derivatives(
-    evaluate: Evaluate, parameters: Sequence[Parameter], x: Array, residuals: Array, scale: float, central: bool = False
-) -> Array:
-    """J [N]: derivatives of the residuals, (places, numbers), by differences to one side, or to both.
+    evaluate: Evaluate,
+    parameters: Sequence[Parameter],
+    x: Array,
+    residuals: Array,
+    scale: float,
+    central: bool = False,
+) -> tuple[Array, Array]:
+    """J [N]: derivatives of the residuals, (places, numbers), by differences to one side, or to both; and the second differences
+    [N], (places, numbers), 0 of one side alone.
 
     residuals [N]: at x. scale [N]: of the forces. Raises FitError for a number that does not move the curve.
     """
@@ -123,21 +128,20 @@ def derivatives(
     units = np.eye(x.size)
     wanted = [x + (end - x[k]) * units[k] for k, both in enumerate(ends) for end in both if end != x[k]]
     found = iter(evaluate(wanted, "derivative"))
-    columns = []
+    columns, bends = [], []
     for k, parameter in enumerate(parameters):
         one, other = (residuals if end == x[k] else next(found) for end in ends[k])
         if one is None or other is None:
-            raise FitError(
-                "a run beside the present numbers could not be made; look at its log, or give narrower --bounds"
-            )
+            raise MissingRun("a run beside the present numbers could not be made; give narrower --bounds")
         change, step = one - other, ends[k][0] - ends[k][1]
         if np.sqrt(np.mean(change**2)) <= UNMOVED * scale:
             raise FitError(
-                f"--free {parameter.key}: changed by {100 * abs(step):.2g} %, it does not move the curve, so that no curve can "
-                "tell it: leave it out"
+                f"--free {parameter.key}: changed by {100 * abs(step):.2g} %, it does not move the curve, so that no "
+                "curve can tell it: leave it out"
             )
         columns.append(change / step)
-    return np.column_stack(columns)
+        bends.append(one + other - 2.0 * residuals if x[k] not in ends[k] else np.zeros_like(residuals))
+    return np.column_stack(columns), np.column_stack(bends)
 
 
 def _ends(parameter: Parameter, place: float, central: bool) -> tuple[float, float]:
@@ -148,18 +152,20 @@ def _ends(parameter: Parameter, place: float, central: bool) -> tuple[float, flo
     return (up, place) if up - place >= 0.5 * STEP else (down, place)
 
 
-def certainty(jacobian: Array, residuals: Array, measured: Array, share: float, branches: int = 2) -> Certainty:
+def certainty(
+    jacobian: Array, residuals: Array, measured: Array, share: float, bends: Array | None = None, branches: int = 2
+) -> Certainty:
     """How well x is known at the end of a search.
 
-    jacobian [N], residuals [N], measured forces [N], see the head. share: by which forces of a run may be off, NaN where
-    nothing is known of it. branches: equal parts of the places that are not neighbours. Raises FitError if different numbers
-    move the curve in the same way.
+    jacobian [N], residuals [N], measured forces [N], second differences `bends` [N]: see the head. share: by which forces of a
+    run may be off, NaN where nothing is known of it. branches: equal parts of the places that are not neighbours. Raises FitError
+    if different numbers move the curve in the same way.
     """
     count, numbers = jacobian.shape
     sizes = np.linalg.norm(jacobian, axis=0)
     _, singular, directions = np.linalg.svd(jacobian / sizes, full_matrices=False)
     if singular[-1] < 1e-6 * singular[0]:
-        both = np.argsort(-np.abs(directions[-1]))[:2]
+        both = np.sort(np.argsort(-np.abs(directions[-1]))[:2])
         raise FitError(
             f"numbers {both[0] + 1} and {both[1] + 1} of --free move the curve in the same way: leave one out"
         )
@@ -168,13 +174,14 @@ def certainty(jacobian: Array, residuals: Array, measured: Array, share: float, 
     independent = max(count / times, numbers + 1.0)
     variance = float(residuals @ residuals) / (independent - numbers) * independent / count
     statistical = inverse * variance * (count / independent)
-    known = share if math.isfinite(share) else 0.0
-    numerical = np.abs(inverse @ jacobian.T @ (known * measured))
+    shift = inverse @ jacobian.T @ measured * (share if math.isfinite(share) else 0.0)
+    # The second difference of noise has six times its variance.
+    rough = inverse @ jacobian.T @ (np.zeros((count, 1)) if bends is None else bends) / math.sqrt(6.0)
+    numerical = np.sqrt(shift**2 + np.mean(rough**2, axis=1))
     errors = np.sqrt(np.diag(statistical) + numerical**2)
     spread = np.sqrt(np.diag(inverse))
-    return Certainty(
-        errors, numerical, inverse / np.outer(spread, spread), _student(independent - numbers), independent
-    )
+    factor = _student(independent - numbers)
+    return Certainty(errors, numerical, inverse / np.outer(spread, spread), factor, float(independent))
 
 
 def autocorrelation_time(values: Array) -> float:

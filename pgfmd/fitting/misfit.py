@@ -1,8 +1,9 @@
 """How far a simulated loop is from a measured one: differences of forces at places along the measured branches. Plain NumPy.
 
 Both are brought together as `pgfmd compare` does it (analysis/comparison.py). The places are evenly spaced in the measured
-indentation, from where a force is felt on the way in to where none is any more on the way out. Where the run has no row it has
-no contact, and no force; deeper than it went, its force is continued with the stiffness that it had there.
+indentation, from where a force is felt on the way in to where none is any more on the way out. Between its rows a run's force
+is a monotone cubic (PCHIP). Where the run has no row it has no contact, and no force; deeper than it went, its force is continued
+with the stiffness that it had there.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from pgfmd.analysis.comparison import Overlay, overlay
 from pgfmd.results.curve import Array, Loop
@@ -103,6 +105,9 @@ def _force_at(loop: Loop, branch: str, depth: Array) -> Array:
     place, force = loop.indentation[rows], loop.force[rows]
     if branch != "approach":
         place, force = place[::-1], force[::-1]
-    place = np.maximum.accumulate(place)
-    beyond = np.maximum(depth - place[-1], 0.0)
-    return np.interp(depth, place, force, left=0.0) + stiffness * beyond
+    place, first = np.unique(np.maximum.accumulate(place), return_index=True)
+    if place.size < 2:
+        return np.zeros_like(depth)
+    # Steps are long where the force is smooth: lines between their ends would be too coarse.
+    found = PchipInterpolator(place, force[first])(np.clip(depth, place[0], place[-1]))
+    return np.where(depth < place[0], 0.0, found + stiffness * np.maximum(depth - place[-1], 0.0))

@@ -30,6 +30,10 @@ class FitError(PgfmdError):
     exit_code = 2
 
 
+class MissingRun(FitError):
+    """A run without which a fit can't go on."""
+
+
 @dataclass(frozen=True)
 class Parameter:
     """A number that is fitted. key: such as "adhesion.work_of_adhesion"; start, low, high: in SI units; limit: l in the head of
@@ -58,7 +62,9 @@ class Parameter:
         return value / self.size if self.limit is None else math.log(value - self.limit)
 
     def value(self, place: float) -> float:
-        """The value at x, within the bounds."""
+        """The value at x, within the bounds; at the start to the last bit."""
+        if place == self.place(self.start):
+            return self.start
         found = place * self.size if self.limit is None else self.limit + math.exp(place)
         return min(max(found, self.low), self.high)
 
@@ -66,9 +72,9 @@ class Parameter:
         """dv/dx at x."""
         return self.size if self.limit is None else math.exp(place)
 
-    def written(self, value: float) -> str:
-        """A value as a scene has it, without loss."""
-        return format_quantity(value, self.dimension) if self.dimension else repr(float(value))
+    def written(self, value: float) -> str | float:
+        """A value as a scene has it, without loss: a text with its unit, or a bare number."""
+        return format_quantity(value, self.dimension) if self.dimension else float(value)
 
     def shown(self, value: float) -> str:
         """A value as a person would write it."""

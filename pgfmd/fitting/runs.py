@@ -100,6 +100,18 @@ class Runs:
         """The numbers that x stands for, in SI units."""
         return tuple(parameter.value(place) for parameter, place in zip(self.parameters, x.tolist(), strict=True))
 
+    @property
+    def last_trouble(self) -> str:
+        """Name of the last run that counts for nothing, and what is wrong with it; empty without one."""
+        return next((f"{one.name}: {one.why}" for one in reversed(self.made.values()) if one.why), "")
+
+    def closest(self, n: int) -> tuple[Array, float]:
+        """x and misfit [N] of the run on a grid of n points that is closest to the measured loop."""
+        best = min((one for one in self.made.values() if one.n == n and not one.why), key=lambda one: one.misfit)
+        return np.array(
+            [one.place(value) for one, value in zip(self.parameters, best.values, strict=True)]
+        ), best.misfit
+
     def loop(self, n: int, x: Array) -> Loop:
         """The loop of a run that has been made."""
         with load(self.folder(n, x)) as results:

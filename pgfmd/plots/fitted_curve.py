@@ -27,7 +27,7 @@ def fitted_figure(measured: Loop, start: Loop, best: Loop, depth: Array, residua
     upper.legend(loc="best")
     # The start may go far beyond what was measured.
     room = 0.08 * np.ptp(depth)
-    upper.set_xlim(depth.min() - room, depth.max() + room)
+    upper.set_xlim(1e6 * (depth.min() - room), 1e6 * (depth.max() + room))
     lower.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     half = depth.size // 2
     for rows, colour, label in ((slice(0, half), GREY, "approach"), (slice(half, None), TURQUOISE, "retraction")):

@@ -97,7 +97,7 @@ def test_a_map_holds_the_heights(tmp_path, suffix, scene):
         with netcdf_file(path, mmap=False) as file:
             z = file.variables["heights"][:].T
             np.testing.assert_allclose(file.variables["x"][:], face.x, rtol=0, atol=1e-9 * step)
-            assert file.variables["y"].length == face.size[1] and file.variables["x"].length_unit == b"m"
+            assert file.variables["y"].length == face.size[1] and file.variables["x"].unit == b"m"
             assert file.variables["heights"].peaks == b"down"
             assert bool(file.variables["x"].periodic) == (scene is FILLED)
     else:
