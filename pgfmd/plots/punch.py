@@ -47,7 +47,7 @@ def _draw_map(figure: Any, axis: Any, face: Face) -> None:
     half_x, half_y = (0.5 * side / across for side in face.size)
     picture = axis.imshow(
         values, origin="lower", extent=(-half_x, half_x, -half_y, half_y), cmap=COLOURS, interpolation="nearest",
-        vmin=0.0, vmax=max(face.relief / tall, 1e-300),
+        vmin=0.0, vmax=face.relief / tall or 1.0,
     )  # fmt: skip
     row, column = face.first_contact()
     axis.plot(
@@ -69,23 +69,31 @@ def _draw_profiles(axis: Any, face: Face) -> None:
         z[row],
         color=TURQUOISE,
         linewidth=1.0,
-        label=f"along x, y = {_place(face.y[row], across)} {name}",
+        label=f"along x at y = {_place(face.y[row], across)} {name}",
     )
     axis.plot(
         face.y / across,
         z[:, column],
         color=GREY,
         linewidth=1.0,
-        label=f"along y, x = {_place(face.x[column], across)} {name}",
+        label=f"along y at x = {_place(face.x[column], across)} {name}",
     )
     axis.plot(face.x[column] / across, 0.0, "+", color=RED, markersize=9, mew=1.6)
-    # The face looks down, as in contact.
+    # As it hangs above the elastomer.
     axis.set(
         xlabel=f"x, y ({name})",
         ylabel=f"z ({unit})",
-        ylim=(-0.06 * face.relief / tall, 1.3 * face.relief / tall or 1.0),
+        ylim=(-0.06 * (face.relief / tall or 1.0), 1.06 * face.relief / tall or 1.0),
     )
-    axis.legend(loc="upper left", ncols=2)
+    axis.legend(
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=2,
+        fontsize=7.5,
+        handlelength=1.2,
+        columnspacing=1.0,
+        borderpad=0.1,
+    )
 
 
 def _draw_histogram(axis: Any, face: Face) -> None:

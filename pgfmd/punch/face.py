@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 AT_A_TIME = 2**18
 """Points whose heights are taken at a time: formulas need many arrays."""
+EQUAL = 1e-9
+"""Heights that differ by this share of all are equal but for rounding."""
 SLACK = 1e-12
 """Relative width by which a point may be beyond the outline, as in the grid of a run."""
 
@@ -54,7 +56,7 @@ class Face:
 
     def first_contact(self) -> tuple[int, int]:
         """Row and column of the point that touches first; of several the one nearest to the axis."""
-        lowest = np.argwhere(self.inside & (self.z <= 0.0))
+        lowest = np.argwhere(self.inside & (self.z <= EQUAL * self.relief))
         far = np.hypot(self.y[lowest[:, 0]], self.x[lowest[:, 1]])
         row, column = lowest[int(np.argmin(far))]
         return int(row), int(column)
