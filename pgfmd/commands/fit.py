@@ -17,58 +17,62 @@ from .run import Changes, Overrides, SceneName, all_changes
 from .study import require_one_process
 
 
+Experiment = Annotated[
+    Path, typer.Argument(metavar="EXP.csv", parser=named, help="A measured curve, as `pgfmd compare` reads it.")
+]
+Free = Annotated[
+    str, typer.Option("--free", metavar="KEY[,KEY...]", help="Keys of the scene whose numbers are fitted.")
+]
+Bounds = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--bounds",
+        metavar="KEY=LOW:HIGH",
+        help="Where a number may lie, such as adhesion.range=0.1um:1um; else 1/100 to 100 times its start.",
+    ),
+]
+Coarsest = Annotated[
+    int | None,
+    typer.Option("--from", metavar="N", min=4, help="grid.n of the coarsest level; the scene's own for one level."),
+]
+MostRuns = Annotated[int, typer.Option("--most-runs", min=1, help="Runs, after which it gives up.")]
+MachineStiffness = Annotated[
+    str,
+    typer.Option("--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off the experiment; such as 38.1kN/m."),
+]
+Corrected = Annotated[
+    Correct, typer.Option("--correct", help="Which curves take up the compliance of the periodic cell.")
+]
+Offset = Annotated[str, typer.Option("--offset", metavar="LENGTH|fit", help="By which the experiment is pushed in.")]
+PositiveDisplacement = Annotated[
+    Inwards, typer.Option("--positive-displacement", help="Which way the experiment's displacement counts.")
+]
+PositiveForce = Annotated[Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")]
+Out = Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the runs and of what is found.")]
+Ranks = Annotated[int, typer.Option("--ranks", "-n", min=1, help="Ranks of each run.")]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Runs side by side, at most twice the number of keys.")]
+Every = Annotated[str, typer.Option("--checkpoint-every", metavar="TIME", help="Time between checkpoints, or `off`.")]
+
+
 def fit(
     scene: SceneName,
-    experiment: Annotated[
-        Path, typer.Argument(metavar="EXP.csv", parser=named, help="A measured curve, as `pgfmd compare` reads it.")
-    ],
+    experiment: Experiment,
     changes: Changes = None,
     overrides: Overrides = None,
-    free: Annotated[
-        str, typer.Option("--free", metavar="KEY[,KEY...]", help="Keys of the scene whose numbers are fitted.")
-    ] = "",
-    bounds: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--bounds",
-            metavar="KEY=LOW:HIGH",
-            help="Where a number may lie, such as adhesion.range=0.1um:1um; else 1/100 to 100.",
-        ),
-    ] = None,
-    coarsest: Annotated[
-        int | None,
-        typer.Option("--from", metavar="N", min=4, help="grid.n of the coarsest level; grid.n itself for one level."),
-    ] = None,
-    most_runs: Annotated[int, typer.Option("--most-runs", min=1, help="Runs, after which it gives up.")] = 200,
-    machine_stiffness: Annotated[
-        str,
-        typer.Option(
-            "--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off the experiment; such as 38.1kN/m."
-        ),
-    ] = "inf",
-    correct: Annotated[
-        Correct, typer.Option("--correct", help="Which curves take up the compliance of the periodic cell.")
-    ] = Correct.none,
+    free: Free = "",
+    bounds: Bounds = None,
+    coarsest: Coarsest = None,
+    most_runs: MostRuns = 200,
+    machine_stiffness: MachineStiffness = "inf",
+    correct: Corrected = Correct.none,
     low_pass: LowPass = None,
-    offset: Annotated[
-        str, typer.Option("--offset", metavar="LENGTH|fit", help="By which the experiment is pushed in.")
-    ] = "0 um",
-    positive_displacement: Annotated[
-        Inwards, typer.Option("--positive-displacement", help="Which way the experiment's displacement counts.")
-    ] = Inwards.into,
-    positive_force: Annotated[
-        Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")
-    ] = Pressing.compression,
-    out: Annotated[
-        Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the runs and of what is found.")
-    ] = None,
-    ranks: Annotated[int, typer.Option("--ranks", "-n", min=1, help="Ranks of each run.")] = 1,
-    jobs: Annotated[
-        int, typer.Option("--jobs", "-j", min=1, help="Runs side by side; as many as keys at most are of use.")
-    ] = 1,
-    checkpoint_every: Annotated[
-        str, typer.Option("--checkpoint-every", metavar="TIME", help="Time between checkpoints, or `off`.")
-    ] = "10min",
+    offset: Offset = "0 um",
+    positive_displacement: PositiveDisplacement = Inwards.into,
+    positive_force: PositiveForce = Pressing.compression,
+    out: Out = None,
+    ranks: Ranks = 1,
+    jobs: Jobs = 1,
+    checkpoint_every: Every = "10min",
 ) -> None:
     """Fit numbers of a scene to a measured curve, by least squares over runs; goes on where it was stopped."""
     from pgfmd.analysis.experiment import read_experiment
