@@ -16,7 +16,6 @@ from .quantities import length, quantity
 from .run import Changes, Overrides, SceneName, all_changes
 from .study import require_one_process
 
-
 Experiment = Annotated[
     Path, typer.Argument(metavar="EXP.csv", parser=named, help="A measured curve, as `pgfmd compare` reads it.")
 ]
