@@ -170,9 +170,10 @@ def _best_ladder(omega: NDArray, storage: NDArray, loss: NDArray, elements: int)
     starts = [(fast, slow) for fast in inside for slow in inside] if elements > 1 else [(0.0, 0.0)]
     options = {"xatol": 1e-4, "fatol": 1e-7, "maxfev": 400}
     simplex = np.array([[0.0, 0.0], [-0.2, 0.0], [0.0, -0.2]])
-    tries = []
-    for start in sorted(starts, key=rms)[:DESCENTS]:
-        tries.append(minimize(rms, start, method="Nelder-Mead", options=options | {"initial_simplex": start + simplex}))
+    tries = [
+        minimize(rms, start, method="Nelder-Mead", options=options | {"initial_simplex": start + simplex})
+        for start in sorted(starts, key=rms)[:DESCENTS]
+    ]
     found = min(tries, key=lambda result: result.fun)
     return ladder(omega, elements, found.x), float(found.fun)
 

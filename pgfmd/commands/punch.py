@@ -31,16 +31,14 @@ def show(
 ) -> None:
     """Draw the face of a scene's punch: a map, a profile through the first contact, the histogram of heights."""
     from pgfmd.parts import confirm
-    from pgfmd.plots.drawing import drawing, write_picture
+    from pgfmd.plots.drawing import write_picture
     from pgfmd.plots.punch import plot_punch
     from pgfmd.scene import load_scene
 
     loaded = load_scene(scene, all_changes(changes, overrides))
     confirm(loaded, scene)
     out = out or Path(f"{Path(scene).stem}-punch.png")
-    figure = plot_punch(loaded)
-    with drawing():
-        print(write_picture(figure, out))
+    print(write_picture(plot_punch(loaded), out))
 
 
 def export(

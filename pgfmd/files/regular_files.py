@@ -126,7 +126,7 @@ def write_new(path: Path, content: str | bytes, force: bool = False) -> None:
     if force:
         write_atomically(path, content)
         return
-    file = open(path, "xb")
+    file = open(path, "xb")  # noqa: SIM115 - one that was there before must not be removed below
     try:
         with file:
             file.write(content)

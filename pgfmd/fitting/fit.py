@@ -146,7 +146,7 @@ class Fit:
 
     def write(self) -> list[Path]:
         """Writes fit.json, fitted.toml and fit.png beside the table of the runs; returns all four. ResultError."""
-        from pgfmd.plots.drawing import drawing, write_picture
+        from pgfmd.plots.drawing import write_picture
         from pgfmd.plots.fitted_curve import fitted_figure
 
         out, n = self.runs.out, self.levels[-1]
@@ -165,10 +165,8 @@ class Fit:
                 raise ResultError(f"{out / name}: could not be written: {reason(error)}") from error
         depth, simulated, measured = self.runs.misfit.forces(self.best)
         start, best = (self.runs.misfit.laid_over(loop) for loop in (self.start, self.best))
-        with drawing():
-            figure = fitted_figure(best.loops[1], start.loops[0], best.loops[0], depth, simulated - measured)
-            picture = write_picture(figure, out / PICTURE)
-        return [out / TABLE, out / RECORD, out / SCENE, picture]
+        figure = fitted_figure(best.loops[1], start.loops[0], best.loops[0], depth, simulated - measured)
+        return [out / TABLE, out / RECORD, out / SCENE, write_picture(figure, out / PICTURE)]
 
 
 def levels_of(source: str, overrides: Sequence[str], coarsest: int | None = None) -> tuple[int, ...]:

@@ -223,7 +223,7 @@ def _candidates(face: Topography, reach: float, in_row: bool) -> tuple[Array, Ar
         chosen[: begin - first] = chosen[begin - first + some :] = False
         row, column = np.nonzero(chosen)
         found.append((line[column], line[first + row]))
-    return tuple(np.concatenate(places) for places in zip(*found))
+    return tuple(np.concatenate(places) for places in zip(*found, strict=True))
 
 
 def _chosen(face: Topography, x: Array, y: Array) -> NDArray[np.bool_]:

@@ -22,7 +22,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +32,8 @@ from .heightfile import HeightMap
 from .random_surface import RandomSurface
 
 Array = NDArray[np.float64]
+UNUSED: Any = None
+"""In the place of what a face's pattern does not ask for: whoever reads it has looked at the pattern."""
 
 
 def _hexagonal(punch: Topography, x: Array, y: Array) -> Array:
@@ -163,15 +165,15 @@ class Topography:
 
     pattern: str
     radius: float | None = None
-    wavelength: float | None = None
-    amplitude: float | None = None
+    wavelength: float = UNUSED
+    amplitude: float = UNUSED
     curvature_radius: float = math.inf
-    exponent: float | None = None
+    exponent: float = UNUSED
     layer_step: float = 0.0
     layer_smoothing: float = 0.5
     height_jitter: float = 0.0
     seed: int = 0
-    file: str | Path | None = None
+    file: str | Path = UNUSED
     file_size: tuple[float, float] | None = None
     file_periodic: bool | None = None
     file_order: Literal[1, 3] = 1

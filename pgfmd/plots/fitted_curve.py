@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgfmd.results.curve import Loop
 
-from .drawing import GREY, RED, TURQUOISE, new_figure, seen
+from .drawing import GREY, RED, TURQUOISE, new_figure, picture, seen
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
 
-def fitted_figure(measured: Loop, start: Loop, best: Loop, depth: Array, residuals: Array) -> Any:
+@picture
+def fitted_figure(measured: Loop, start: Loop, best: Loop, depth: Array, residuals: Array) -> Figure:
     """Force [mN] against indentation [um]: measured, at the start and fitted; below, fitted less measured at the places that
     were compared, the way in first. depth [m], residuals [N]: (places,), half of them on either branch."""
     figure = new_figure(5.6, 5.4)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pgfmd.punch.face import Face, face_on_grid
 from pgfmd.scene import Scene
 
-from .drawing import GREY, RED, TURQUOISE, drawing, length_unit, literal, new_figure, signed
+from .drawing import GREY, RED, TURQUOISE, length_unit, literal, new_figure, picture, signed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST_PIXELS = 1024
 BINS = 80
@@ -19,33 +23,33 @@ COLOURS = "viridis"
 """Low places, which touch first, are dark. Not one of cmcrameri's maps, which loads pyplot."""
 
 
-def plot_punch(scene: Scene | str | Path | Mapping[str, Any]) -> Any:
-    """A figure of the face at the points of the scene's grid, heights above the place that touches first.
+@picture
+def plot_punch(scene: Scene | str | Path | Mapping[str, Any]) -> Figure:
+    """The face at the points of the scene's grid, heights above the place that touches first: a map, profiles through that place,
+    and the histogram.
 
-    scene: a Scene, or what one is made from. Returns a matplotlib Figure that belongs to no window. Raises SceneError; ValueError,
-    OSError for a map that can't be used.
+    scene: a Scene, or what one is made from. Raises SceneError; ValueError, OSError for a map that can't be used.
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     face = face_on_grid(scene)
-    with drawing():
-        figure = new_figure(8.2, 4.2)
-        grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1.0))
-        _draw_map(figure, figure.add_subplot(grid[:, 0]), face)
-        _draw_profiles(figure.add_subplot(grid[0, 1]), face)
-        _draw_histogram(figure.add_subplot(grid[1, 1]), face)
-        if scene.title:
-            figure.suptitle(literal(scene.title), fontsize=9.5)
-        return figure
+    figure = new_figure(8.2, 4.2)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1.0))
+    _draw_map(figure, figure.add_subplot(grid[:, 0]), face)
+    _draw_profiles(figure.add_subplot(grid[0, 1]), face)
+    _draw_histogram(figure.add_subplot(grid[1, 1]), face)
+    if scene.title:
+        figure.suptitle(literal(scene.title), fontsize=9.5)
+    return figure
 
 
-def _draw_map(figure: Any, axis: Any, face: Face) -> None:
+def _draw_map(figure: Figure, axis: Axes, face: Face) -> None:
     """Heights, y upward, with the outline and the first contact."""
     across, name = length_unit(max(face.size))
     tall, unit = length_unit(face.relief)
     stride = -(-face.x.size // MOST_PIXELS)
     values = face.cut()[::stride, ::stride] / tall
     half_x, half_y = (0.5 * side / across for side in face.size)
-    picture = axis.imshow(
+    shown = axis.imshow(
         values, origin="lower", extent=(-half_x, half_x, -half_y, half_y), cmap=COLOURS, interpolation="nearest",
         vmin=0.0, vmax=face.relief / tall or 1.0,
     )  # fmt: skip
@@ -55,10 +59,10 @@ def _draw_map(figure: Any, axis: Any, face: Face) -> None:
     )
     axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), handletextpad=0.2)
     axis.set(xlabel=f"x ({name})", ylabel=f"y ({name})")
-    figure.colorbar(picture, ax=axis, shrink=0.8, label=f"height z ({unit}); low places touch first")
+    figure.colorbar(shown, ax=axis, shrink=0.8, label=f"height z ({unit}); low places touch first")
 
 
-def _draw_profiles(axis: Any, face: Face) -> None:
+def _draw_profiles(axis: Axes, face: Face) -> None:
     """Heights along x and along y through the first contact."""
     across, name = length_unit(max(face.size))
     tall, unit = length_unit(face.relief)
@@ -96,7 +100,7 @@ def _draw_profiles(axis: Any, face: Face) -> None:
     )
 
 
-def _draw_histogram(axis: Any, face: Face) -> None:
+def _draw_histogram(axis: Axes, face: Face) -> None:
     """The share of the points in each of some intervals of height, and of those below a height."""
     tall, unit = length_unit(face.relief)
     z = face.z[face.inside] / tall

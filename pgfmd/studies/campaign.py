@@ -9,12 +9,13 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
-from pgfmd.errors import PgfmdError, ResultError
+from pgfmd.errors import PgfmdError, ResultError, RunError, Stopped
 from pgfmd.files import storage
 
 from .cases import Case
-from .pool import STOPPED, Ending, Pool, Task
+from .pool import Ending, Pool, Task
 from .standing import CHANGED, DAMAGED, FAILED, FINISHED, RUNNING, Standing, standing_of
 from .study_file import StudyError, did_you_mean
 
@@ -28,11 +29,16 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
 class Unfinished(PgfmdError):
-    """Not every case could be finished. The exit code is that of a run that stopped, or of one that could not go on."""
+    """Not every case could be finished. The exit code is that of a run that stopped, or of one that could not go on.
+
+    table: the table of the study (table.StudyTable), where `study` or `converge` raises it.
+    """
+
+    table: Any = None
 
     def __init__(self, message: str, failed: bool):
         super().__init__(message)
-        self.exit_code = 3 if failed else STOPPED
+        self.exit_code = RunError.exit_code if failed else Stopped.exit_code
 
 
 @dataclass(frozen=True)
@@ -131,20 +137,21 @@ class Campaign:
             counted["ended"] += 1
             self.say(f"[{counted['ended']}/{len(chosen)}] {task.name}: {self._outcome(task, ending)}")
 
-        tasks = [
-            Task(case.name, (*self.arguments(case), "--out", str(self.folder(case))), self.out / f"{case.name}.log")
-            for case in chosen
-        ]
+        tasks = [self._task(case) for case in chosen]
         pool = Pool(ranks, jobs, self.say)
         failures: dict[str, str] = {}
 
         def keep(task: Task, ending: Ending) -> None:
-            if ending.code not in (0, STOPPED) and not pool.stopped:
+            if ending.code not in (0, Stopped.exit_code) and not pool.stopped:
                 failures[task.name] = f"exit code {ending.code}: {ending.why}"
             on_end(task, ending)
 
         pool.run(tasks, keep)
         self.conclude(failures, pool.stopped)
+
+    def _task(self, case: Case) -> Task:
+        folder = self.folder(case)
+        return Task(case.name, (*self.arguments(case), "--out", str(folder)), folder, self.out / f"{case.name}.log")
 
     def tell(self, standings: dict[str, Standing]) -> None:
         """Says what is there already."""
@@ -178,7 +185,7 @@ class Campaign:
 
     def _outcome(self, task: Task, ending: Ending) -> str:
         """How a job ended, in a line."""
-        if ending.code == STOPPED:
+        if ending.code == Stopped.exit_code:
             return f"stopped with a checkpoint, {ending.seconds:.3g} s"
         if ending.code:
             return f"failed with exit code {ending.code} after {ending.seconds:.3g} s: {ending.why}"

@@ -72,7 +72,7 @@ def _drafts(study: Study) -> Iterator[tuple[str, dict[str, str], dict[str, Any]]
         for axis, value in zip(study.axes, values, strict=True):
             parts.append(slug(value.label if axis.bundles else f"{shown[axis.name]}-{value.label}"))
             changes |= value.changes
-        yield "_".join(parts), {axis.name: value.label for axis, value in zip(study.axes, values)}, changes
+        yield "_".join(parts), {axis.name: value.label for axis, value in zip(study.axes, values, strict=True)}, changes
     for name, changes in study.singles.items():
         yield name, {}, study.common | changes
 
@@ -86,7 +86,7 @@ def short_names(axes: Iterable[Axis]) -> dict[str, str]:
 
 def _names_refused(drafts: Iterable[tuple[str, dict[str, str], dict[str, Any]]]) -> Iterator[str]:
     seen: dict[str, int] = {}
-    for name, places, _ in drafts:
+    for name, _, _ in drafts:
         if not _SAFE.fullmatch(name) or name.endswith(SUFFIXES):
             what = "letters, digits and . + _ - alone, and ends otherwise than " + ", ".join(SUFFIXES)
             yield str(Problem("case", name, f"a name of a folder: it has {what}", "rename it, or the axis's value"))

@@ -6,7 +6,6 @@ process groups of their own, so that a terminal's Ctrl-C reaches them only this 
 
 from __future__ import annotations
 
-import ctypes
 import os
 import shlex
 import shutil
@@ -20,42 +19,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pgfmd.errors import PgfmdError, ResultError
+from pgfmd.errors import LaunchError, ResultError, Stopped
 from pgfmd.files.regular_files import open_regular
 from pgfmd.files.storage import reason
-from pgfmd.host.processes import cores
+from pgfmd.host.launchers import environment_without
+from pgfmd.host.processes import cores, signal_at_end_of_parent
+from pgfmd.host.walltime import LIMIT_OF_TIME
 
-STOPPED = 75
-"""Exit code of a run that stopped with a checkpoint."""
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGXCPU, signal.SIGUSR1)
 REMIND_AFTER = 3.0
 """Time [s] after which USR1 is sent again: mpirun passes on none that comes before its ranks have started."""
 KILL_AFTER = 15.0
 """Time [s] from a second Ctrl-C until what is left is killed."""
 TICK = 0.05
-OUT_OF_TIME = "stopped by the limit of time"
-LAUNCHERS = (
-    "OMPI_COMM_", "PMIX_", "PMI_", "OMPI_APP_CTX_", "ORTE_", "OMPI_MCA_ess", "OMPI_MCA_orte_ess_", "OMPI_MCA_orte_launch",
-    "OMPI_MCA_orte_precondition_transports", "OMPI_MCA_pmix",
-)  # fmt: skip
-"""How variables begin that a launcher, or a process that has begun with MPI by itself, gives to what it starts, and that a
-launcher within it must not see."""
-_SET_DEATH_SIGNAL = 1
-"""PR_SET_PDEATHSIG of prctl(2)."""
-
-
-class LaunchFailed(PgfmdError):
-    """What starts the jobs is not there."""
-
-    exit_code = 5
 
 
 @dataclass(frozen=True)
 class Task:
-    """A job to be done: a name, the arguments of `pgfmd run`, and the file that takes what it says."""
+    """A job to be done: a name, the arguments of `pgfmd run`, the folder of its results, and the file that takes what
+    it says."""
 
     name: str
     arguments: tuple[str, ...]
+    folder: Path
     log: Path
 
 
@@ -93,7 +79,7 @@ class Pool:
     def run(self, tasks: list[Task], on_end: Callable[[Task, Ending], None]) -> None:
         """Runs every task; calls `on_end` with each as it ends. Returns when none is running any more.
 
-        Raises LaunchFailed, before anything is started, where mpirun is missing; ResultError if a log can't be written.
+        Raises LaunchError, before anything is started, where mpirun is missing; ResultError if a log can't be written.
         """
         if tasks:
             require_launcher(self.ranks)
@@ -135,9 +121,9 @@ class Pool:
         for job in [job for job in self._running if job.process.poll() is not None]:
             self._running.remove(job)
             ending = job.ending()
-            if ending.code == STOPPED and OUT_OF_TIME in ending.why and not self.stopped:
+            if ending.code == Stopped.exit_code and not self.stopped and ran_out_of_time(job.task.folder):
                 # What was started now had even less time.
-                self.stopped = "the limit of time"
+                self.stopped = LIMIT_OF_TIME
             on_end(job.task, ending)
 
     def _answer(self) -> None:
@@ -193,9 +179,9 @@ def program() -> list[str]:
 
 
 def require_launcher(ranks: int) -> None:
-    """Raises LaunchFailed where there is no mpirun and one is needed."""
+    """Raises LaunchError where there is no mpirun and one is needed."""
     if ranks > 1 and shutil.which("mpirun") is None:
-        raise LaunchFailed(
+        raise LaunchError(
             f"mpirun is not there, and each job wants {ranks} ranks: install an MPI (`pgfmd doctor` tells more), load "
             "its module, or take --ranks 1, which needs none"
         )
@@ -203,7 +189,7 @@ def require_launcher(ranks: int) -> None:
 
 def environment(ranks: int, jobs: int) -> dict[str, str]:
     """The environment of each of so many jobs."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)}
+    kept = environment_without()
     kept.setdefault("OMP_NUM_THREADS", "1")
     if jobs > 1:
         # mpirun would bind the ranks of each job to the first cores.
@@ -212,6 +198,17 @@ def environment(ranks: int, jobs: int) -> dict[str, str]:
         # Ranks that wait would take the cores from those that compute; mpirun knows of its own ranks alone.
         kept.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
     return kept
+
+
+def ran_out_of_time(folder: Path) -> bool:
+    """Whether the run in a folder, which has stopped with a checkpoint, did so for want of time."""
+    from pgfmd.results.inventory import take_inventory
+
+    try:
+        found = take_inventory(folder)
+    except ResultError:
+        return False
+    return found is not None and found.why_stopped.startswith(LIMIT_OF_TIME)
 
 
 def last_words(log: Path, start: int) -> str:
@@ -232,11 +229,7 @@ def last_words(log: Path, start: int) -> str:
 
 def _stop_with_parent() -> None:
     """In a new job: asks the kernel for USR1 when the study dies, so that no job goes on that nobody watches."""
-    if _LIBC is not None:
-        _LIBC.prctl(_SET_DEATH_SIGNAL, signal.SIGUSR1, 0, 0, 0)
-
-
-_LIBC = ctypes.CDLL(None) if sys.platform.startswith("linux") else None
+    signal_at_end_of_parent(signal.SIGUSR1)
 
 
 def _jobs(count: int) -> str:

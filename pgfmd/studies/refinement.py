@@ -14,6 +14,7 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.forecast.estimate import memory_of
 from pgfmd.parts import confirm
 from pgfmd.scene import load_scene
+from pgfmd.schemes import registry
 
 from .cases import Case
 from .study_file import Axis
@@ -73,15 +74,14 @@ def levels_of(
     """
     common = list(overrides)
     coarse = load_scene(source, common)
-    if axis == ACCURACY and coarse.solver.scheme == "gfmd":
-        problem = Problem("solver.scheme", "gfmd", "a scheme with an accuracy", "its steps are keys of [solver.gfmd]")
+    scheme = registry.scheme_of(coarse)
+    if axis == ACCURACY and not scheme.has_accuracy:
+        problem = Problem("solver.scheme", scheme.name, "a scheme with an accuracy", scheme.unread["solver.accuracy"])
         raise SceneError(source, [problem])
     factor, remarks, cases = factor or FACTORS[axis], [], []
     for place in _places(coarse, axis, count, start, factor):
-        if axis == ACCURACY:
-            changes = [*common, f"solver.accuracy={place!r}"]
-        else:
-            changes = _grid_overrides(source, common, axis, place, cases)
+        at_accuracy = [*common, f"solver.accuracy={place!r}"]
+        changes = at_accuracy if axis == ACCURACY else _grid_overrides(source, common, axis, place, cases)
         case = _case(source, changes, axis, place, ranks)
         refusal = _refusal(case, largest_n, ranks)
         if refusal:

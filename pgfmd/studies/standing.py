@@ -9,13 +9,12 @@ from pathlib import Path
 
 from pgfmd.errors import ResultError, SceneError
 from pgfmd.files import storage
+from pgfmd.physics.drive import DETACHED
 
 from .cases import Case
 
 NEW, FINISHED, RESUMABLE, RUNNING = "new", "finished", "resumable", "running"
 FAILED, CHANGED, DAMAGED = "failed", "changed", "damaged"
-COMPLETE = "detached"
-"""How a run finishes whose numbers mean what they say: the whole programme was run."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class Standing:
     @property
     def complete(self) -> bool:
         """Whether the whole programme was run."""
-        return self.state == FINISHED and self.why == COMPLETE
+        return self.state == FINISHED and self.why == DETACHED
 
     def __str__(self) -> str:
         return self.state if not self.why or self.complete else f"{self.state} ({self.why})"

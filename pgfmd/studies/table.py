@@ -7,8 +7,9 @@ the columns of overlap only.
 from __future__ import annotations
 
 import csv
+import html
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ from typing import Any
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.regular_files import write_atomically
+from pgfmd.physics.drive import DETACHED
 from pgfmd.results import load
-from pgfmd.results.curve import KINDS_OF_AREA, WHOLE, Loop, measure
+from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 
 from .cases import Case
 from .standing import Standing
@@ -72,12 +74,14 @@ OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
 @dataclass(frozen=True)
 class Row:
     """A case with its standing. places: its value on each axis, an SI number, a text, or None for a single case on an
-    axis of bundles; measured: numbers by COLUMNS, None where there is none yet."""
+    axis of bundles; measured: numbers by COLUMNS, None where there is none yet. trouble: why the curve of a case that
+    has run can't be read."""
 
     case: Case
     standing: Standing
     places: dict[str, Any]
     measured: dict[str, float | None]
+    trouble: str = ""
 
 
 def rows_of(
@@ -89,21 +93,24 @@ def rows_of(
         standing = standings[case.name]
         record = standing.record or {}
         measured = {column: record.get(key) for column, key in MEASURED.items()}
-        if record.get("finished", WHOLE) != WHOLE:
+        if record.get("finished", DETACHED) != DETACHED:
             measured |= dict.fromkeys(OF_LOOP)
-        measured |= areas_of(out / case.name) if out and record else dict.fromkeys(AREA_COLUMNS)
-        rows.append(Row(case, standing, {axis.name: place_of(case, axis) for axis in axes}, measured))
+        measured |= dict.fromkeys(AREA_COLUMNS)
+        trouble = ""
+        if out and record:
+            try:
+                measured |= areas_of(out / case.name)
+            except ResultError as error:
+                trouble = str(error)
+        rows.append(Row(case, standing, {axis.name: place_of(case, axis) for axis in axes}, measured, trouble))
     return rows
 
 
 def areas_of(folder: Path) -> dict[str, float | None]:
-    """Numbers by AREA_COLUMNS, None where they are not known; all are None where the curve can't be read."""
-    try:
-        with load(folder) as results:
-            found = measure(Loop.of(results)).areas
-            gaps = {"contact": results.contact_gap, "near": results.near_gap}
-    except ResultError:
-        return dict.fromkeys(AREA_COLUMNS)
+    """Numbers by AREA_COLUMNS, None where they are not known. Raises ResultError if the curve can't be read."""
+    with load(folder) as results:
+        found = measure(Loop.of(results)).areas
+        gaps = {"contact": results.contact_gap, "near": results.near_gap}
     areas = {column: getattr(found.get(kind), moment, None) for column, (kind, moment) in AREAS.items()}
     return areas | {column: gaps[kind] if kind in found else None for column, kind in GAPS.items()}
 
@@ -122,8 +129,7 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
     """Write the table as CSV. Raises ResultError if that can't be done."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    heads = [axis.name if axis.bundles else header(axis.name, unit_of(axis.name)) for axis in axes]
-    writer.writerow(["case", *heads, "state", *COLUMNS])
+    writer.writerow(["case", *map(_head, axes), "state", *COLUMNS])
     for row in rows:
         cells = [*row.places.values(), str(row.standing).splitlines()[0], *row.measured.values()]
         writer.writerow([row.case.name, *("" if cell is None else _plain(cell) for cell in cells)])
@@ -138,6 +144,74 @@ def _plain(cell: Any) -> Any:
     return cell + 0.0 if isinstance(cell, float) else cell
 
 
+@dataclass(frozen=True, eq=False)
+class StudyTable:
+    """The table of a study: a row a case, its places on the axes and what was measured. SI units.
+
+    `table["pull_off_force [N]"]` is a column. rows: in the order of the cases; axes: of the study; out: the folder of
+    the cases' folders; title: of pictures.
+    """
+
+    rows: list[Row]
+    axes: tuple[Axis, ...]
+    out: Path
+    title: str = ""
+
+    @property
+    def columns(self) -> list[str]:
+        """What the header calls them: "case", the axes, "state", and COLUMNS."""
+        return ["case", *map(_head, self.axes), "state", *COLUMNS]
+
+    def __getitem__(self, name: str) -> list[Any]:
+        """A column, an entry a case: numbers, texts, or None where there is nothing yet. KeyError if there is none."""
+        if name not in self.columns:
+            raise KeyError(f"{name!r}: expected one of {', '.join(self.columns)}")
+        place = self.columns.index(name)
+        return [cells[place] for cells in self._cells()]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """The rows as mappings, by column."""
+        return (dict(zip(self.columns, cells, strict=True)) for cells in self._cells())
+
+    def _cells(self) -> Iterator[list[Any]]:
+        for row in self.rows:
+            yield [row.case.name, *row.places.values(), str(row.standing).splitlines()[0], *row.measured.values()]
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is to be said of the numbers."""
+        return remarks(self.rows)
+
+    def __repr__(self) -> str:
+        return "\n".join(overview(self.rows))
+
+    def _repr_html_(self) -> str:
+        """The numbers that are looked at first, for notebooks."""
+        head, *body = overview_cells(self.rows)
+        lines = [f"<tr>{''.join(f'<th>{html.escape(cell)}</th>' for cell in head)}</tr>"]
+        lines += [f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>" for cells in body]
+        return f"<table>{''.join(lines)}</table>"
+
+    def to_csv(self, path: str | Path) -> None:
+        """Writes it as CSV. ResultError if that can't be done."""
+        write_table(Path(path), self.rows, self.axes)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame of all columns. ImportError where pandas is not installed."""
+        try:
+            import pandas
+        except ImportError:
+            raise ImportError("pandas is not installed: pip install pandas; or take the table's own columns") from None
+        return pandas.DataFrame({name: self[name] for name in self.columns})
+
+
+def _head(axis: Axis) -> str:
+    return axis.name if axis.bundles else header(axis.name, unit_of(axis.name))
+
+
 def counted_overlap(numbers: Mapping[str, float | None]) -> bool:
     """Whether a case knows its overlap, but not its contact."""
     largest = "largest_{}_area [m^2]"
@@ -145,21 +219,31 @@ def counted_overlap(numbers: Mapping[str, float | None]) -> bool:
 
 
 def remarks(rows: Sequence[Row]) -> list[str]:
-    """What is to be said of cases that counted overlap alone."""
+    """What is to be said of cases that have no curve any more, and of those that counted overlap alone."""
+    lost = [
+        f"{row.case.name} has no areas and is in no picture of curves: {row.trouble}" for row in rows if row.trouble
+    ]
     old = [row.case.name for row in rows if counted_overlap(row.measured)]
     if not old:
-        return []
+        return lost
     names = ", ".join(old[:MOST_NAMED]) + (f" and {len(old) - MOST_NAMED} more" if len(old) > MOST_NAMED else "")
     which = names if len(old) < len(rows) else "all cases"
     counted = "areas of overlap (gap < 0), not of contact"
     text = f"{which}: run by version 0.1 of pgfmd, which counted {counted}"
     if any(row.measured.get(AT_PRELOAD.format("contact")) is not None for row in rows):
         text += "; the other cases count contact: to compare them, move these folders away and run the study again"
-    return [text]
+    return [*lost, text]
 
 
 def overview(rows: Sequence[Row]) -> list[str]:
-    """The rows as lines for a terminal, with the numbers that are looked at first; contact is that at the preload."""
+    """The rows as lines for a terminal (`overview_cells`)."""
+    lines = overview_cells(rows)
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
+
+
+def overview_cells(rows: Sequence[Row]) -> list[list[str]]:
+    """The numbers that are looked at first, a head and a line a row; contact is that at the preload."""
     columns = {
         "pull-off [mN]": ("pull_off_force [N]", 1e3),
         "separation [nJ]": ("work_of_separation [J]", 1e9),
@@ -174,5 +258,4 @@ def overview(rows: Sequence[Row]) -> list[str]:
         found = [(row.measured[column], factor) for column, factor in columns.values()]
         cells = ["" if value is None else f"{value * factor + 0.0:.4g}" for value, factor in found]
         lines.append([row.case.name, *cells, str(row.standing).splitlines()[0]])
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in lines]
+    return lines

@@ -9,9 +9,9 @@ from mpi4py import MPI
 from scipy import ndimage
 
 import pgfmd.runner
+from pgfmd.errors import Stopped
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
 from pgfmd.physics.topography import Topography
-from pgfmd.restart.keeper import Stopped
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
 from pgfmd.runner import Options, run_scene

@@ -8,7 +8,7 @@ import pytest
 from mpi4py import MPI
 
 import pgfmd.runner
-from pgfmd.restart.keeper import Stopped
+from pgfmd.errors import Stopped
 from pgfmd.restart.sameness import differences
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene

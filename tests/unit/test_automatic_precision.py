@@ -127,7 +127,7 @@ def test_a_run_that_goes_on_keeps_the_precision_that_it_began_with(tmp_path, mon
     monkeypatch.setattr(rule, "LEAST_SIDE", {"double": 1, "mixed": 100}[began])
     other = chosen(*SCENE[1:])
     assert other != began
-    with pytest.raises(SceneError, match="solver.precision = "):
+    with pytest.raises(SceneError, match=r"solver\.precision = "):
         run_scene(
             load_scene(SCENE[0], [*SCENE[1:], f"solver.precision={other}"]), MPI.COMM_SELF, folder, print,
             Options(allow=("solver",)),

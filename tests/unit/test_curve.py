@@ -25,7 +25,7 @@ def jumpy(tmp_path_factory):
 def cells(folder, table):
     """The texts of a table's cells, by title."""
     header, *lines = (folder / table.file).read_text().splitlines()
-    return dict(zip(header.split(","), zip(*(line.split(",") for line in lines)), strict=True))
+    return dict(zip(header.split(","), zip(*(line.split(",") for line in lines), strict=True), strict=True))
 
 
 def test_both_tables_write_a_step_with_the_same_letters_and_each_jump_finds_its_row(jumpy):

@@ -82,7 +82,7 @@ def test_an_earlier_run_is_not_gone_on_with(tmp_path):
     stopped = run(tmp_path / "out", stop_after=20)
     as_version_0_1(stopped)
     before = {path.name: path.read_bytes() for path in stopped.iterdir() if path.is_file()}
-    with pytest.raises(ResultError, match="version 0.1 of pgfmd.*can't go on.*--fresh"):
+    with pytest.raises(ResultError, match=r"version 0\.1 of pgfmd.*can't go on.*--fresh"):
         run_scene(load_scene(*SCENE), MPI.COMM_SELF, stopped, lambda line: None)
     assert {path.name: path.read_bytes() for path in stopped.iterdir() if path.is_file()} == before
     (told,) = status_of(stopped).warnings

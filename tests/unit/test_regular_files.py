@@ -162,7 +162,7 @@ def test_a_lock_knows_whether_it_is_still_there(tmp_path):
         lock.require_held()
     folder.mkdir()
     other = RunLock.acquire(folder, 1)
-    with pytest.raises(ResultError, match="its run.lock is another one's"):
+    with pytest.raises(ResultError, match=r"its run\.lock is another one's"):
         lock.require_held()
     lock.release()
     other.require_held()

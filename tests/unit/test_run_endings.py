@@ -121,7 +121,7 @@ def test_it_is_told_of_a_run_without_its_table_too(tmp_path):
 def test_a_foreign_curve_is_not_replaced(text, tmp_path):
     curve = tmp_path / "curve.csv"
     curve.write_text(text)
-    with pytest.raises(ResultError, match="curve.csv: not written by a run"):
+    with pytest.raises(ResultError, match=r"curve\.csv: not written by a run"):
         started(tmp_path)
     assert curve.read_text() == text and not (tmp_path / "run.lock").exists()
     assert started(tmp_path, fresh=True)["steps"] == 3
@@ -137,7 +137,7 @@ def test_a_run_that_ended_before_its_first_step_is(rows, tmp_path):
 @pytest.mark.parametrize("text", ['{"a": 1}', "[1]", '{"finished": 3}', "1"])
 def test_a_foreign_record_is_refused(text, tmp_path):
     (tmp_path / "run.json").write_text(text)
-    with pytest.raises(ResultError, match="run.json: damaged: it does not say how a run has finished"):
+    with pytest.raises(ResultError, match=r"run\.json: damaged: it does not say how a run has finished"):
         started(tmp_path)
     assert (tmp_path / "run.json").read_text() == text
 

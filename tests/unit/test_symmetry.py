@@ -92,7 +92,7 @@ def test_sums_and_numbers_of_points_are_those_of_the_whole_punch():
 
 
 def test_the_key_takes_two_words():
-    with pytest.raises(SceneError, match="solver.symmetry"):
+    with pytest.raises(SceneError, match=r"solver\.symmetry"):
         load_scene("tri-tack", ["solver.symmetry=x"])
 
 

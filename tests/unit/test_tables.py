@@ -139,8 +139,8 @@ def test_verify_holds_a_table_without_a_witness_against_its_declaration(tmp_path
     assert found()["curve.csv"].fine and "its 40 rows are such as its columns can have" in found()["curve.csv"].found
     lines = (folder / "curve.csv").read_text().splitlines(keepends=True)
     for damage, told in (
-        (lines[:20] + [lines[21], lines[20]] + lines[22:], "time [s] falls in row 20, and no checkpoint tells"),
-        (lines[:20] + ["1.0,half\n"] + lines[21:], "line 21 is no row of it"),
+        ([*lines[:20], lines[21], lines[20], *lines[22:]], "time [s] falls in row 20, and no checkpoint tells"),
+        ([*lines[:20], "1.0,half\n", *lines[21:]], "line 21 is no row of it"),
         (["a,b\n", *lines[1:]], "its first line is 'a,b'"),
     ):
         (folder / "curve.csv").write_text("".join(damage))

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+from functools import partial
 
 import h5py
 import numpy as np
@@ -208,7 +209,7 @@ def test_arrays_are_read_in_pieces(finished, monkeypatch):
         for piece in (1, side + 1, 5 * side, side * side - 1, 10**6):
             pieces = []
             monkeypatch.setattr(verify, "PIECE", piece)
-            monkeypatch.setattr(verify, "whole_sum", lambda part, first: noted(pieces, part, first))
+            monkeypatch.setattr(verify, "whole_sum", partial(noted, pieces))
             assert verify._sum_of(array, 1) == whole
             assert max(pieces) <= max(piece, side) and sum(pieces) == side * side
 

@@ -22,8 +22,8 @@ OTHERS = {
     "pgfmd.solver.conjugate_gradients.ConjugateGradients": ("correct",),
     "pgfmd.solver.newton.NewtonSolver": ("solve", "_go_down", "_noise"),
     "pgfmd.schemes.path_following.PathFollowing": ("_predict", "_change", "_move_on", "_remember", "measure"),
-    "pgfmd.schemes.inertialess.Inertialess": ("try_step", "accept"),
-    "pgfmd.schemes.energy_audit.EnergyAudit": ("energies",),
+    "pgfmd.schemes.inertialess.scheme.Inertialess": ("try_step", "accept"),
+    "pgfmd.schemes.inertialess.audit.EnergyAudit": ("energies",),
     "pgfmd.solver.drift.Drift": ("extrapolated", "renewed", "disturbed", "kept"),
     "pgfmd.output.observers.Curve": ("observe",),
     "pgfmd.output.observers.Snapshots": ("observe",),
@@ -33,7 +33,7 @@ OTHERS = {
     "pgfmd.restart.keeper.Keeper": ("attend", "interrupts"),
     "pgfmd.solver.interruption.Question": ("__call__",),
     "pgfmd.solver.simulation.Simulation": ("_measure", "_turn_page"),
-    "pgfmd.solver.controller.Controller": ("advance",),
+    "pgfmd.schemes.inertialess.controller.Controller": ("advance",),
 }
 """What is timed beside the compiled kernels and the transforms: methods, by class."""
 

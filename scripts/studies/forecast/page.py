@@ -36,10 +36,7 @@ class Judged:
 
 def judged(rows: list[Row]) -> list[Judged]:
     """All rows beside what is foretold."""
-    found = []
-    for row in rows:
-        found.append(Judged(row, effort_of(scene_of(row))))
-    return found
+    return [Judged(row, effort_of(scene_of(row))) for row in rows]
 
 
 def summary(found: list[Judged]) -> str:

@@ -66,9 +66,8 @@ def panels(
 
 def time_text(seconds: float) -> str:
     """A time with a handy unit."""
-    for factor, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns")):
-        if seconds >= factor:
-            break
+    scales = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
+    factor, unit = next((scale for scale in scales if seconds >= scale[0]), scales[-1])
     return f"{seconds / factor:.4g} {unit}"
 
 

@@ -35,7 +35,7 @@ def surfaces(runs: Runs) -> Drawing:
         axis.set(xlabel="x (µm)", ylabel="y (µm)", title=title)
         figure.colorbar(image, ax=axis, label="z (µm), summits 0", shrink=0.85)
         word = title.split()[1]
-        value, digits = told[source]
+        value, _ = told[source]
         radius = 1e6 * topography_of(punch).summit_radius
         claims.append(Claim("radius of the summits", word, radius, "µm", f"{value:g}", value - 0.5, value + 0.5))
         half = 0.5e6 * float(np.nanmax(height) - np.nanmin(height))

@@ -25,10 +25,10 @@ from pgfmd.commands.study import say
 from pgfmd.errors import PgfmdError, SceneError
 from pgfmd.files.storage import RUN_FILE, SCENE_FILE
 from pgfmd.forecast.effort import effort_of
+from pgfmd.physics.drive import DETACHED
 from pgfmd.plots.drawing import STYLE
 from pgfmd.scene import load_scene
 from pgfmd.studies.campaign import Campaign, Unfinished, Wishes
-from pgfmd.studies.standing import COMPLETE
 
 from ..pages import ROOT, fill
 from . import page
@@ -88,7 +88,7 @@ def complete_of(campaign: Campaign) -> set[str]:
             continue
         told = {"title": "", "output": case.scene.output}
         same = scene.model_copy(update=told).to_toml() == case.scene.model_copy(update=told).to_toml()
-        if same and record.get("finished") == COMPLETE:
+        if same and record.get("finished") == DETACHED:
             found.add(case.name)
     return found
 

@@ -82,9 +82,11 @@ def tri(runs: Runs) -> Drawing:
                                   ("saddle", "force at contact in all saddles", ())):  # fmt: skip
             closed = closed_at(run.results, kind)
             claims.append(Claim(what, "80 mN, 1 µm/s", closed, "mN", *words, count=count_of(run)))
-    for load in (60.0, 80.0):
-        if run := runs.one("tri", preload=load, speed=1.0):
-            claims.append(area_claim(run, f"{load:g} mN, 1 µm/s"))
+    claims += [
+        area_claim(run, f"{load:g} mN, 1 µm/s")
+        for load in (60.0, 80.0)
+        if (run := runs.one("tri", preload=load, speed=1.0))
+    ]
     for load, speed, told, count in ((40.0, 0.5, "2", 2), (80.0, 25.0, "1", 1)):
         run = runs.one("tri", preload=load, speed=speed)
         if run:
@@ -196,9 +198,11 @@ def _curved_tri(runs: Runs) -> list[Claim]:
     if forces := [pull_off(run) for run in runs.of("curved-tri", preload=80.0)]:
         words = ("pull-off force, largest of all speeds", "triangular, 80 mN")
         claims.append(Claim(*words, max(forces), "mN", *TRI_PULL_OFF[80.0]))
-    for load in (60.0, 80.0):
-        if run := runs.one("curved-tri", preload=load, speed=1.0):
-            claims.append(area_claim(run, f"triangular, {load:g} mN, 1 µm/s"))
+    claims += [
+        area_claim(run, f"triangular, {load:g} mN, 1 µm/s")
+        for load in (60.0, 80.0)
+        if (run := runs.one("curved-tri", preload=load, speed=1.0))
+    ]
     if run := runs.one("curved-tri", preload=40.0, speed=1.0):
         saddles = joins(run.results, "saddle")
         far = np.hypot(saddles["x [m]"], saddles["y [m]"]) / run.scene.punch.radius

@@ -33,7 +33,7 @@ class Row:
 class Table:
     """The CSV of all rows, continued if it exists."""
 
-    columns = [field.name for field in fields(Row)]
+    columns = tuple(field.name for field in fields(Row))
     texts = ("part", "case", "setting", "precision", "ended")
 
     def __init__(self, path: Path):

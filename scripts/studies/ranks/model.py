@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +21,7 @@ from pgfmd.forecast.scaling import (
     traffic_of_pair,
     traffic_of_sum,
 )  # fmt: skip
+from pgfmd.host.processes import load
 
 LARGE, CORES = (4096, 8192, 16384, 32768), (16, 64, 256, 1024, 4096)
 """Grids and numbers of ranks that the model is printed for."""
@@ -337,9 +337,6 @@ def _overlap(model: Model) -> str:
 
 def busy() -> str:
     """A word on other load of the machine; empty where it is idle."""
-    load = os.getloadavg()[0]
-    return (
-        f"The machine was busy (load {load:.1f}) when this was measured: these numbers are provisional."
-        if load > 0.5
-        else ""
-    )
+    found = load()
+    what = "when this was measured: these numbers are provisional."
+    return f"The machine was busy (load {found:.1f}) {what}" if found else ""

@@ -26,6 +26,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from pgfmd.host import launch
+from pgfmd.physics.drive import DETACHED
 
 from ..pages import ROOT, fill, page_named
 from .model import arguments, blocks, busy, table
@@ -147,7 +148,7 @@ def _run(n: int, ranks: int, changes: list[str]) -> float:
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
         taken = time.perf_counter() - began
         record = json.loads(Path(folder, "run", "run.json").read_text("utf-8"))
-        if record["finished"] != "detached":
+        if record["finished"] != DETACHED:
             raise SystemExit(f"n = {n}, {ranks} ranks: {record['finished']}")
         return taken
     finally:
@@ -178,8 +179,10 @@ def shares(options: argparse.Namespace) -> None:
             seconds = [each[part] for each in found.values()]
             percent = [100.0 * each[part] / each["whole"] for each in found.values()]
             rows.append([part, *(f"{value:.2f}" for value in seconds), *(f"{value:.1f}" for value in percent)])
-        for count in ("sums a pair", "meetings a pair"):
-            rows.append([count, *(f"{each[count]:.2f}" for each in found.values()), *("" for _ in found)])
+        rows += [
+            [count, *(f"{each[count]:.2f}" for each in found.values()), *("" for _ in found)]
+            for count in ("sums a pair", "meetings a pair")
+        ]
         tables.append(table(head, rows))
         print(f"\n{tables[-1]}", flush=True)
     if options.page:

@@ -62,7 +62,7 @@ class Job:
     def __init__(self, folder: Path, ranks: int, scene: tuple[str, ...], every: str):
         command = ["mpirun", "-n", str(ranks), sys.executable, "-m", "pgfmd.cli", "run", *scene, "--out", str(folder),
                    "--checkpoint-every", every]  # fmt: skip
-        self.log = tempfile.TemporaryFile(mode="w+")
+        self.log = tempfile.TemporaryFile(mode="w+")  # noqa: SIM115 - it lives as long as the job
         self.process = subprocess.Popen(command, stdout=self.log, stderr=subprocess.STDOUT, start_new_session=True)
 
     def pids(self) -> list[int]:

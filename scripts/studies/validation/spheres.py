@@ -35,7 +35,7 @@ def hertz_figure(quick: bool):
     for n in sizes:
         for factor in errors:
             result = run("hertz", f"grid.n={n}", f"adhesion.range_factor={factor}", "solver.accuracy=1e-3")
-            depth = -result.recorder.preload_position + _apex(result, SPHERE)
+            depth = -result.preload_position + _apex(result, SPHERE)
             exact = hertz.force(depth, SPHERE, CONTACT_MODULUS)
             errors[factor].append(result.state.preload / exact - 1)
             if n == sizes[-1]:
@@ -111,7 +111,7 @@ def lee_radok(quick: bool):
     end = spread**2 / radius / speed
     figure, (left, right) = panels()
     lines = []
-    for index, (name, series) in enumerate(SPHERE_SPECTRA.items()):
+    for index, series in enumerate(SPHERE_SPECTRA.values()):
         preload = float(ting.force(end, speed, radius, CONTACT_MODULUS, series))
         scene = scene_from_mapping(
             {
@@ -123,7 +123,7 @@ def lee_radok(quick: bool):
                 "grid": {"n": n, "length": "0.8 mm"},
             }
         )
-        simulation, _, rows, _ = run_recorded(scene, last="preload")
+        simulation, _, rows, _ = run_recorded(scene, only_to_preload=True)
         time, _, force = rows.T
         # The axis lies between grid points: the tip is that much ahead of the lowest of them.
         time = time + (simulation.points.grid.spacing / 2) ** 2 / radius / speed
@@ -225,7 +225,7 @@ def maugis_figure(quick: bool):
                 reach = result.scene.adhesion.range * MICRO
                 settings = f"n = {result.scene.grid.n}, range {reach:.2f} µm, lambda = {value:.2f}"
                 lines.append(Line("pull-off force, equal range [pi w R]", settings, expected, found))
-    for index, (strength, rows) in enumerate(points.items()):
+    for index, rows in enumerate(points.values()):
         value, found, error = np.array(rows).T
         name = ("equal range", "equal strength")[index]
         ours(left, value, found, index, label=name)

@@ -88,7 +88,7 @@ def replayed(
             simulation.max_steps = len(recording.steps)
             simulation.controller = replay = Replay(simulation.scheme, recording.steps)
             simulation.run()
-            best[i] = [min(pair) for pair in zip(best[i], replay.seconds)]
+            best[i] = [min(pair) for pair in zip(best[i], replay.seconds, strict=False)]  # one may end early
             done.append((simulation, replay))
     steps = min(len(seconds) for seconds in best)
     for (elements, audit, _), seconds, (simulation, replay) in zip(kinds, best, done, strict=True):

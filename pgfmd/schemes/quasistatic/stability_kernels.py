@@ -7,9 +7,8 @@ import numba
 import numpy as np
 
 from pgfmd.hashing import STRIDE, scrambled
-
-from .compiled import compiled
-from .contact_kernels import _sine_of
+from pgfmd.solver.compiled import compiled
+from pgfmd.solver.contact_kernels import _sine_of
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})

@@ -13,14 +13,15 @@ import numpy as np
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.physics.rheology import CreepSeries
-from pgfmd.solver import kernels, retardation_kernels
+from pgfmd.schemes.path_following import EVENT_TOLERANCE, PathFollowing
+from pgfmd.solver import kernels
 from pgfmd.solver.newton import NewtonSolver
-from pgfmd.solver.retardation import IMPLICIT_EULER, SDIRK2, step_weights
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import Trial
 
-from .energy_audit import EnergyAudit, tension_of, work_of
-from .path_following import EVENT_TOLERANCE, PathFollowing
+from . import retardation_kernels
+from .audit import EnergyAudit, tension_of, work_of
+from .retardation import IMPLICIT_EULER, SDIRK2, StagedTrial, step_weights
 
 LOOSEST_TOLERANCE = 2e-2
 """Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
@@ -109,7 +110,7 @@ class Inertialess(PathFollowing):
             state.energies.elastic = state.energies.elastic_start = stored
         return outcome.force
 
-    def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> Trial:
+    def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> StagedTrial:
         """Solves the stages of a step of `step` [s] from `state`. Collective.
 
         sharp: solve tighter, for finding events. jump: solve tighter still, and start each stage from the last one
@@ -117,7 +118,7 @@ class Inertialess(PathFollowing):
         """
         weights = step_weights(self.creep, self.tableau, step)
         retardation_kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
-        trial = Trial(step, state.position, phase, converged=True, is_jump=jump, weights=weights)
+        trial = StagedTrial(step, state.position, phase, converged=True, is_jump=jump, weights=weights)
         for i, (node, compliance) in enumerate(zip(self.nodes, weights.compliance.tolist(), strict=True)):
             history = self._history[i]
             elapsed = state.elapsed + node * step
@@ -155,7 +156,7 @@ class Inertialess(PathFollowing):
             trial.energy_error = self._audit.error(state, trial, self._u, self._f, outcome.adhesive)
         return trial
 
-    def accept(self, state: State, trial: Trial) -> None:
+    def accept(self, state: State, trial: StagedTrial) -> None:
         """Moves fields, history and energies of the state to the end of the trial step."""
         weights = trial.weights
         work = work_of(state, trial, self.tableau)

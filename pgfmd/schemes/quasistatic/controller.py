@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 
-from pgfmd.errors import RunError
+from pgfmd.errors import WRITTEN_IS_VALID, RunError
 from pgfmd.physics.drive import Phase
+from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT, Trial
 
-from .controller import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
-from .preload_search import PreloadSearch, fit, slack_of
-from .state import State
-from .trial import Trial
+from .scheme import Quasistatic
 
 FOLLOWED, FINEST = 1.0, 0.25
 """Jumps are followed in steps of at most so many tolerances, and located to no less than this share of one."""
@@ -39,7 +39,7 @@ class LoadSteps:
 
     largest_try_count = 100
 
-    def __init__(self, scheme, tolerance: float, reach: float, preload: float, attractive: bool):
+    def __init__(self, scheme: Quasistatic, tolerance: float, reach: float, preload: float, attractive: bool):
         self.scheme, self.tolerance, self.reach, self.preload = scheme, tolerance, reach, preload
         self.attractive = attractive
         self.slack = slack_of(preload, tolerance)
@@ -96,7 +96,7 @@ class LoadSteps:
         raise RunError(
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, "
             f"d = {self.scheme.place(state):.6g} m, "
-            f"load step {step * phase.fastest:.3g} m). What has been written so far is valid. "
+            f"load step {step * phase.fastest:.3g} m). {WRITTEN_IS_VALID} "
             f"{self.scheme.advice(state, trial)}"
         )
 

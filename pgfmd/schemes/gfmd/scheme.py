@@ -9,15 +9,24 @@ linear within the step; one forward and one backward transform of the whole plan
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from pgfmd.physics.drive import Phase
-from pgfmd.physics.inertia import Inertia
 from pgfmd.physics.rheology import PronySeries
-from pgfmd.solver import gfmd_kernels as kernels
 from pgfmd.solver.far_field import FarPoints
 from pgfmd.solver.multiplier import FEW
 from pgfmd.solver.state import State
+
+from . import kernels
+from .inertia import Inertia
+
+if TYPE_CHECKING:
+    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.solver.grid import PunchPoints
+    from pgfmd.solver.multiplier import Compliance
+    from pgfmd.solver.transform import Plane
 
 
 class Gfmd:
@@ -29,15 +38,16 @@ class Gfmd:
     """
 
     machine_compliance = 0.0
+    solver = None
     cure = "Try a shorter step: a smaller solver.gfmd.dt, or more steps_per_tau."
 
     def __init__(
         self,
-        points,
-        plane,
-        compliance,
-        height,
-        law,
+        points: PunchPoints,
+        plane: Plane,
+        compliance: Compliance,
+        height: np.ndarray,
+        law: CohesiveLaw,
         series: PronySeries,
         inertia: Inertia,
         audit: bool,
@@ -76,6 +86,14 @@ class Gfmd:
     def place(self, state: State) -> float:
         """Position d of the punch [m]."""
         return state.position
+
+    def surface_of(self, state: State) -> np.ndarray:
+        """The surface of the whole cell, this rank's rows of it."""
+        return self.plane.real.ravel()
+
+    def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
+        """The same as rows, and the first one's index."""
+        return kept.reshape(self.plane.real.shape), self.plane.row_start
 
     def new_state(self, position: float) -> State:
         """A state with the surface at rest, the punch at `position` [m] out of reach."""

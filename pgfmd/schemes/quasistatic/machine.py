@@ -10,9 +10,15 @@ so all that is said of equilibria with G0 holds for G0'. Load control is the lim
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from . import stability_kernels
+
+if TYPE_CHECKING:
+    from pgfmd.solver.grid import PunchPoints
+    from pgfmd.solver.tiles import Convolves
 
 
 class SprungConvolution:
@@ -21,7 +27,7 @@ class SprungConvolution:
     convolve: the Convolution with G0. spring [m/N]: 1/k_M. compliance: J of the equilibria that it is used for.
     """
 
-    def __init__(self, convolve, spring: float, compliance: float):
+    def __init__(self, convolve: Convolves, spring: float, compliance: float):
         self.convolve, self.points, self.dtype = convolve, convolve.points, convolve.dtype
         self.mean_compliance = convolve.mean_compliance + spring * self.points.total * self.points.grid.cell_area
         self._uniform = spring * self.points.grid.cell_area / compliance
@@ -48,13 +54,13 @@ class SprungConvolution:
         return self.convolve.whole_cell(traction)
 
 
-def total(points, values: np.ndarray, rows: np.ndarray) -> float:
+def total(points: PunchPoints, values: np.ndarray, rows: np.ndarray) -> float:
     """Sum of a point vector over all ranks, the same bits on any number of them; rows: work array (1, rows).
     Collective."""
     stability_kernels.sum_in_rows(values, points.offset, rows)
     return float(points.total_of(rows[:1])[0])
 
 
-def sprung(convolve, spring: float, compliance: float):
+def sprung(convolve: Convolves, spring: float, compliance: float) -> Convolves:
     """The convolution with the machine's spring in it; as it is where the machine is rigid."""
     return SprungConvolution(convolve, spring, compliance) if spring else convolve

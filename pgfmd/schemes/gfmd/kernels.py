@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 
-from .compiled import compiled
-from .contact_kernels import _cosine_of, _sine_of, count_below
-from .kernels import _compile, _compile_maxima, _compile_sums
+from pgfmd.solver.compiled import compiled
+from pgfmd.solver.contact_kernels import _cosine_of, _sine_of, count_below
+from pgfmd.solver.kernels import _compile, _compile_maxima, _compile_sums
 
 
 @_compile
@@ -18,8 +18,7 @@ def spread(traction, offset, first, top, left, plane):
 
     top: the plane's local row of the first local row of the punch block; left: the block's first column.
     """
-    rows, columns = plane.shape
-    for row in range(rows):
+    for row in range(plane.shape[0]):
         target = plane[row]
         local = row - top
         if 0 <= local < offset.size - 1:

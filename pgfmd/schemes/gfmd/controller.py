@@ -7,8 +7,8 @@ import math
 from dataclasses import dataclass
 
 from pgfmd.physics.drive import PRELOAD, Phase
-
-from .state import State
+from pgfmd.schemes.base import ExplicitScheme
+from pgfmd.solver.state import State
 
 LEAST_SHARE = 0.02
 """Shortest step taken to meet the preload, as a share of the usual one."""
@@ -24,16 +24,16 @@ class Taken:
 class FixedSteps:
     """Takes steps of `step` [s] with an explicit scheme; every decision is the same on all ranks.
 
-    The same interface as controller.Controller. preload [N]: the force that ends an approach.
+    The interface of every controller (base.StepController). preload [N]: the force that ends an approach.
     """
 
-    def __init__(self, scheme, step: float, preload: float):
+    def __init__(self, scheme: ExplicitScheme, step: float, preload: float):
         self.scheme, self.step, self.preload = scheme, step, preload
 
     def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Taken, str]:
         """Takes one step of the phase, at most to the time `until` [s] from now; returns it and why it ended.
 
-        The second is "preload", "duration", "time" or "" as of `Controller.advance`.
+        The second is "preload", "duration", "time" or "" as of `StepController.advance`.
         """
         step, why = self._fit(phase.duration - state.elapsed, until)
         if phase.ends_with == PRELOAD:

@@ -6,15 +6,24 @@ It needs no transform: with psi_m = G0 phi_m kept beside the branches, all energ
 from __future__ import annotations
 
 from itertools import accumulate
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pgfmd.physics.rheology import CreepSeries
-from pgfmd.solver import retardation_kernels
+from pgfmd.schemes.path_following import SINGLE_NOISE
 from pgfmd.solver.extrapolation import integral
-from pgfmd.solver.retardation import StepWeights, Tableau
 from pgfmd.solver.state import Energies, State
 from pgfmd.solver.trial import Trial
+
+from . import retardation_kernels
+from .retardation import StagedTrial, StepWeights, Tableau
+
+if TYPE_CHECKING:
+    from numpy.typing import DTypeLike
+
+    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.solver.grid import PunchPoints
 
 FINE, ENERGY_SHARE, LEAST_SHARE = 1.5e-3, 7.0, 1e-3
 """From this tolerance on, the audit's residual of a step is bounded too: by this multiple of the tolerance, but no less
@@ -23,8 +32,6 @@ LEAST_WAY, SMALLEST_LOOP = 1e-3, 1e-7
 """Least part of the way of the punch that a step counts as (below it are the errors of the solves), and the least
 energy that a loop is supposed to dissipate, as a share of the elastic energy and of the adhesive energy of a whole
 contact."""
-SINGLE_NOISE = 1e-7
-"""Error of a step's energies in single precision, as a share of those at stake."""
 POINTS_OF_WORK, NEAREST_PAST = 3, 0.2
 """The work of a step comes from at most so many forces; the last step's start is one, unless that was shorter than this
 share of the step: too close to tell a slope."""
@@ -44,7 +51,15 @@ class EnergyAudit:
     the fields. bounds_steps: whether steps this fine are to be bounded.
     """
 
-    def __init__(self, points, creep: CreepSeries, law, tableau: Tableau, tolerance: float, dtype):
+    def __init__(
+        self,
+        points: PunchPoints,
+        creep: CreepSeries,
+        law: CohesiveLaw,
+        tableau: Tableau,
+        tolerance: float,
+        dtype: DTypeLike,
+    ):
         self.points, self.creep, self.law, self.tableau, self.tolerance = points, creep, law, tableau, tolerance
         # Without attraction and retardation nothing is dissipated that an error could be compared with.
         self.bounds_steps = tolerance <= FINE and (creep.elements > 0 or law.attractive)
@@ -60,7 +75,7 @@ class EnergyAudit:
         spent = energies.viscous + energies.released
         return max(FINE_SHARPNESS, min(1.0, SPENT_SHARPNESS * spent / stored))
 
-    def error(self, state: State, trial: Trial, u: list[np.ndarray], f: np.ndarray, adhesive: float) -> float:
+    def error(self, state: State, trial: StagedTrial, u: list[np.ndarray], f: np.ndarray, adhesive: float) -> float:
         """The step's share of the energy audit's residual, relative to what is allowed to it.
 
         That is a small part of what the step dissipates; and of all that has been dissipated, shared out over the way

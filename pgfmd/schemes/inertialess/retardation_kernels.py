@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from .kernels import _compile, _compile_sums
+from pgfmd.solver.kernels import _compile, _compile_sums
 
 
 @_compile
-def weights_of(a, compliances, times, instantaneous, step):
+def weights_of(
+    a: np.ndarray, compliances: np.ndarray, times: np.ndarray, instantaneous: float, step: float
+) -> tuple[np.ndarray, ...]:
     """What StepWeights (retardation.py) holds, in its order. a (s, s); compliances J_m and retardation times (N,)."""
     count, elements = a.shape[0], times.size
     last = count - 1
@@ -56,7 +58,7 @@ def weights_of(a, compliances, times, instantaneous, step):
 # Whole branches one after another, although stages and sums are read anew for each: going through all branches a
 # stretch at a time, to keep those in cache, took half as long again.
 @_compile
-def weigh_branches(branches, weights, out):
+def weigh_branches(branches: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
     """out[i] = sum_m weights[i, m] branches[m], for 1 or 2 stages i in one pass over the branches, four at a time."""
     elements, size = branches.shape
     last = out.shape[0] - 1
@@ -88,7 +90,7 @@ def weigh_branches(branches, weights, out):
 
 
 @_compile
-def stage_of(total, history, compliance, out):
+def stage_of(total: np.ndarray, history: np.ndarray, compliance: float, out: np.ndarray) -> None:
     """out = (total - history) / compliance: the f_i of w_i = J_i f_i + history_i."""
     inverse = 1.0 / compliance
     for p in range(out.size):
@@ -96,7 +98,9 @@ def stage_of(total, history, compliance, out):
 
 
 @_compile
-def stage_and_history(total, history, compliance, weight, out, following):
+def stage_and_history(
+    total: np.ndarray, history: np.ndarray, compliance: float, weight: float, out: np.ndarray, following: np.ndarray
+) -> None:
     """out = (total - history) / compliance, as `stage_of`; and what it adds to the next stage's history: following +=
     weight out."""
     inverse = 1.0 / compliance
@@ -107,7 +111,7 @@ def stage_and_history(total, history, compliance, weight, out, following):
 
 
 @_compile
-def advance_branches(branches, decay, stages, gain, count):
+def advance_branches(branches: np.ndarray, decay: np.ndarray, stages: np.ndarray, gain: np.ndarray, count: int) -> None:
     """branches[m] = decay[m] branches[m] + sum_{j < count} gain[m, j] stages[j], with 1 or 2 stages.
 
     Two branches at a time, so that stages are read half as often; with four, it took longer again.
@@ -136,7 +140,10 @@ PIECE = 1024
 
 
 @_compile
-def _images(psi, branch_weight, stage_weight, compliance, first, last, begin, end, g):
+def _images(
+    psi: np.ndarray, branch_weight: np.ndarray, stage_weight: float, compliance: np.ndarray, first: np.ndarray,
+    last: np.ndarray, begin: int, end: int, g: np.ndarray,
+) -> None:  # fmt: skip
     """g[i, p]: the images G0 f_i of the stages at the points from begin to end, by u_i and the images psi of the branches.
 
     history_i = sum_m branch_weight[i, m] psi_m;  g_0 = (u_0 - history_0) / J_0;
@@ -164,9 +171,11 @@ def _images(psi, branch_weight, stage_weight, compliance, first, last, begin, en
 
 @_compile_sums
 def advance_branches_and_energy(
-    phi, psi, f, first, last, branch_weight, stage_weight, compliance, decay, gain, rate_decay, rate_gain, quadrature,
-    compliances, keep, offset, rows
-):  # fmt: skip
+    phi: np.ndarray, psi: np.ndarray, f: np.ndarray, first: np.ndarray, last: np.ndarray, branch_weight: np.ndarray,
+    stage_weight: float, compliance: np.ndarray, decay: np.ndarray, gain: np.ndarray, rate_decay: np.ndarray,
+    rate_gain: np.ndarray, quadrature: np.ndarray, compliances: np.ndarray, keep: bool, offset: np.ndarray,
+    rows: np.ndarray,
+) -> None:  # fmt: skip
     """`advance_branches` for phi and for psi = G0 phi, with the energies that they store and dissipate. No transform: the
     images g_i = G0 f_i of the stages follow from their surfaces u_i, `first` and `last`, the same for one stage.
 

@@ -19,17 +19,16 @@ import numpy as np
 
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import Phase
+from pgfmd.schemes.path_following import EVENT_TOLERANCE, SINGLE_NOISE, PathFollowing
 from pgfmd.solver import kernels
 from pgfmd.solver.descent import Descent
 from pgfmd.solver.drift import Drift
-from pgfmd.solver.machine import total
 from pgfmd.solver.newton import NewtonSolver, Outcome
-from pgfmd.solver.soft_mode import SoftMode
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import Trial
 
-from .energy_audit import SINGLE_NOISE
-from .path_following import EVENT_TOLERANCE, PathFollowing
+from .machine import total
+from .soft_mode import SoftMode
 from .spring_work import SpringWork
 
 SHARPNESS = 0.25
@@ -221,7 +220,7 @@ class Quasistatic(PathFollowing):
         trial.converged, trial.left_over = outcome.converged, outcome.left_over
 
     def _leave_saddles(
-        self, state: State, trial: Trial, surface, outcome: Outcome, tolerance: float, jump: bool, left: bool,
+        self, state: State, trial: Trial, surface: tuple[np.ndarray, np.ndarray], outcome: Outcome, tolerance: float, jump: bool, left: bool,
         largest: float = 0.0,
     ) -> tuple[Outcome, bool]:  # fmt: skip
         """Confirms that the equilibrium is a minimum; goes on downhill along the soft mode where it is not, if that is

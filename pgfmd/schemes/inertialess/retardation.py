@@ -17,12 +17,13 @@ follows.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from pgfmd.physics.rheology import CreepSeries
+from pgfmd.solver.trial import Trial
 
 from .retardation_kernels import weights_of
 
@@ -77,3 +78,10 @@ class StepWeights:
 def step_weights(creep: CreepSeries, tableau: Tableau, step: float) -> StepWeights:
     """The weights for a step of `step` [s]."""
     return StepWeights(*weights_of(tableau.matrix, creep.J, creep.retardation_times, float(creep.J_inf), step))
+
+
+@dataclass
+class StagedTrial(Trial):
+    """A trial of several stages, with the weights of its step."""
+
+    weights: StepWeights = field(kw_only=True, repr=False)
