@@ -10,6 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import coarsening, parts, symmetry
+from .errors import Problem, SceneError
+from .host.launch import on_first
+from .map_rules import refusals
+from .maps.raw import MapError
+from .physics import heightfile
 from .schemes import registry
 from .solver.conjugate_gradients import ConjugateGradients
 from .solver.far_field import far_weights
@@ -74,11 +79,37 @@ def mirror_of(scene: Scene, comm: Intracomm) -> str:
     return "" if symmetry.obstacle(scene) else symmetry.largest(holds)
 
 
+def share_map(scene: Scene, comm: Intracomm) -> None:
+    """Has rank 0 read the map of a scene for all of them; a large one on the disk each maps into memory itself. Collective.
+
+    Raises SceneError on every rank for a map that is not to be run as it is.
+    """
+    if scene.punch.pattern != "file":
+        return
+    face = parts.topography_of(scene.punch)
+
+    def read() -> tuple | None:
+        try:
+            problems = list(refusals(face, scene.grid.length / scene.grid.n))
+        except MapError as error:
+            problems = error.problems
+        except (ValueError, OSError) as error:
+            problems = [Problem("punch.file", scene.punch.file, "a usable topography", str(error))]
+        if problems:
+            raise SceneError(scene.title or "the scene", problems)
+        return None if face.map.on_disk else heightfile.kept(face.map_request)
+
+    found = on_first(comm, read)
+    if found is not None and comm.rank > 0:
+        heightfile.remember(face.map_request, *found)
+
+
 def assemble(scene: Scene, comm: Intracomm, mirror: str | None = None) -> Simulation:
     """A simulation of the scene on a communicator, without observers. Collective.
 
     mirror: the axes whose mirror images are not stepped, those of the run that is to go on; found out by default.
     """
+    share_map(scene, comm)
     mirror = mirror_of(scene, comm) if mirror is None else mirror
     scheme, controller = registry.scheme_of(scene).new(scene, comm, mirror)
     drive = parts.drive_of(scene)

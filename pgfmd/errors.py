@@ -21,6 +21,15 @@ class PgfmdError(Exception):
         return [f"{type(self).__name__}: {self}"]
 
 
+class _Missing:
+    def __repr__(self) -> str:
+        return "(missing)"
+
+
+MISSING = _Missing()
+"""The `value` of a Problem about a key that is not there."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """One thing that is wrong with a scene: dotted key, the value found, what was expected, and a cure."""
@@ -85,3 +94,9 @@ class Stopped(PgfmdError):
     """A run that was stopped, with a checkpoint from which it goes on."""
 
     exit_code = 75
+
+
+class MeasurementError(PgfmdError):
+    """A file of measurements that can't be read, or from which nothing can be computed."""
+
+    exit_code = 4

@@ -22,6 +22,7 @@ from .output.observers import Snapshots, curve_row
 from .output.outputs import snapshots_wanted
 from .output.record import record_of, versions
 from .output.recorder import STEPS, FieldsInMemory, Recorder, Rows
+from .physics.heightfile import forget
 from .restart.history import History
 from .results.curve import Loop, Measures, measure
 from .results.reading import Results, table_of
@@ -238,6 +239,7 @@ def simulate(
         simulation.observers += [recorder, snapshots, keeper]
         try:
             snapshots.replan(simulation.state, *snapshots_wanted(scene, simulation.state, comm, _say_nothing, keeper))
+            forget()
             simulation.run(attend=lambda _: keeper.has_to_stop(), interrupt=keeper.interrupts)
         except Interrupted:
             raise KeyboardInterrupt("interrupted before the first step") from None

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .errors import Problem, SceneError
+from .map_rules import refusals
+from .maps.raw import MapError
 from .physics.cohesion import LAWS, CohesiveLaw, range_of_adhesion
 from .physics.drive import Drive
 from .physics.film import Film
@@ -73,8 +75,8 @@ def topography_of(punch: Punch) -> Topography:
     """The lower face of a scene's [punch]."""
     names = (
         "pattern", "radius", "wavelength", "amplitude", "curvature_radius", "exponent", "layer_step", "height_jitter",
-        "seed", "file", "file_size", "file_relief", "hurst", "rms_height", "rms_slope", "longest", "roll_off", "shortest",
-        "period",
+        "seed", "file", "file_size", "file_relief", "file_unit", "file_peaks", "file_detrend", "file_missing",
+        "file_missing_value", "hurst", "rms_height", "rms_slope", "longest", "roll_off", "shortest", "period",
     )  # fmt: skip
     given = {name: getattr(punch, name) for name in names}
     return Topography(**{name: value for name, value in given.items() if value is not None})
@@ -169,6 +171,10 @@ def confirm(scene: Scene, source: str, ranks: int = 1) -> None:
         if not (np.abs(raw) <= HIGHEST).all():
             expected = f"a face with heights of at most {HIGHEST:g} m"
             problems.append(Problem("punch.pattern", scene.punch.pattern, expected, "look at the keys of [punch]"))
+        if scene.punch.pattern == "file":
+            problems += refusals(topography_of(scene.punch), spacing)
+    except MapError as error:
+        problems += error.problems
     except (ValueError, OSError) as error:
         dotted = "punch.file" if scene.punch.file else "punch.pattern"
         problems.append(Problem(dotted, scene.punch.file or scene.punch.pattern, "a usable topography", str(error)))

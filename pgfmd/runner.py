@@ -17,12 +17,14 @@ from .files.packing import arrays_of, unpack
 from .files.regular_files import remove_unfinished, write_atomically
 from .files.table_reading import count_ends
 from .files.tables import CURVE
+from .forecast import map_advice
 from .forecast.advice import warnings
 from .host import launch
 from .host.run_lock import RunLock
 from .host.stop_signals import StopSignals
 from .output.outputs import Outputs
 from .output.record import record_of, versions
+from .physics.heightfile import forget
 from .restart import resume
 from .restart.checkpoints import Checkpoints
 from .restart.disk_space import require_space
@@ -96,6 +98,8 @@ def run_scene(
 
 
 def _warn(scene: Scene, ranks: int, say: Callable[[str], None]) -> None:
+    for text in map_advice.head(scene):
+        say(text)
     for text in warnings(scene, ranks):
         say(f"warning: {text}")
 
@@ -189,6 +193,7 @@ def _run(
 def _to_the_end(simulation: Simulation, keeper: Keeper, scene: Scene, folder: Path, history: History) -> None:
     """Steps, checkpoints, and what is left behind where it ends early."""
     state, comm = simulation.state, keeper.comm
+    forget()
     try:
         simulation.run(attend=keeper.attend, interrupt=keeper.interrupts)
     except RunError as error:

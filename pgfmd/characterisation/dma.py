@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pgfmd.errors import PgfmdError
+from pgfmd.errors import MeasurementError
 from pgfmd.files.text import read_text
 from pgfmd.units import UnitError, parse_quantity
 
@@ -42,12 +42,6 @@ PER_SECOND = {"rad/s": 1.0, "rad/sec": 1.0, "rad s^-1": 1.0, "rad·s^-1": 1.0, "
 HERTZ = {"mHz": 1e-3, "Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}
 CELSIUS = ("C", "°C", "ºC", "℃", "degC", "deg C", "° C", "celsius")
 KELVIN = ("K", "kelvin")
-
-
-class MeasurementError(PgfmdError):
-    """A file of measurements that can't be read, or from which nothing can be computed."""
-
-    exit_code = 4
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pgfmd import coarsening
+from pgfmd.forecast import map_advice
 from pgfmd.forecast.advice import remarks, warnings
 from pgfmd.forecast.effort import Effort, effort_of, told_of_ahead
 from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_points
@@ -126,6 +127,7 @@ def _punch(scene: Scene) -> Iterator[Line]:
     yield Line("steepest slope", face.slope, "", "1 is 45 degrees; small slopes are assumed")
     if scene.punch.pattern == "rough":
         yield from _roughness(scene.punch)
+    yield from (Line(*line) for line in map_advice.told(scene))
 
 
 def _roughness(punch) -> Iterator[Line]:

@@ -15,7 +15,7 @@ from pgfmd.reference import jkr
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
 
-from . import plausibility
+from . import map_advice, plausibility
 from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
 from .effort import effort_of, jump_threshold
 from .estimate import depth_of, memory_of, modulus_of
@@ -45,6 +45,7 @@ def warnings(scene: Scene, ranks: int = 1) -> Iterator[str]:
         yield from rule(scene)
     yield from _memory(scene, ranks)
     yield from plausibility.warnings(scene)
+    yield from map_advice.warnings(scene)
 
 
 def remarks(scene: Scene) -> Iterator[str]:

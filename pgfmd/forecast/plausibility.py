@@ -17,7 +17,7 @@ import numpy as np
 
 from pgfmd.parts import topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
-from pgfmd.physics.heightfile import WHOLE as WHOLE_MAP
+from pgfmd.physics.map_survey import relief_and_slope
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
@@ -74,49 +74,8 @@ def _face_of(punch: Punch, grid, stamp) -> Face:
 
 
 def _map_face(punch: Punch, grid) -> Face:
-    """From all pixels under the punch, a stripe of rows after another, as a large map stays on the disk. Slopes are those
-    over a spacing of the grid, where that is more than a pixel: what is finer the grid does not see."""
-    found, spacing = topography_of(punch).map, grid.length / grid.n
-    count_y, count_x = found.heights.shape
-    pixel_x, pixel_y = found.pixel
-    step_x, step_y = (max(1, round(spacing / pixel)) for pixel in found.pixel)
-    # A map that is repeated goes on with its first rows and columns.
-    repeated = punch.radius is None and found.periodic
-    step_x, step_y = (step_x, step_y) if repeated else (min(step_x, count_x - 1), min(step_y, count_y - 1))
-    rows = np.arange(count_y + repeated * step_y) % count_y
-    columns = np.arange(count_x + repeated * step_x) % count_x
-    highest, lowest, slope = [], [], 0.0
-    some = max(1, WHOLE_MAP // count_x)
-    # Each stripe with as many rows of the next as a slope reaches over.
-    for first in range(0, len(rows) - step_y, some):
-        heights = _under_the_punch(punch, found, rows[first : first + some + step_y], columns)
-        along_x = np.abs(heights[:, step_x:] - heights[:, :-step_x]) / (step_x * pixel_x)
-        along_y = np.abs(heights[step_y:] - heights[:-step_y]) / (step_y * pixel_y)
-        slopes = along_x, along_y, np.hypot(along_x[:-step_y], along_y[:, :-step_x])
-        slope = max(slope, *map(_largest, slopes))
-        if np.isfinite(heights).any():
-            highest.append(float(np.nanmax(heights)))
-            lowest.append(float(np.nanmin(heights)))
-    return Face(max(highest, default=0.0) - min(lowest, default=0.0), slope, found.size)
-
-
-def _under_the_punch(punch: Punch, found, rows, columns) -> np.ndarray:
-    """Heights [m] of these rows and columns of a map, with the curvature of the whole punch; NaN beside the punch."""
-    (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
-    x, y = (columns + 0.5) * (size_x / count_x) - 0.5 * size_x, (rows + 0.5) * (size_y / count_y) - 0.5 * size_y
-    heights = found.heights[rows][:, columns].astype(float)
-    if math.isfinite(punch.curvature_radius):
-        heights = heights + (x**2 + y[:, None] ** 2) / (2.0 * punch.curvature_radius)
-    if punch.radius is None:
-        return heights
-    # With the pixels around, between which the rim lies.
-    rim = punch.radius + math.hypot(*found.pixel)
-    return np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
-
-
-def _largest(values) -> float:
-    """The largest number that is there; 0 where there is none."""
-    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
+    face = topography_of(punch)
+    return Face(*relief_and_slope(face, grid.length / grid.n), face.map.size)
 
 
 def _pattern_face(punch: Punch, grid) -> Face:
@@ -150,7 +109,9 @@ def _face(scene: Scene) -> Iterator[str]:
     keys |= {"punch.rms_height": punch.rms_height, "punch.rms_slope": punch.rms_slope}
     where = next((key for key, value in keys.items() if value), "punch.curvature_radius")
     if face.slope > STEEPEST or face.relief > scale:
-        unit = "a map's heights are read in metres" if punch.pattern == "file" else "look at the units of [punch]"
+        unit = "look at the units of [punch]"
+        if punch.pattern == "file":
+            unit = f"a map's heights are read in {punch.file_unit or 'metres, unless file or scene say otherwise'}"
         yield (
             f"{where}: from its lowest to its highest point the face rises by {relief}, "
             f"{face.relief / scale:.2g} times {what}, and its steepest slope is {face.slope:.2g} (1 is 45 degrees); "

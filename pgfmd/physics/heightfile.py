@@ -1,32 +1,31 @@
-"""Measured or computed height maps read from a file.
+"""Height maps between their pixels: what is read from a file (pgfmd.maps) as a function of x and y.
 
 A map is a 2-D array z[iy, ix] in metres with its physical size (x, y), over the whole cell or over the punch. Axis 0
 is y, axis 1 is x, and like the simulation grid's points the samples sit in the middle of their pixels, centred on the
-punch axis: x = ((ix + 1/2)/nx - 1/2) size_x. As everywhere, lower z touches first; turn over a map whose peaks are
-positive before use. Formats: .npy; .npz with the array "z" and, if the size is not given elsewhere, "size" = (size_x,
-size_y); .csv (commas) and .txt (blanks), # starts a comment, in any usual encoding of texts.
+punch axis: x = ((ix + 1/2)/nx - 1/2) size_x. As everywhere, lower z touches first.
 """
 
 from __future__ import annotations
 
 import math
+import os
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgfmd.files.text import read_numbers
+from pgfmd.maps import raw as limits
+from pgfmd.maps.preparing import MapFacts, Stripes, prepared
+from pgfmd.maps.raw import MapKeys
 
 Array = NDArray[np.float64]
-SUFFIXES = (".npy", ".npz", ".txt", ".csv")
 ORDERS = (1, 3)
 HIGHEST = 1e30
 """Height [m] that no map may exceed: nothing real does, and squares of heights stay finite."""
 RADIUS_SLACK = 1e-9  # relative; a punch point on the very edge of the map is inside
-WHOLE = 2**22
-"""Most samples of a map that is interpolated as a whole. Larger ones are taken in stripes of about so many samples."""
 MARGIN = 48
 """Rows and columns around a stripe, more than EDGE: what a cubic spline makes of a sample falls to 1e-27 over them."""
 
@@ -34,53 +33,15 @@ EDGE = 12
 """Samples beyond a map's edge from which on it is level, as map_coordinates has it."""
 
 
-def read_heights(path: str | Path) -> tuple[Array, tuple[float, float] | None]:
-    """Heights z[iy, ix] [m] and, from .npz files that hold it, the size (x, y) [m]. Raises ValueError, OSError."""
-    path, size = Path(path), None
-    try:
-        if path.suffix == ".npy":
-            heights = _read_npy(path)
-        elif path.suffix == ".npz":
-            if not zipfile.is_zipfile(path):
-                raise ValueError("expected a whole archive of arrays, as numpy.savez writes it")
-            # Opened here, as numpy leaves a damaged one open.
-            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
-                if "z" not in archive:
-                    raise ValueError(f"holds {', '.join(archive.files) or 'nothing'}, expected an array named z")
-                heights = archive["z"]
-                size = _size_of(archive["size"]) if "size" in archive else None
-        elif path.suffix in (".txt", ".csv"):
-            heights = read_numbers(path, "," if path.suffix == ".csv" else None)
-        else:
-            raise ValueError(f"unknown kind of file, expected one of {', '.join(SUFFIXES)}")
-        if heights.dtype.kind not in "iuf":
-            raise ValueError(f"holds values of the type {heights.dtype}, expected real numbers")
-        if heights.size <= WHOLE:
-            heights = heights.astype(float, copy=False)
-    except OSError:
-        raise
-    except MemoryError:
-        raise ValueError(f"{path}: does not fit into memory, or is damaged") from None
-    except Exception as error:
-        # A damaged file makes numpy, zipfile and zlib raise whatever they like, EOFError and KeyError among them.
-        raise ValueError(f"{path}: {error or 'damaged'}") from error
-    return heights, size
+class MapRequest(NamedTuple):
+    """What a map is read by: the file; what else a scene says; radius [m] of the punch, None where all of the map counts; whether
+    it repeats; order of the interpolation."""
 
-
-def _read_npy(path: Path) -> Array:
-    """An array; a large one stays on the disk, as all ranks of a node share what they read of it."""
-    if path.stat().st_size > 8 * WHOLE:
-        return np.load(path, mmap_mode="r", allow_pickle=False)
-    with open(path, "rb") as file:
-        # numpy.load would take an empty file for a pickle that has ended.
-        return np.lib.format.read_array(file, allow_pickle=False)
-
-
-def _size_of(stored: Array) -> tuple[float, ...]:
-    """A size from a file, as plain numbers; whether it is one is seen by HeightMap."""
-    if stored.ndim != 1:
-        raise ValueError(f"size has the shape {stored.shape}, expected (size_x, size_y)")
-    return tuple(float(side) for side in stored)
+    file: str
+    keys: MapKeys
+    radius: float | None
+    periodic: bool
+    order: int
 
 
 def map_bytes(path: str | Path, order: int = 1) -> float:
@@ -91,9 +52,9 @@ def map_bytes(path: str | Path, order: int = 1) -> float:
     if path.suffix == ".npz":
         with zipfile.ZipFile(path) as archive:
             samples = sum(entry.file_size for entry in archive.infolist()) / 8
-    if samples <= WHOLE:
+    if samples <= limits.WHOLE:
         return 8.0 * samples * copies
-    stripe = WHOLE + 2.0 * MARGIN * math.sqrt(samples)
+    stripe = limits.WHOLE + 2.0 * MARGIN * math.sqrt(samples)
     return 8.0 * (stripe * copies + (0.0 if path.suffix == ".npy" else samples))
 
 
@@ -103,19 +64,21 @@ class HeightMap:
 
     heights: z[iy, ix] [m], at least 2 x 2, finite. size: (x, y) [m]. periodic: repeats over the plane, else it must
     cover every punch point and is continued by its edge values elsewhere. order: 1 bilinear, 3 bicubic spline. A large
-    map may be on the disk (numpy.memmap): of more than `WHOLE` samples only stripes are ever in memory.
+    map may be on the disk (numpy.memmap): of more than `WHOLE` samples only stripes are ever in memory. facts: of its reading,
+    where it comes from a file.
     """
 
-    heights: Array
+    heights: Array | Stripes
     size: tuple[float, float]
     periodic: bool = False
     order: int = 1
+    facts: MapFacts | None = None
     _kept: dict = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 2 or min(self.heights.shape) < 2:
             raise ValueError(f"height map: found shape {self.heights.shape}, expected at least 2 x 2 samples")
-        some = max(1, WHOLE // self.heights.shape[1])
+        some = max(1, limits.WHOLE // self.heights.shape[1])
         for row in range(0, len(self.heights), some):
             part = self.heights[row : row + some]
             if not np.isfinite(part).all():
@@ -123,19 +86,14 @@ class HeightMap:
             if max(abs(float(part.min())), abs(float(part.max()))) > HIGHEST:
                 raise ValueError(f"height map: found a height above {HIGHEST:g} m; heights are in metres")
         if len(self.size) != 2 or not all(np.isfinite(side) and side > 0 for side in self.size):
-            raise ValueError(f"file_size = {self.size!r}: expected two positive lengths (x, y)")
+            raise ValueError(f"size = {self.size!r}: expected two positive lengths (x, y)")
         if self.order not in ORDERS:
             raise ValueError(f"file_order = {self.order!r}: expected 1 (bilinear) or 3 (bicubic)")
 
-    @classmethod
-    def from_file(
-        cls, path: str | Path, size: tuple[float, float] | None = None, periodic: bool = False, order: int = 1
-    ) -> HeightMap:
-        """Read a map; a given size wins over the file's. Raises ValueError, OSError."""
-        heights, stored_size = read_heights(path)
-        if size is None and stored_size is None:
-            raise ValueError(f"{path}: says no size; give file_size = (x, y) [m]")
-        return cls(heights, size if size is not None else stored_size, periodic, order)
+    @property
+    def on_disk(self) -> bool:
+        """Whether it is a large map whose file stays open."""
+        return isinstance(self.heights, (np.memmap, Stripes))
 
     @property
     def pixel(self) -> tuple[float, float]:
@@ -154,7 +112,7 @@ class HeightMap:
                 raise ValueError(f"height map: covers {size_x:.6g} m x {size_y:.6g} m, which is less than the punch")
         count_y, count_x = self.heights.shape
         rows, columns = (y / size_y + 0.5) * count_y - 0.5, (x / size_x + 0.5) * count_x - 0.5
-        if self.heights.size > WHOLE:
+        if self.heights.size > limits.WHOLE:
             return self._by_stripes(rows, columns)
         mode = "grid-wrap" if self.periodic else "nearest"
         pad, coefficients = self._whole(mode)
@@ -189,7 +147,7 @@ class HeightMap:
             rows, columns = (np.clip(place, *end) for place, end in zip((rows, columns), ends, strict=True))
         from scipy.ndimage import map_coordinates
 
-        found, height = np.empty(rows.shape), max(1, WHOLE // self.heights.shape[1])
+        found, height = np.empty(rows.shape), max(1, limits.WHOLE // self.heights.shape[1])
         last = (self.heights.shape[0] - 1) // height
         stripe_of = np.clip(rows // height, 0, last).astype(np.int64)
         for stripe in np.unique(stripe_of).tolist():
@@ -212,3 +170,44 @@ class HeightMap:
             self._kept["coefficients"] = spline_filter(samples, self.order, output=float) if self.order > 1 else samples
             self._kept["stripe"] = stripe
         return self._kept["coefficients"]
+
+
+Stamp = tuple[int, int]
+"""Time [ns] of the last change of a file, and its size: what tells that it has been written anew."""
+_KEPT: dict[MapRequest, tuple[HeightMap, Stamp]] = {}
+"""The last map that was read."""
+
+
+def height_map(request: MapRequest) -> HeightMap:
+    """The map of a file. The last one is kept: a scene is looked at many times before it runs (see `forget`).
+
+    Raises ValueError, of which MapError names the keys of a scene that are wrong; OSError.
+    """
+    found = os.stat(request.file)
+    stamp = found.st_mtime_ns, found.st_size
+    if request in _KEPT and _KEPT[request][1] == stamp:
+        return _KEPT[request][0]
+    # Not at the top: of the other ranks of a run none reads the file.
+    from pgfmd.maps.reading import read_map
+
+    heights, facts = prepared(read_map(request.file), request.keys, request.radius)
+    made = HeightMap(heights, facts.size, request.periodic, request.order, facts)
+    remember(request, made, stamp)
+    return made
+
+
+def kept(request: MapRequest) -> tuple[HeightMap, Stamp]:
+    """The map of a file, and the stamp by which it is kept. ValueError, OSError."""
+    height_map(request)
+    return _KEPT[request]
+
+
+def remember(request: MapRequest, made: HeightMap, stamp: Stamp) -> None:
+    """Keep a map, in place of the one that was kept before."""
+    _KEPT.clear()
+    _KEPT[request] = made, stamp
+
+
+def forget() -> None:
+    """Keep no map any more: a run has made its heights of it."""
+    _KEPT.clear()

@@ -27,8 +27,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgfmd.maps.raw import MapKeys, Peaks
+
 from .asperities import Lattice, lattice_normals
-from .heightfile import HeightMap
+from .heightfile import HeightMap, MapRequest, height_map
 from .random_surface import RandomSurface
 
 Array = NDArray[np.float64]
@@ -156,7 +158,10 @@ class Topography:
     hurst, rms_height [m], rms_slope, longest, roll_off, shortest, period [m]: of "rough", see `pgfmd.physics.random_surface`;
         one of rms_height and rms_slope, roll_off is `longest` unless said otherwise.
     file, file_size (x, y) [m], file_periodic, file_order: see `pgfmd.physics.heightfile`; a map is periodic where nothing else
-        is said and there is no radius.
+        is said and there is no radius. file_unit: name of the unit of its heights, None for that of the file, metres where it has
+        none. file_peaks: "up" where larger heights touch first, "down" where lower ones do, None for what the file says, "down"
+        where it says nothing. file_detrend: what is taken off, "none", "tilt" or "curvature". file_missing: whether missing heights
+        are refused ("refuse") or made from those around ("fill"). file_missing_value: numbers that mean missing.
     file_relief [m]: least height by which a summit or valley of a map stands out (`contact_sites`), no matter for the
         heights; None, as for "rough", for a share of the height range.
 
@@ -178,13 +183,18 @@ class Topography:
     file_periodic: bool | None = None
     file_order: Literal[1, 3] = 1
     file_relief: float | None = None
-    hurst: float | None = None
+    file_unit: str | None = None
+    file_peaks: Peaks | None = None
+    file_detrend: Literal["none", "tilt", "curvature"] = "none"
+    file_missing: Literal["refuse", "fill"] = "refuse"
+    file_missing_value: tuple[float, ...] | None = None
+    hurst: float = UNUSED
     rms_height: float | None = None
     rms_slope: float | None = None
-    longest: float | None = None
+    longest: float = UNUSED
     roll_off: float | None = None
-    shortest: float | None = None
-    period: float | None = None
+    shortest: float = UNUSED
+    period: float = UNUSED
 
     def __post_init__(self) -> None:
         if self.pattern not in PATTERNS:
@@ -214,8 +224,21 @@ class Topography:
     @cached_property
     def map(self) -> HeightMap:
         """The map of a face with the pattern "file", read once. Raises ValueError, OSError."""
+        return height_map(self.map_request)
+
+    @property
+    def map_request(self) -> MapRequest:
+        """What the map of a face with the pattern "file" is read by."""
+        keys = MapKeys(
+            self.file_size,
+            self.file_unit,
+            self.file_peaks,
+            self.file_detrend,
+            self.file_missing,
+            self.file_missing_value,
+        )
         periodic = self.radius is None if self.file_periodic is None else self.file_periodic
-        return HeightMap.from_file(self.file, self.file_size, periodic, self.file_order)
+        return MapRequest(str(self.file), keys, self.radius, periodic, self.file_order)
 
     @cached_property
     def random(self) -> RandomSurface:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 UNIMPORTANT = ("title", "output.directory")
 PRECISION = "solver.precision"
 """The key that a scene may leave open ("auto"): then a run that goes on keeps the one that it began with."""
+PEAKS = "punch.file_peaks"
 CHANGEABLE = ("output.every", "output.snapshots", "solver.accuracy", "solver.max_steps")
 """Keys that may change at any time; those of [drive] may where their phases are still to come."""
 DERIVED = ("adhesion.q_ref", "adhesion.range", "drive.clearance", "drive.turn_time")
@@ -87,6 +88,9 @@ def differing(text: str, scene: Scene, known: dict[str, str] | None = None) -> I
                 continue
             now = f"{now} with other contents" if before == now else now
         elif before == now or key in UNIMPORTANT or (key == PRECISION and scene.solver.automatic_precision):
+            continue
+        elif (key, before, now) == (PEAKS, NOT_THERE, "down"):
+            # What was taken for granted before there was such a key.
             continue
         yield key, before, now
 

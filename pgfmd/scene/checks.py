@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator
 
 from pgfmd.errors import Problem
+from pgfmd.maps.raw import unit_of
 from pgfmd.physics.random_surface import MOST_WAVES, automatic_period
 from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
@@ -191,6 +192,18 @@ def rough_period_fits(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("punch.period", expected, "delete it for one period, or give punch.radius")
 
 
+def map_has_a_unit_of_length(draft: Draft) -> Iterator[Problem]:
+    unit = draft["punch.file_unit"]
+    if unit is None:
+        return
+    try:
+        unit_of(unit)
+    except ValueError as error:
+        yield draft.problem(
+            "punch.file_unit", 'a unit of length, such as "um", or a multiple of one, "0.25 nm"', str(error)
+        )
+
+
 def substrate_is_of_one_kind(draft: Draft) -> Iterator[Problem]:
     film = math.isfinite(draft["substrate.thickness"])
     own = draft["substrate.compliance_file"] is not None
@@ -340,6 +353,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     rough_face_has_one_size,
     rough_waves_fit,
     rough_period_fits,
+    map_has_a_unit_of_length,
     substrate_is_of_one_kind,
     prony_series_is_sound,
     geometric_times_are_finite,

@@ -7,20 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pgfmd.errors import MISSING as MISSING
 from pgfmd.errors import Problem
 from pgfmd.units import DIMENSIONS
 
 from .fields import written
 from .model import SECTIONS
-
-
-class _Missing:
-    def __repr__(self) -> str:
-        return "(missing)"
-
-
-MISSING = _Missing()
-"""The `value` of a Problem about a key that is not there."""
 
 
 class Unread(Exception):

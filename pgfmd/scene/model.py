@@ -44,7 +44,11 @@ PATTERNS: dict[str, Keys] = {
     "sphere": _keys("radius curvature_radius", "layer_step"),
     "power": _keys("radius curvature_radius exponent", "layer_step"),
     "sinusoid": _keys("wavelength amplitude", "radius curvature_radius layer_step height_jitter seed"),
-    "file": _keys("file", "file_size file_relief radius curvature_radius layer_step"),
+    "file": _keys(
+        "file",
+        "file_size file_unit file_peaks file_detrend file_missing file_missing_value file_relief radius curvature_radius "
+        "layer_step",
+    ),
     "rough": _keys(
         "hurst longest shortest", "rms_height rms_slope roll_off period seed radius curvature_radius layer_step"
     ),
@@ -103,7 +107,7 @@ class Punch(Section):
         at_least=0.0,
     )
     seed: int = key("seed of the random height differences, and of the phases of `rough`", 0, ge=0, lt=2**63)
-    hurst: float | None = number(
+    hurst: IfUsed = number(
         "Hurst exponent H of `rough`: the spectrum falls like q^(-2-2H)", None, above=0.0, at_most=1.0
     )
     rms_height: float | None = quantity(
@@ -112,12 +116,12 @@ class Punch(Section):
     rms_slope: float | None = number(
         "root mean square of the slope |grad z| of `rough` over a period; give this or `rms_height`", None, above=0.0
     )
-    longest: float | None = quantity("length", "longest wavelength of `rough`", None)
-    shortest: float | None = quantity("length", "shortest wavelength of `rough`, at least two grid points", None)
-    roll_off: float | None = quantity(
+    longest: IfUsed = quantity("length", "longest wavelength of `rough`", None)
+    shortest: IfUsed = quantity("length", "shortest wavelength of `rough`, at least two grid points", None)
+    roll_off: IfUsed = quantity(
         "length", "wavelength of `rough` from which on longer waves are all alike strong; `longest`, for none", None
     )
-    period: float | None = quantity(
+    period: IfUsed = quantity(
         "length",
         "period of `rough` along x and y; where the punch fills the cell, the cell's side, else twice the larger of "
         "`longest` and the punch's diameter",
@@ -125,7 +129,32 @@ class Punch(Section):
     )
     file: str | None = key("file with the heights, relative to the scene's folder", None, min_length=1)
     file_size: tuple[float, float] | None = quantity(
-        "length", "size of the height map along x and y, where the file itself does not say", None, count=2
+        "length",
+        "size of the height map along x and y, half a pixel beyond the first and the last one; by default as the file says",
+        None,
+        count=2,
+    )
+    file_unit: str | None = key(
+        'unit of the heights, such as "um"; of a table of x, y and z that of all three; by default as the file says, and metres '
+        "where it says nothing",
+        None,
+        min_length=1,
+    )
+    file_peaks: Literal["up", "down"] | None = key(
+        "`up`: the largest heights touch first, as instruments have them; `down`: the lowest ones do; by default as the file says",
+        None,
+    )
+    file_detrend: Literal["none", "tilt", "curvature"] = key(
+        "what is taken off the heights under the punch: nothing, a plane, or a surface of second order", "none"
+    )
+    file_missing: Literal["refuse", "fill"] = key(
+        "what is done about pixels under the punch without a height: `refuse` them, or `fill` them from those around",
+        "refuse",
+    )
+    file_missing_value: tuple[float, ...] | None = number(
+        "numbers in the file that mean a missing pixel; by default those that stand far apart from all heights",
+        None,
+        count=0,
     )
     file_relief: float | None = quantity(
         "length",

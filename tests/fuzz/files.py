@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 MAPS = ("smooth.npy", "rough.csv", "level.npz", "tilted.npy", "whole.npy", "narrow.txt")
-"""Height maps that can be used, if a scene gives them their size."""
+"""Height maps that can be used, if a scene gives them their size, and WHOLE its unit."""
+WHOLE = "whole.npy"
+"""Heights that count steps."""
 BROKEN = (
     "garbage.npy", "empty.npy", "holes.npy", "single.npy", "line.csv", "words.csv", "archive.npz", "huge.npy",
     "objects.npy", "complex.npy", "nothing.npz", "unknown.bmp", "no-such-file.npy", "folder.npy", ".",
@@ -36,10 +38,10 @@ def write_files(folder: Path, length: float = 1e-3) -> None:
     y, x = (2 * math.pi * np.mgrid[0:24, 0:20] + math.pi) / 24
     np.save(folder / "smooth.npy", 1e-3 * length * (np.cos(x + 0.3) + np.sin(2 * y) + 0.3 * np.cos(3 * x - 2 * y)))
     np.savetxt(folder / "rough.csv", 2e-4 * length * random.normal(size=(17, 19)), delimiter=",")
-    np.savez(folder / "level.npz", z=np.zeros((8, 8)), size=np.array([4 * length, 4 * length]))
+    np.savez(folder / "level.npz", z=np.zeros((96, 96)), size=np.array([4 * length, 4 * length]))
     np.save(folder / "tilted.npy", 1e-4 * length * x)
-    np.save(folder / "whole.npy", (np.arange(96) % 3).reshape(8, 12).astype(np.int32))
-    np.savetxt(folder / "narrow.txt", 1e-4 * length * random.normal(size=(2, 3)))
+    np.save(folder / "whole.npy", (np.arange(24 * 36) % 3).reshape(24, 36).astype(np.int32))
+    np.savetxt(folder / "narrow.txt", 1e-4 * length * random.normal(size=(24, 36)))
     wave = np.logspace(-6, 12, 40)
     np.savetxt(folder / COMPLIANCE, np.column_stack([wave, 2 / (2.65e6 * wave)]))
     _write_broken(folder, wave)

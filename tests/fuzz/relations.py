@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from pgfmd.maps.reading import read_map
 from pgfmd.parts import series_of
-from pgfmd.physics.heightfile import read_heights
 from pgfmd.scene.output_section import NEAR_GAP
 from pgfmd.scene.precision import best_precision
 from pgfmd.scene.reading import scene_from_mapping
@@ -130,9 +130,9 @@ def _other_units(pair: Pair) -> list[Fault]:
     scene.setdefault("output", {}).setdefault("near_gap", other(f"{NEAR_GAP!r} m", "length"))
     name = scene["punch"].get("file")
     if name:
-        heights, size = read_heights(pair.folder / name)
-        sides = {} if size is None else {"size": np.array(size) * scale(exponents("length"))}
-        np.savez(pair.folder / "scaled.npz", z=heights * scale(exponents("length")), **sides)
+        found = read_map(pair.folder / name)
+        sides = {} if found.size is None else {"size": np.array(found.size) * scale(exponents("length"))}
+        np.savez(pair.folder / "scaled.npz", z=found.numbers * scale(exponents("length")), **sides)
         scene["punch"]["file"] = "scaled.npz"
     base = pair.base()
     return compared(base, pair.other(scene), factor=lambda unit: scale(UNITS[unit]) if unit else 1.0)
@@ -161,7 +161,8 @@ def _other_series(pair: Pair) -> list[Fault]:
 def _mirrored(pair: Pair) -> list[Fault]:
     """A map turned over in x, in y, or about the diagonal."""
     scene, draw = pair.scene, pair.draw
-    heights, size = read_heights(pair.folder / scene["punch"]["file"])
+    found = read_map(pair.folder / scene["punch"]["file"])
+    heights, size = found.numbers, found.size
     turn = draw.choice(["x", "y", "diagonal"])
     heights = {"x": heights[:, ::-1], "y": heights[::-1], "diagonal": heights.T}[turn]
     size = scene["punch"].get("file_size") or [written(side, "length") for side in size]

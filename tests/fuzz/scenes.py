@@ -13,7 +13,7 @@ from pgfmd.scene.model import PATTERNS, RHEOLOGIES
 
 from .declarations import KEYS
 from .draw import Draw, Mapping, Natural, as_toml, legal, written
-from .files import COMPLIANCE, MAPS
+from .files import COMPLIANCE, MAPS, WHOLE
 from .mutations import mutate
 
 SIZES = (4, 5, 7, 8, 9, 11, 12, 13, 16, 17, 20, 24, 31, 32)
@@ -121,6 +121,11 @@ def _punch(draw: Draw, natural: Natural, length: float, n: int, free: bool) -> d
         punch["file"] = draw.choice(MAPS)
         if punch["file"] != "level.npz" or draw.chance(0.5):
             punch["file_size"] = [unit(length), unit(length)]
+        punch["file_peaks"] = draw.choice(["up", "down"])
+        if punch["file"] == WHOLE:
+            punch["file_unit"] = unit(0.1 * relief)
+        if draw.chance(0.2):
+            punch["file_detrend"] = draw.choice(["tilt", "curvature"])
         if draw.chance(0.3):
             punch["file_relief"] = unit(relief * draw.log(1e-2, 1))
     if "hurst" in required:
@@ -285,8 +290,9 @@ def _output(draw: Draw) -> dict:
 
 TITLES = ("", "a title", 'with "quotes" and \\', "Größe µm ∞")
 KNOWN = {
-    "punch": "pattern radius wavelength amplitude exponent file file_size file_relief curvature_radius layer_step "
-    "height_jitter seed hurst rms_height rms_slope longest shortest roll_off period",
+    "punch": "pattern radius wavelength amplitude exponent file file_size file_unit file_peaks file_detrend file_missing "
+    "file_missing_value file_relief curvature_radius layer_step height_jitter seed hurst rms_height rms_slope longest shortest "
+    "roll_off period",
     "substrate": "youngs_modulus poisson_ratio boundary thickness base prestrain compliance_file",
     "rheology": "model modulus_ratio relaxation_time elements time_ratio exponent kappa tau",
     "adhesion": "law work_of_adhesion range range_factor q_ref",

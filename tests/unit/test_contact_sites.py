@@ -356,7 +356,7 @@ def test_a_run_with_a_measured_punch_follows_its_sites(tmp_path):
     z = corrugated("triangular").heights(axis, axis[:, np.newaxis])
     np.save(tmp_path / "map.npy", z + 20e-9 * np.random.default_rng(6).normal(size=z.shape))
     changes = ["punch.pattern=file", f"punch.file={tmp_path / 'map.npy'}", 'punch.file_size=["0.9 mm", "0.9 mm"]']
-    changes += ["grid.n=32", "solver.scheme=quasistatic", "solver.accuracy=0.1"]
+    changes += ["punch.file_peaks=down", "grid.n=32", "solver.scheme=quasistatic", "solver.accuracy=0.1"]
     with load(run(tmp_path / "out", *changes)) as results:
         sites, patches, events = results.sites, results.patches, results.events
         assert {"summit"} <= set(sites["kind"]) <= set(KINDS) and {"joins", "leaves"} == set(sites["event"])

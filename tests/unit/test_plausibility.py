@@ -11,8 +11,9 @@ from pgfmd.commands.check import report
 from pgfmd.forecast import plausibility
 from pgfmd.forecast.advice import warnings as all_warnings
 from pgfmd.forecast.plausibility import face_of, warnings
+from pgfmd.maps import raw
 from pgfmd.parts import topography_of
-from pgfmd.physics import heightfile
+from pgfmd.physics.heightfile import forget
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, shipped_scenes
 
@@ -117,8 +118,8 @@ def test_a_map_on_the_disk_is_looked_at_in_stripes(save, monkeypatch, cell):
     plausibility._face_of.cache_clear()
     whole = face_of(scene)
     plausibility._face_of.cache_clear()
-    monkeypatch.setattr(heightfile, "WHOLE", 300)
-    monkeypatch.setattr(plausibility, "WHOLE_MAP", 300)
+    monkeypatch.setattr(raw, "WHOLE", 300)
+    forget()
     # The last rows and columns, and those that follow them across the border of a cell, are there as well.
     assert face_of(scene) == whole
     plausibility._face_of.cache_clear()

@@ -45,7 +45,18 @@ PUNCHES = st.one_of(
     punch("flat", AXIS, **EXTRAS),
     punch("sphere", AXIS | {"curvature_radius": LENGTH}, layer_step=LENGTH),
     punch("power", AXIS | {"curvature_radius": LENGTH, "exponent": st.floats(1.1, 9.0)}, layer_step=LENGTH),
-    punch("file", {"file": st.just("a map.npy")}, file_size=st.just(["1.5 mm", "2 mm"]), file_relief=LENGTH, **AXIS),
+    punch(
+        "file",
+        {"file": st.just("a map.npy")},
+        file_size=st.just(["1.5 mm", "2 mm"]),
+        file_relief=LENGTH,
+        file_unit=st.sampled_from(["um", "0.25 nm"]),
+        file_peaks=st.sampled_from(["up", "down"]),
+        file_detrend=st.sampled_from(["none", "tilt", "curvature"]),
+        file_missing=st.sampled_from(["refuse", "fill"]),
+        file_missing_value=st.just([0.0, -32768.0]),
+        **AXIS,
+    ),
 )
 SUBSTRATE = {"youngs_modulus": quantities("MPa", 1e-3, 1e4), "poisson_ratio": st.floats(-0.9, 0.5)}
 SUBSTRATES = st.one_of(
@@ -138,7 +149,7 @@ def test_keys_of_another_scheme_do_not_make_scenes_differ():
 # Runs ---------------------------------------------------------------------------------------------------------------
 
 GFMD = ("solver.scheme=gfmd", "solver.gfmd.omega=15700 rad/s", "solver.gfmd.dt=20 us", "drive.speed=1 mm/s")
-MAP = ("punch.pattern=file", 'punch.file_size=["1 mm", "1 mm"]')
+MAP = ("punch.pattern=file", 'punch.file_size=["1 mm", "1 mm"]', "punch.file_peaks=down")
 
 
 def arguments(path, steps=12):

@@ -35,6 +35,11 @@ PUNCH_VALUES = {
     "roll_off": "200 um",
     "shortest": "100 um",
     "period": "1.5 mm",
+    "file_unit": "um",
+    "file_peaks": "up",
+    "file_detrend": "tilt",
+    "file_missing": "fill",
+    "file_missing_value": [0, -9999],
 }
 EITHER = {"rough": {"rms_height", "rms_slope"}}
 """Keys of a pattern that say the same: one of them is needed, and only one may be there."""

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pgfmd.physics import heightfile
+from pgfmd.maps import raw
 from pgfmd.physics.asperities import site_normals
+from pgfmd.physics.heightfile import forget
 from pgfmd.physics.topography import PATTERNS, Topography, layered
 
 WAVELENGTH = 150e-6
@@ -309,7 +310,8 @@ def test_a_large_map_is_interpolated_in_stripes_of_its_own(tmp_path, monkeypatch
     reach = np.array([[2.0], [2.5]]) * (1.4 if periodic else 0.51)
     x, y = np.random.default_rng(4).uniform(-1.0, 1.0, (2, 3000)) * reach
     whole = Topography("file", radius=0.9, **face).heights(x, y)
-    monkeypatch.setattr(heightfile, "WHOLE", 800)
+    monkeypatch.setattr(raw, "WHOLE", 800)
+    forget()
     large = Topography("file", radius=0.9, **face)
     np.testing.assert_allclose(large.heights(x, y), whole, rtol=0, atol=1e-9)
     # It stays on the disk, and a place has the same bits whatever else is asked for.
@@ -331,7 +333,7 @@ def test_map_must_cover_the_punch_but_not_the_block_around_it(tmp_path):
     ("name", "content", "message"),
     [
         ("a.csv", "1,2\n3,oops\n", "a.csv"),
-        ("b.txt", "1 2\n3 nan\n", "not finite"),
+        ("b.txt", "1 2\n3 nan\n", "1 of 4 pixels under the punch have no height"),
         ("c.txt", "1 2 3\n", "2 x 2"),
         ("d.stl", "solid", "unknown kind of file"),
     ],

@@ -221,7 +221,13 @@ def _pressed(path: Path, length: float, n: int, reach: float, pressure: float):
     """A map of heights that fills the cell, pressed up to a mean pressure without adhesion."""
     return scene_from_mapping(
         {
-            "punch": {"pattern": "file", "file": str(path), "file_size": [f"{length!r} m"] * 2},
+            "punch": {
+                "pattern": "file",
+                "file": str(path),
+                "file_size": [f"{length!r} m"] * 2,
+                "file_unit": "m",
+                "file_peaks": "down",
+            },
             "substrate": {"youngs_modulus": "2 MPa", "poisson_ratio": 0.495},
             "rheology": {"model": "elastic"},
             "adhesion": {"law": "repulsive", "work_of_adhesion": "50 mJ/m^2", "range": f"{reach} m"},

@@ -1,0 +1,1 @@
+"""Height maps as people have them: their files, units, missing pixels and tilts. No MPI."""

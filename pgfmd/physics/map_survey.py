@@ -1,0 +1,269 @@
+"""A look at the height map of a punch before it is run: what touches first, and what may not be meant. Plain NumPy.
+
+Heights are those of the face: of the map with its missing pixels filled and its trend taken off, and with the curvature of the
+whole punch; printing layers are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgfmd.maps import raw as limits
+from pgfmd.maps.oddities import Code, Spike, lone_spikes
+
+from .heightfile import HeightMap
+from .persistence import critical_points
+from .topography import Topography
+
+Array = NDArray[np.float64]
+
+MOST_ACROSS = 1024
+"""Most pixels along a side that are looked at for places of contact, spikes and repeated heights."""
+RELIEF = 0.05
+"""Least relief of a place, over the height range of the face, where the scene has no other."""
+AT_RIM = 0.02
+"""Distance from the outline, in radii, within which a place is at the rim."""
+OTHERS = 3
+"""Further places that are told."""
+EQUAL = 1e-3
+"""Height above the lowest point, in ranges of adhesion, that is no matter."""
+NEARLY = 0.1
+"""Height above the lowest point, in ranges of adhesion, up to which a place touches first as well."""
+LOW = 2.0
+"""Heights above the lowest point, in ranges of adhesion, that the first contact is made of."""
+SMOOTHEST = 0.2
+"""Share of those heights that may be smoother than what is told of all."""
+LEAST_SPIKE = 0.1
+"""Least height of a lone spike, in ranges of adhesion."""
+CLIPPED, CLIPPED_TIMES = 5, 10.0
+"""How many pixels at an end of the heights, and how many times as many as at the levels next to it, look clipped."""
+TERRACES = 0.1
+"""Share of the neighbours, along either axis, that are equally high where heights come in steps."""
+LEVELS = 8
+"""Levels next to an end of the heights that it is compared with; fewer in all are meant."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place of a face: x, y [m] from the axis; height [m] above the first contact, and distance [m] from it; whether it is at
+    the rim of the outline."""
+
+    x: float
+    y: float
+    height: float = 0.0
+    distance: float = 0.0
+    at_rim: bool = False
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a map is like, heights of the face in m.
+
+    relief: from the lowest to the highest point; slope: the steepest, over a spacing of the grid where that is more than a pixel;
+    rms: of the heights about their mean; tilt: slopes along x and y of the plane through them. first: where contact begins;
+    others: the next summits. lift: how far the tilt lifts what would touch first without it, in the mean. sag: by how much heights
+    around the first contact bend within a pixel, at least; step: between levels of the heights, 0 where they have none. spikes: pixels
+    that stick out, by place and height (positive up, away from the substrate); clipped: the end of the heights that looks cut off, in
+    m. pixels: under the punch, (columns, rows) of the square around it.
+    """
+
+    relief: float
+    slope: float
+    rms: float
+    tilt: tuple[float, float]
+    first: Place
+    others: tuple[Place, ...]
+    lift: float
+    sag: float
+    step: float
+    spikes: tuple[Place, ...]
+    clipped: Code | None
+    pixels: tuple[int, int]
+
+
+def survey(face: Topography, spacing: float, reach: float) -> Survey:
+    """A look at a face with the pattern "file"; spacing [m]: of the grid; reach [m]: the range of adhesion.
+
+    Raises ValueError, OSError for a map that can't be used.
+    """
+    relief, slope = relief_and_slope(face, spacing)
+    heights, x, y, inside = _window(face)
+    z = np.where(inside, heights, np.nan)
+    lowest = float(np.nanmin(z)) if inside.any() else 0.0
+    tilt, level = _levelled(z, x, y)
+    first, others = _places(face, heights, inside, x, y, reach)
+    with np.errstate(invalid="ignore"):
+        lifted = z[level <= np.nanmin(level) + NEARLY * reach] if inside.any() else np.zeros(1)
+    spikes = lone_spikes(z, inside, LEAST_SPIKE * reach)
+    return Survey(
+        relief, slope, float(np.nanstd(z)) if inside.any() else 0.0, tilt, first, others,
+        float(np.mean(lifted)) - lowest, _sag(z, lowest + LOW * reach), _step(z),
+        tuple(_at(spike, x, y) for spike in spikes), _clipped(z[inside]), (x.size, y.size),
+    )  # fmt: skip
+
+
+def relief_and_slope(face: Topography, spacing: float) -> tuple[float, float]:
+    """Height range [m] of a face with the pattern "file", and its steepest slope.
+
+    From all pixels under the punch, a stripe of rows after another, as a large map stays on the disk. Slopes are those over a
+    spacing [m] of the grid, where that is more than a pixel: what is finer the grid does not see.
+    """
+    found = face.map
+    count_y, count_x = found.heights.shape
+    pixel_x, pixel_y = found.pixel
+    step_x, step_y = (max(1, round(spacing / pixel)) for pixel in found.pixel)
+    # A map that is repeated goes on with its first rows and columns.
+    repeated = face.radius is None and found.periodic
+    step_x, step_y = (step_x, step_y) if repeated else (min(step_x, count_x - 1), min(step_y, count_y - 1))
+    rows = np.arange(count_y + repeated * step_y) % count_y
+    columns = np.arange(count_x + repeated * step_x) % count_x
+    highest, lowest, slope = [], [], 0.0
+    some = max(1, limits.WHOLE // count_x)
+    # Each stripe with as many rows of the next as a slope reaches over.
+    for first in range(0, len(rows) - step_y, some):
+        heights = _under_the_punch(face, found, rows[first : first + some + step_y], columns)
+        along_x = np.abs(heights[:, step_x:] - heights[:, :-step_x]) / (step_x * pixel_x)
+        along_y = np.abs(heights[step_y:] - heights[:-step_y]) / (step_y * pixel_y)
+        slopes = along_x, along_y, np.hypot(along_x[:-step_y], along_y[:, :-step_x])
+        slope = max(slope, *map(_largest, slopes))
+        if np.isfinite(heights).any():
+            highest.append(float(np.nanmax(heights)))
+            lowest.append(float(np.nanmin(heights)))
+    return max(highest, default=0.0) - min(lowest, default=0.0), slope
+
+
+def _under_the_punch(face: Topography, found: HeightMap, rows: NDArray, columns: NDArray) -> Array:
+    """Heights [m] of these rows and columns of a map, with the curvature of the whole punch; NaN beside the punch."""
+    x, y, heights = _taken(face, found, rows, columns)
+    if face.radius is None:
+        return heights
+    # With the pixels around, between which the rim lies.
+    rim = face.radius + math.hypot(*found.pixel)
+    return np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
+
+
+def _taken(face: Topography, found: HeightMap, rows: NDArray, columns: NDArray) -> tuple[Array, Array, Array]:
+    """x (columns,), y (rows,) and heights (rows, columns) [m] of some pixels."""
+    (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
+    x, y = (columns + 0.5) * (size_x / count_x) - 0.5 * size_x, (rows + 0.5) * (size_y / count_y) - 0.5 * size_y
+    heights = found.heights[rows][:, columns].astype(float)
+    if math.isfinite(face.curvature_radius):
+        heights = heights + (x**2 + y[:, None] ** 2) / (2.0 * face.curvature_radius)
+    return x, y, heights
+
+
+def _largest(values: Array) -> float:
+    """The largest number that is there; 0 where there is none."""
+    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
+
+
+def _window(face: Topography) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Heights (rows, columns) of the square around the punch, its x and y, and which pixels are under the punch; of a large map
+    each so many-th row and column."""
+    found, lines = face.map, []
+    for count, pixel in zip(found.heights.shape[::-1], found.pixel, strict=True):
+        middle = 0.5 * (count - 1)
+        reach = middle if face.radius is None else face.radius / pixel + 2.0
+        first, last = max(math.ceil(middle - reach), 0), min(math.floor(middle + reach), count - 1)
+        lines.append(np.arange(first, last + 1, max(1, math.ceil((last - first + 1) / MOST_ACROSS))))
+    x, y, heights = _taken(face, found, lines[1], lines[0])
+    inside = np.ones(heights.shape, bool) if face.radius is None else np.hypot(x, y[:, None]) <= face.radius
+    return heights, x, y, inside
+
+
+def _levelled(z: Array, x: Array, y: Array) -> tuple[tuple[float, float], Array]:
+    """Slopes along x and y of the plane through heights, and the heights without it."""
+    here = np.isfinite(z)
+    if np.count_nonzero(here) < 3:
+        return (0.0, 0.0), z
+    column, row = np.broadcast_to(x, z.shape), np.broadcast_to(y[:, None], z.shape)
+    terms = np.stack([np.ones(np.count_nonzero(here)), column[here], row[here]])
+    scale = np.abs(terms).max(axis=1, keepdims=True)
+    terms /= np.where(scale > 0.0, scale, 1.0)
+    c = np.linalg.lstsq(terms @ terms.T, terms @ z[here], rcond=None)[0] / np.where(scale > 0.0, scale, 1.0)[:, 0]
+    return (float(c[1]), float(c[2])), z - (c[0] + c[1] * column + c[2] * row)
+
+
+def _places(
+    face: Topography, heights: Array, inside: NDArray[np.bool_], x: Array, y: Array, reach: float
+) -> tuple[Place, tuple[Place, ...]]:
+    """Where contact begins, of equal places the one next to the axis, and the next summits that stand out, the lowest first;
+    at the rim the outline makes summits as well."""
+    if not inside.any():
+        return Place(0.0, 0.0), ()
+    lowest, highest = float(heights[inside].min()), float(heights[inside].max())
+    from_axis = np.hypot(x, y[:, None])
+    equal = inside & (heights <= lowest + EQUAL * reach)
+    first = _index(np.where(equal, from_axis, np.inf).argmin(), heights.shape)
+    pixel = max(face.map.pixel)
+
+    def place(row: int, column: int) -> Place:
+        here = float(x[column]), float(y[row])
+        distance = math.hypot(here[0] - float(x[first[1]]), here[1] - float(y[first[0]]))
+        rim = face.radius is not None and math.hypot(*here) > face.radius - max(1.5 * pixel, AT_RIM * face.radius)
+        return Place(*here, float(heights[row, column]) - lowest, distance, rim)
+
+    relief = face.file_relief or max(RELIEF * (highest - lowest), NEARLY * reach)
+    if highest - lowest < relief:
+        return place(*first), ()
+    walled = np.where(inside, heights, highest + relief)
+    points = critical_points(walled, relief, periodic=face.radius is None).minima
+    summits = [place(*_index(point, heights.shape)) for point in points if inside.ravel()[point]]
+    # The summit that the first contact is on is none of the next.
+    own = min(summits, key=lambda other: (other.height > EQUAL * reach, other.distance), default=None)
+    others = sorted((other for other in summits if other is not own), key=lambda other: (other.height, other.distance))
+    return place(*first), tuple(others[:OTHERS])
+
+
+def _index(flat: np.integer, shape: tuple[int, ...]) -> tuple[int, int]:
+    """Row and column of a flat index."""
+    return int(flat) // shape[1], int(flat) % shape[1]
+
+
+def _sag(z: Array, below: float) -> float:
+    """What most heights below a level bend within a pixel at least, from their second differences [m]; edges may bend more."""
+    with np.errstate(invalid="ignore"):
+        low = z <= below
+    bends = [
+        (np.abs(z[2:] - 2.0 * z[1:-1] + z[:-2]) / 8.0)[low[1:-1]],
+        (np.abs(z[:, 2:] - 2.0 * z[:, 1:-1] + z[:, :-2]) / 8.0)[low[:, 1:-1]],
+    ]
+    found = np.concatenate(bends)
+    found = found[np.isfinite(found)]
+    return float(np.quantile(found, SMOOTHEST)) if found.size else 0.0
+
+
+def _step(z: Array) -> float:
+    """Step between levels [m] of heights that come in whole steps, and have terraces, as those of a converter do; 0 for
+    others."""
+    level = [np.diff(z, axis=axis) for axis in (0, 1)]
+    level = [steps[np.isfinite(steps)] for steps in level]
+    if not all(steps.size and np.count_nonzero(steps == 0.0) > TERRACES * steps.size for steps in level):
+        return 0.0
+    levels = np.unique(z[np.isfinite(z)])
+    if levels.size < LEVELS:
+        return 0.0
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-9 * np.ptp(levels)]
+    least = float(steps.min())
+    share = steps / least
+    return least if (np.abs(share - np.round(share)) < 0.05).all() else 0.0
+
+
+def _clipped(z: Array) -> Code | None:
+    """The lowest or highest height, if it is there much more often than the levels next to it."""
+    levels, counts = np.unique(z[np.isfinite(z)], return_counts=True)
+    if levels.size < 2 * LEVELS:
+        return None
+    for end, beside in ((0, slice(1, LEVELS + 1)), (-1, slice(-LEVELS - 1, -1))):
+        if counts[end] > CLIPPED and counts[end] > CLIPPED_TIMES * float(np.median(counts[beside])):
+            return Code(float(levels[end]), int(counts[end]))
+    return None
+
+
+def _at(spike: Spike, x: Array, y: Array) -> Place:
+    return Place(float(x[spike.column]), float(y[spike.row]), spike.height)
