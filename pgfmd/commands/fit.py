@@ -14,7 +14,6 @@ from .names import named, path_option
 from .printing import command
 from .quantities import length, quantity
 from .run import Changes, Overrides, SceneName, all_changes
-from .study import require_one_process
 
 Experiment = Annotated[
     Path, typer.Argument(metavar="EXP.csv", parser=named, help="A measured curve, as `pgfmd compare` reads it.")
@@ -82,8 +81,9 @@ def fit(
     from pgfmd.fitting.parameters import FitError, parameters_of
     from pgfmd.fitting.runs import NotConverged, Runs
     from pgfmd.scene import load_scene
+    from pgfmd.studies.study import launch_alone
 
-    require_one_process()
+    launch_alone()
     given = all_changes(changes, overrides)
     loaded, levels = load_scene(scene, given), levels_of(scene, given, coarsest)
     limits = {}
