@@ -106,7 +106,13 @@ def _map(scene: Scene, path: Path, peaks: str, cut: bool) -> tuple[bytes, Export
     first = float(face.x[0]), float(face.y[0])
     surface = HeightMapFile(z if peaks == "down" else 0.0 - z, (pixel, pixel), first, title, periodic, peaks)
     size_x, size_y = surface.size
-    lines = ['pattern = "file"', f'file = "{path.name}"', f'file_size = ["{size_x!r} m", "{size_y!r} m"]']
+    suffix = path.suffix.lower()
+    lines = ['pattern = "file"', f'file = "{path.name}"']
+    if suffix == ".npy":
+        lines += [f'file_size = ["{size_x!r} m", "{size_y!r} m"]', 'file_unit = "m"']
+    # An instrument's file says nothing, and its peaks are taken to be up.
+    if suffix in (".npy", ".xyz") or (suffix == ".x3p" and peaks != "up"):
+        lines.append(f'file_peaks = "{peaks}"')
     lines += [f'radius = "{face.radius!r} m"'] if face.radius is not None else []
     span = handy_quantity(float(np.ptp(z[face.inside])), "length")
     text = (

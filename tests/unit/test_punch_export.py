@@ -4,6 +4,7 @@ import hashlib
 import importlib.util
 import io
 import math
+import tomllib
 import zipfile
 from xml.etree import ElementTree
 
@@ -15,7 +16,7 @@ from scipy.io import netcdf_file
 import pgfmd
 from pgfmd import Scene, cli
 from pgfmd.errors import PgfmdError, ResultError
-from pgfmd.parts import topography_of
+from pgfmd.parts import confirm, topography_of
 from pgfmd.punch.face import face_on_grid
 from pgfmd.punch.solid import solid_of
 
@@ -131,6 +132,34 @@ def test_surface_topography_reads_a_map(tmp_path, suffix):
     np.testing.assert_allclose(found.heights(), -face.z.T, rtol=1e-12, atol=1e-18)
     np.testing.assert_allclose(found.physical_sizes, face.size, rtol=1e-9)
     assert found.unit == "m" or suffix == ".xyz"
+
+
+@pytest.mark.parametrize("peaks", [None, "down", "up"])
+@pytest.mark.parametrize(
+    ("suffix", "scene"),
+    [(".npy", LAYERED), (".npz", LAYERED), (".xyz", LAYERED), (".nc", LAYERED), (".npz", FILLED), (".npy", ROUGH)],
+)
+def test_a_map_reads_back_by_the_keys_that_are_told(tmp_path, suffix, scene, peaks):
+    assert_reads_back(tmp_path / f"face{suffix}", scene, peaks)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("SurfaceTopography") is None, reason="SurfaceTopography is not installed")
+def test_a_map_for_instruments_reads_back(tmp_path):
+    assert_reads_back(tmp_path / "face.x3p", LAYERED, None)
+
+
+def assert_reads_back(path, scene, peaks):
+    """That a scene with the file has the heights of the one that it was made of, to rounding."""
+    done = pgfmd.export_punch(scene, path, peaks=peaks)
+    keys = tomllib.loads("\n".join(done.reading)) | {"file": str(path)}
+    tables = {section: values for section, values in scene.tables().items() if section != "punch"}
+    again = Scene(tables, punch=keys)
+    confirm(again, "the scene with the file")
+    face, found = face_on_grid(scene), face_on_grid(again)
+    np.testing.assert_allclose(found.z[face.inside], face.z[face.inside], rtol=0, atol=1e-12 * face.relief)
+    if face.radius is not None:
+        # A finer grid has points nearer to the rim, but none that the map does not reach.
+        confirm(again.replace(grid={"n": 5 * scene.grid.n}), "the same on a finer grid")
 
 
 def test_a_map_may_be_cut_and_turned_over(tmp_path):
