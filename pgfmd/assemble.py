@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,24 +15,36 @@ from .host.launch import on_first
 from .map_rules import refusals
 from .maps.raw import MapError
 from .physics import heightfile
-from .schemes.inertialess import Inertialess
+from .schemes import registry
 from .solver.conjugate_gradients import ConjugateGradients
-from .solver.controller import Controller, StepLimits
 from .solver.far_field import far_weights
-from .solver.grid import Grid, PunchPoints
+from .solver.grid import PunchPoints
 from .solver.mirrored_transform import MirroredConvolution
 from .solver.multiplier import FEW, free_multiplier, periodic_multiplier
 from .solver.newton import NewtonSolver
 from .solver.simulation import Simulation
-from .solver.transform import Convolution, Plane
+from .solver.transform import Convolution
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+    from numpy.typing import DTypeLike
+
+    from .scene import Scene
+    from .solver.newton import MakeCorrections
+    from .solver.tiles import Convolves
 
 STEP_SHARE = 0.7
 """Tolerance of a step's error, in ranges of adhesion, for a `solver.accuracy` of 1. With 0.5,
 tri-tack at n = 512 takes 9 % more transforms at the default accuracy, and its audit closes to 0.4 instead of 0.55 %."""
 
 
+def tolerance_of(scene) -> float:
+    """Tolerance of a step's error, in ranges of adhesion or as a share of the largest force."""
+    return STEP_SHARE * scene.solver.accuracy
+
+
 def convolution_of(
-    scene, points: PunchPoints, whole_cell: bool = False, dtype=np.float64
+    scene: Scene, points: PunchPoints, whole_cell: bool = False, dtype: DTypeLike = np.float64
 ) -> Convolution | MirroredConvolution:  # fmt: skip
     """The operator G0 on the scene's grid, or a coarser one; `whole_cell`: fit for `Convolution.whole_cell` too; dtype: its precision."""
     compliance = parts.compliance_of(scene)
@@ -44,7 +58,7 @@ def convolution_of(
     return kind(points, side, make, dtype=dtype)
 
 
-def heights_of(scene, points: PunchPoints) -> np.ndarray:
+def heights_of(scene: Scene, points: PunchPoints) -> np.ndarray:
     """Height z [m] of the punch's lower face at the local points, its minimum over all ranks zero."""
     topography, heights = parts.topography_of(scene.punch), points.zeros()
     # A few points at a time: formulas need many arrays.
@@ -54,7 +68,7 @@ def heights_of(scene, points: PunchPoints) -> np.ndarray:
     return heights
 
 
-def mirror_of(scene, comm) -> str:
+def mirror_of(scene: Scene, comm: Intracomm) -> str:
     """The axes along which a scene is its own mirror image, where its run makes use of that; the same on every rank.
     Collective."""
 
@@ -65,7 +79,7 @@ def mirror_of(scene, comm) -> str:
     return "" if symmetry.obstacle(scene) else symmetry.largest(holds)
 
 
-def share_map(scene, comm) -> None:
+def share_map(scene: Scene, comm: Intracomm) -> None:
     """Has rank 0 read the map of a scene for all of them; a large one on the disk each maps into memory itself. Collective.
 
     Raises SceneError on every rank for a map that is not to be run as it is.
@@ -90,20 +104,21 @@ def share_map(scene, comm) -> None:
         heightfile.remember(face.map_request, *found)
 
 
-def assemble(scene, comm, mirror: str | None = None) -> Simulation:
+def assemble(scene: Scene, comm: Intracomm, mirror: str | None = None) -> Simulation:
     """A simulation of the scene on a communicator, without observers. Collective.
 
     mirror: the axes whose mirror images are not stepped, those of the run that is to go on; found out by default.
     """
     share_map(scene, comm)
-    make = {"inertialess": _inertialess, "gfmd": _gfmd, "quasistatic": _quasistatic}
     mirror = mirror_of(scene, comm) if mirror is None else mirror
-    scheme, controller = make[scene.solver.scheme](scene, comm, mirror)
+    scheme, controller = registry.scheme_of(scene).new(scene, comm, mirror)
     drive = parts.drive_of(scene)
     return Simulation(scheme, controller, drive, parts.deepest_indentation(scene), scene.solver.max_steps)
 
 
-def _solver(scene, comm, mirror: str, wrap=lambda convolve: convolve) -> NewtonSolver:
+def newton_solver(
+    scene: Scene, comm: Intracomm, mirror: str, wrap: Callable[[Convolves], Convolves] = lambda convolve: convolve
+) -> NewtonSolver:
     """The static contact problem of the scene; wrap: what is made of its convolutions."""
     points = symmetry.points_of(scene, mirror, comm)
     dtype = np.dtype(np.float32 if scene.solver.precision == "single" else np.float64)
@@ -116,7 +131,7 @@ def _solver(scene, comm, mirror: str, wrap=lambda convolve: convolve) -> NewtonS
     return NewtonSolver(points, convolve, height, parts.law_of(scene.adhesion), scene.drive.preload, rough, corrections)
 
 
-def _corrections_on_two_grids(scene, points: PunchPoints, m: int, dtype):
+def _corrections_on_two_grids(scene: Scene, points: PunchPoints, m: int, dtype: DTypeLike) -> MakeCorrections:
     """What finds corrections with a grid of cells of m x m points beside the points. Each rank has all of it."""
     # Not at the top: small scenes do without.
     from .solver.two_grid import CoarseGrid, TwoGrid, coarse_points_of
@@ -136,56 +151,8 @@ def _corrections_on_two_grids(scene, points: PunchPoints, m: int, dtype):
     )
 
 
-def _far_weights(scene, solver: NewtonSolver) -> np.ndarray:
+def far_weights_of(scene: Scene, solver: NewtonSolver) -> np.ndarray:
     """Weights of the far displacement, none without a periodic cell."""
     periodic = scene.substrate.boundary == "periodic"
     weights = far_weights(parts.compliance_of(scene), solver.points) if periodic else np.zeros(0)
     return weights.astype(solver.dtype, copy=False)
-
-
-def _inertialess(scene, comm, mirror: str):
-    """Scheme and controller of the massless limit."""
-    solver = _solver(scene, comm, mirror)
-    law, series, tolerance = solver.law, parts.series_of(scene.rheology), STEP_SHARE * scene.solver.accuracy
-    weights = _far_weights(scene, solver)
-    output = scene.output
-    scheme = Inertialess(
-        solver, series.to_creep(), tolerance, output.energy, weights, output.near_gap, scene.solver.order
-    )
-    shortest = float(series.tau.min()) if series.elements else math.inf
-    limits = StepLimits(tolerance, law.range, shortest, law.attractive)
-    return scheme, Controller(scheme, limits, scene.drive.preload)
-
-
-def _quasistatic(scene, comm, mirror: str):
-    """Scheme and controller of infinitely slow loading."""
-    # Nothing of it is of use to other schemes.
-    from .schemes.quasistatic import Quasistatic
-    from .solver.load_steps import LoadSteps
-    from .solver.machine import sprung
-
-    compliance, spring = parts.quasistatic_compliance(scene), parts.machine_compliance(scene)
-    solver = _solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, compliance))
-    law, tolerance = solver.law, STEP_SHARE * scene.solver.accuracy
-    stiffness = parts.punch_stiffness(scene) / compliance
-    dead = scene.drive.control == "load"
-    weights, near = _far_weights(scene, solver), scene.output.near_gap
-    scheme = Quasistatic(solver, compliance, tolerance, weights, near, spring, stiffness, dead)
-    return scheme, LoadSteps(scheme, tolerance, law.range, scene.drive.preload, law.attractive)
-
-
-def _gfmd(scene, comm, mirror: str):
-    """Scheme and controller of the paper's method."""
-    # Its kernels and its transform are of no use to other schemes.
-    from .schemes.gfmd import Gfmd
-    from .solver.fixed_steps import FixedSteps
-
-    plane = Plane(comm, scene.grid.n)
-    slab = (plane.row_start, plane.real.shape[0])
-    points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm, slab)
-    law, series, inertia = parts.law_of(scene.adhesion), parts.series_of(scene.rheology), parts.inertia_of_scene(scene)
-    compliance = parts.compliance_of(scene)
-    height = heights_of(scene, points)
-    output = scene.output
-    scheme = Gfmd(points, plane, compliance, height, law, series, inertia, output.energy, output.near_gap)
-    return scheme, FixedSteps(scheme, inertia.step, scene.drive.preload)

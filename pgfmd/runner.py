@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .assemble import assemble
-from .errors import PgfmdError, ResultError, RunError
+from .errors import PgfmdError, ResultError, RunError, Stopped
 from .files import storage
 from .files.fields_layout import Layout
 from .files.packing import arrays_of, unpack
@@ -27,13 +29,20 @@ from .restart import resume
 from .restart.checkpoints import Checkpoints
 from .restart.disk_space import require_space
 from .restart.history import History
-from .restart.keeper import Keeper, Stopped, Timing
+from .restart.keeper import Keeper, Timing
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
+from .schemes import registry
 from .solver import compiled
 from .solver.interruption import Interrupted
 from .solver.node import Node
 from .solver.simulation import STOPPED_STEPS
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
+    from .scene import Scene
+    from .solver.simulation import Simulation
 
 LEAST_STEPS = 2
 """Steps that a process must have made before its limit of time to call that progress."""
@@ -54,7 +63,13 @@ class Options:
     timing: Timing = field(default_factory=Timing)
 
 
-def run_scene(scene, comm, directory: str | Path, say=print, options: Options = Options()) -> dict:
+def run_scene(
+    scene: Scene,
+    comm: Intracomm,
+    directory: str | Path,
+    say: Callable[[str], None] = print,
+    options: Options = Options(),
+) -> dict:
     """Runs a scene on a communicator and writes its results into `directory`, or goes on with the run that is there;
     returns the record that is in `run.json`.
 
@@ -82,14 +97,14 @@ def run_scene(scene, comm, directory: str | Path, say=print, options: Options = 
             lock.release()
 
 
-def _warn(scene, ranks: int, say) -> None:
+def _warn(scene: Scene, ranks: int, say: Callable[[str], None]) -> None:
     for text in map_advice.head(scene):
         say(text)
     for text in warnings(scene, ranks):
         say(f"warning: {text}")
 
 
-def _enter(folder: Path, ranks: int, say) -> RunLock:
+def _enter(folder: Path, ranks: int, say: Callable[[str], None]) -> RunLock:
     storage.make_directory(folder)
     lock = RunLock.acquire(folder, ranks)
     if lock.recovered:
@@ -98,7 +113,7 @@ def _enter(folder: Path, ranks: int, say) -> RunLock:
     return lock
 
 
-def _planned(folder: Path, scene, options: Options) -> resume.Plan:
+def _planned(folder: Path, scene: Scene, options: Options) -> resume.Plan:
     def plan() -> resume.Plan:
         if not options.fresh:
             storage.require_regular_files(folder)
@@ -128,7 +143,16 @@ def _require_own(folder: Path) -> None:
             )
 
 
-def _run(scene, comm, folder: Path, say, options: Options, plan: resume.Plan, began: float, lock) -> dict:
+def _run(
+    scene: Scene,
+    comm: Intracomm,
+    folder: Path,
+    say: Callable[[str], None],
+    options: Options,
+    plan: resume.Plan,
+    began: float,
+    lock,
+) -> dict:
     """From the first step, or from a checkpoint, to the end. lock: rank 0's."""
     guard = lock.require_held if lock else lambda: None
     compiled.hear(say if comm.rank == 0 else None)
@@ -166,7 +190,7 @@ def _run(scene, comm, folder: Path, say, options: Options, plan: resume.Plan, be
     return record
 
 
-def _to_the_end(simulation, keeper: Keeper, scene, folder: Path, history: History) -> None:
+def _to_the_end(simulation: Simulation, keeper: Keeper, scene: Scene, folder: Path, history: History) -> None:
     """Steps, checkpoints, and what is left behind where it ends early."""
     state, comm = simulation.state, keeper.comm
     forget()
@@ -205,7 +229,8 @@ def _stopped_early(keeper: Keeper, folder: Path) -> PgfmdError:
 
 
 def _restore(
-    checkpoints: Checkpoints, simulation, outputs: Outputs, history: History, scene, allow, keeper: Keeper
+    checkpoints: Checkpoints, simulation: Simulation, outputs: Outputs, history: History, scene: Scene,
+    allow: Sequence[str], keeper: Keeper,
 ) -> None:  # fmt: skip
     """Puts the simulation and its outputs where a checkpoint left them."""
     comm, state, found = checkpoints.comm, simulation.state, {}
@@ -230,7 +255,7 @@ def _restore(
         keeper.say(line)
 
 
-def _told(simulation, path: Path, changed: list[str], history: History) -> list[str]:
+def _told(simulation: Simulation, path: Path, changed: list[str], history: History) -> list[str]:
     """What is said when a run goes on."""
     state = simulation.state
     lines = [f"going on from {path.name}: step {state.counters.steps}, t = {state.time:.6g} s"]
@@ -244,7 +269,7 @@ def _told(simulation, path: Path, changed: list[str], history: History) -> list[
     return lines
 
 
-def _require_space(simulation, scene, comm, folder: Path) -> int:
+def _require_space(simulation: Simulation, scene: Scene, comm: Intracomm, folder: Path) -> int:
     """About how large a checkpoint is going to be [bytes]. ResultError on every rank if the disk has no room for
     checkpoints and snapshots."""
     state, points = simulation.state, simulation.points
@@ -258,7 +283,7 @@ def _require_space(simulation, scene, comm, folder: Path) -> int:
     return checkpoint
 
 
-def compile_kernels(comm, scene) -> None:
+def compile_kernels(comm: Intracomm, scene: Scene) -> None:
     """Has one rank a node compile the kernels that the scene needs, by tiny tack tests, while the others wait.
 
     All ranks would otherwise compile the same at once, and race for numba's cache, which may be on the node's own disk.
@@ -274,18 +299,11 @@ def compile_kernels(comm, scene) -> None:
 
 
 @functools.cache
-def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
+def warm_up(scheme: str = registry.DEFAULT, precision: str = "double") -> None:
     """Runs tiny tack tests that use every kernel of a scheme, so that numba has them in its cache. Once a process."""
     from mpi4py import MPI
 
     common = [f"solver.scheme={scheme}", f"solver.precision={precision}", "grid.n=20", "drive.preload=1 mN"]
-    # Of half a punch, with a coarser grid and without, of a quarter of one, and of a whole one.
-    tests = (["solver.coarse_grid=always"], ["output.energy=false"], ["punch.pattern=flat"], ["rheology.model=elastic"])
-    if scheme == "gfmd":
-        tests = (["solver.max_steps=3"],)
-    if scheme == "quasistatic":
-        # Single precision has no machine with a spring.
-        tests = ([] if precision == "single" else ["drive.machine_stiffness=1 kN/m"],)
-    for changes in tests:
+    for changes in registry.named(scheme).scenes_to_warm_up(precision):
         assemble(load_scene("tri-tack", [*common, *changes]), MPI.COMM_SELF).run()
     compiled.remember(f"{scheme}-{precision}")

@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Makes the picture of docs/maps.md: how the rows and columns of a height map lie under the punch, and which heights touch first.
+"""Makes the picture of docs/how-to/maps.md: how the rows and columns of a height map lie under the punch, and which heights touch first.
 
     .venv/bin/python scripts/map_axes.py      a second; writes docs/figures/map_axes.png
 

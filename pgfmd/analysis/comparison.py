@@ -5,14 +5,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.results import load
+from pgfmd.results.about import about
 from pgfmd.results.curve import Loop, Measures, measure
+from pgfmd.results.reading import Results, Run, opened
+from pgfmd.units import in_si
 
 from .compliance import (
     CellCompliance,
@@ -45,6 +48,74 @@ class Overlay:
     cell: CellCompliance | None
     offset: float
     differences: list[float | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Curves brought together: as they are drawn, and the table of their numbers.
+
+    measured: which of the loops is an experiment, None without one; about: the first run in a line, for pictures.
+    """
+
+    overlay: Overlay
+    table: Table
+    measured: int | None
+    about: str
+
+    @property
+    def loops(self) -> list[Loop]:
+        """The curves, the runs first."""
+        return self.overlay.loops
+
+    @property
+    def measures(self) -> list[Measures]:
+        """Numbers of each."""
+        return self.overlay.measures
+
+    @property
+    def changes(self) -> list[str]:
+        """What has been done to each, in words."""
+        return self.overlay.changes
+
+
+def compare(
+    *sources: Run,
+    machine_stiffness: float | str = math.inf,
+    correct: str = "none",
+    low_pass: float | str | None = None,
+    offset: float | str = 0.0,
+    positive_displacement: str = "in",
+    positive_force: str = "compression",
+) -> Comparison:
+    """Lays curves of runs, and a measured one, over each other; as `pgfmd compare`. `plot_comparison` draws them.
+
+    Args:
+        sources: results, or folders, of runs; and the file of one measured curve, if any.
+        machine_stiffness: k_M [N/m] that is taken off the experiment.
+        correct: what takes up the compliance of the periodic cell: "experiment", "simulation" or "none" (`overlay`).
+        low_pass: resolution [m] of a filter for all curves.
+        offset: [m] by which the experiment is pushed in, or "fit".
+        positive_displacement, positive_force: signs of the measured curve: "in" or "out", "compression" or "tension".
+
+    Quantities are SI numbers, or texts with units.
+
+    Raises:
+        ResultError: without a run, with several files, if a folder can't be read, or the curves can't be compared;
+        MeasurementError: if the file can't be read; UnitError: for a text that is no such quantity.
+    """
+    stiffness = in_si(machine_stiffness, "stiffness")
+    resolution = None if low_pass is None else in_si(low_pass, "length")
+    moved = None if offset == "fit" else in_si(offset, "length")
+    runs, experiment = load_loops(sources, positive_displacement, positive_force)
+    try:
+        found = overlay(runs, experiment, correct, stiffness, resolution, moved)
+    except ValueError as problem:
+        raise ResultError(f"the curves could not be compared: {problem}") from None
+    table = comparison_table(found, experiment is not None, correct, stiffness, resolution)
+    first = next(source for source in sources if isinstance(source, Results) or Path(source).is_dir())
+    with opened(first) as results:
+        text = about(results)
+    return Comparison(found, table, len(runs) if experiment is not None else None, text)
 
 
 def overlay(
@@ -154,16 +225,18 @@ def renamed(loops: list[Loop]) -> list[Loop]:
 
 
 def load_loops(
-    sources: list[Path], positive_displacement: str = "in", positive_force: str = "compression"
+    sources: Sequence[Run], positive_displacement: str = "in", positive_force: str = "compression"
 ) -> tuple[list[Loop], Loop | None]:
-    """Loops of folders, and of the one file among them; names differ.
+    """Loops of runs, and of the one file among them; names differ.
 
     Raises:
         ResultError: without a folder, with several files, or if a folder can't be read. MeasurementError: if the file
             can't.
     """
-    files = [path for path in sources if not path.is_dir() and path.suffix]
-    folders = [path for path in sources if path not in files]
+    files, folders = [], []
+    for source in sources:
+        is_file = not isinstance(source, Results) and not Path(source).is_dir() and Path(source).suffix
+        files.append(Path(source)) if is_file else folders.append(source)
     if not folders:
         raise ResultError("expected at least one folder of results to compare with; name it before the measured curve")
     if len(files) > 1:
@@ -171,7 +244,7 @@ def load_loops(
         raise ResultError(f"expected one measured curve, found {names}; compare them one after the other")
     runs = []
     for folder in folders:
-        with load(folder) as results:
+        with opened(folder) as results:
             runs.append(Loop.of(results))
     measured = [read_experiment(path, positive_displacement, positive_force) for path in files]
     loops = renamed([*runs, *measured])

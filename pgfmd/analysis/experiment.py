@@ -54,10 +54,8 @@ def read_experiment(path: str | Path, positive_displacement: str = "in", positiv
     path = Path(path)
     columns = _columns(path)
     force = columns["force"] * (1.0 if positive_force == "compression" else -1.0)
-    if "indentation" in columns:
-        indentation = columns["indentation"]
-    else:
-        indentation = columns["displacement"] * (1.0 if positive_displacement == "in" else -1.0)
+    inwards = 1.0 if positive_displacement == "in" else -1.0
+    indentation = columns["indentation"] if "indentation" in columns else inwards * columns["displacement"]
     _confirm(path, indentation, force)
     rows = len(force)
     turn = int(np.argmax(force))

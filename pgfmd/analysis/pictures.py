@@ -1,26 +1,29 @@
-"""Pictures of an analysis: loops over each other, the fit of u_inf, shares of the hysteresis, the bearing-area
-model."""
+"""Pictures of an analysis and of a comparison: loops over each other, the fit of u_inf, shares of the hysteresis, the
+bearing-area model."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pgfmd.errors import ResultError
 from pgfmd.plots.drawing import (
+    DASHES,
     GREY,
+    PALETTE,
     RED,
     TURQUOISE,
-    drawing,
+    VIOLET,
     energy_unit,
+    footer,
     literal,
     new_figure,
+    picture,
     seen,
     signed,
-    write_picture,
 )
 from pgfmd.results.curve import Loop
 
@@ -28,44 +31,80 @@ from .bulges import Bulge
 from .compliance import CellCompliance
 from .hysteresis import Audit, Twin
 
-COLOURS = (TURQUOISE, RED, "#d18f00", "#6a4c93", "#4a7c2a", "#8a5a44")
-DASHES = (0, (4, 2))
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .comparison import Comparison
+    from .summary import Analysis
+
 LEGEND_WIDTH = 75
 """Letters in a line of a legend above the curves."""
 LEGEND_LINE = 0.17
 """Height [inch] of such a line."""
-PARTS = (("viscous", RED), ("released in jumps", "#6a4c93"), ("stored or unexplained", "#c9c9c9"))
-TWIN_PARTS = (("multistability (twin)", "#6a4c93"), ("viscous and coaction", RED))
+PARTS = (("viscous", RED), ("released in jumps", VIOLET), ("stored or unexplained", "#c9c9c9"))
+TWIN_PARTS = (("multistability (twin)", VIOLET), ("viscous and coaction", RED))
 
 
-def save(figure: Any, path: Path, hint: str = "") -> Path:
-    """Write a figure in the style of the other pictures.
-
-    Raises:
-        ResultError: if it can't be written, with `hint` at the end.
-    """
-    with drawing():
-        return write_picture(figure, path, hint)
+def plot_comparison(found: Comparison) -> Figure:
+    """Curves of `compare` over each other, force against indentation; a measured one in black."""
+    return _with_footer(overlay_figure(found.loops, found.measured, found.changes), found.about)
 
 
-def styled(draw: Any, *arguments: Any, **options: Any) -> Any:
-    """A figure made with the project's settings, whatever those of the caller."""
-    with drawing():
-        return draw(*arguments, **options)
+def plot_bulges(analysis: Analysis) -> Figure:
+    """The retraction with its minima and inflections. ResultError where there are none."""
+    _require(analysis.bulges, analysis, "bulges")
+    return _with_footer(bulge_figure(analysis.loop, analysis.bulges), analysis.about)
 
 
-def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence[str] = ()) -> Any:
+def plot_compliance(analysis: Analysis) -> Figure:
+    """u_inf against force, and k_cc. ResultError where it can't be fitted."""
+    _require(analysis.cell, analysis, "compliance of its cell")
+    return _with_footer(compliance_figure(analysis.loop, analysis.cell), analysis.about)
+
+
+def plot_hysteresis(analysis: Analysis) -> Figure:
+    """Where the work of the loop went, by the audit and against the twin. ResultError without either."""
+    _require(analysis.audit or analysis.twin, analysis, "audit and no twin")
+    return _with_footer(hysteresis_figure(analysis.audit, analysis.twin), analysis.about)
+
+
+def plot_twin(analysis: Analysis) -> Figure:
+    """The loop over that of its quasi-static twin. ResultError without one."""
+    _require(analysis.twin_loop, analysis, "twin; name its folder to `analyse`")
+    return _with_footer(overlay_figure([analysis.loop, analysis.twin_loop]), analysis.about)
+
+
+def plot_bearing_area(analysis: Analysis) -> Figure:
+    """The loop over what independent asperities would do. ResultError where that was not asked for."""
+    _require(analysis.predictions, analysis, "bearing-area model; ask `analyse` for it")
+    loops = [analysis.loop, *(prediction.loop for prediction in analysis.predictions)]
+    return _with_footer(overlay_figure(loops), analysis.about)
+
+
+def _require(part: object, analysis: Analysis, name: str) -> None:
+    if not part:
+        raise ResultError(f"{analysis.directory}: this analysis has no {name}")
+
+
+def _with_footer(figure: Figure, text: str) -> Figure:
+    footer(figure, text)
+    return figure
+
+
+@picture
+def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence[str] = ()) -> Figure:
     """Force [mN] against indentation [um]: approaches thin and dashed, retractions in colour.
 
     dots: number of the loop that was measured, drawn in black. changes: what has been done to each curve, for its
     legend; none for nothing to say.
     """
-    labels = [textwrap.wrap(f"{loop.name}: {change}", LEGEND_WIDTH) for loop, change in zip(loops, changes)]
+    told = zip(loops, changes, strict=True) if changes else ()
+    labels = [textwrap.wrap(f"{loop.name}: {change}", LEGEND_WIDTH) for loop, change in told]
     figure = new_figure(5.6, 4.0 + LEGEND_LINE * sum(map(len, labels)))
     axis = figure.subplots()
     axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     for number, loop in enumerate(loops):
-        colour = "black" if number == dots else COLOURS[number % len(COLOURS)]
+        colour = "black" if number == dots else PALETTE[number % len(PALETTE)]
         x, force = 1e6 * loop.indentation, 1e3 * loop.force
         rows = loop.branches["retraction"]
         before = slice(0, rows.start + 1)
@@ -80,7 +119,8 @@ def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence
     return figure
 
 
-def bulge_figure(loop: Loop, found: list[Bulge]) -> Any:
+@picture
+def bulge_figure(loop: Loop, found: list[Bulge]) -> Figure:
     """The retraction, force [mN] against indentation [um], with its minima and inflections marked."""
     figure = new_figure(5.2, 3.6)
     axis = figure.subplots()
@@ -99,7 +139,8 @@ def bulge_figure(loop: Loop, found: list[Bulge]) -> Any:
     return figure
 
 
-def compliance_figure(loop: Loop, cell: CellCompliance) -> Any:
+@picture
+def compliance_figure(loop: Loop, cell: CellCompliance) -> Figure:
     """u_inf [um] against force [mN], and the line whose slope is 1/k_cc."""
     figure = new_figure(4.6, 3.6)
     axis = figure.subplots()
@@ -116,7 +157,8 @@ def compliance_figure(loop: Loop, cell: CellCompliance) -> Any:
     return figure
 
 
-def hysteresis_figure(audit: Audit | None, twin: Twin | None) -> Any:
+@picture
+def hysteresis_figure(audit: Audit | None, twin: Twin | None) -> Figure:
     """Bars of the loop's energy by the audit, and beside them against the quasi-static twin."""
     bars: list[tuple[str, list[tuple[str, str, float]]]] = []
     if audit is not None:

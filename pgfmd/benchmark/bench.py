@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pgfmd.physics.halfspace import HalfSpace
+from pgfmd.schemes import registry
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.solver.multiplier import periodic_multiplier
 from pgfmd.solver.transform import Convolution, plain_pair
@@ -16,13 +18,16 @@ from pgfmd.solver.transform import Convolution, plain_pair
 from .curve_errors import cost_at
 from .work_precision import Laboratory, Row, explicit, implicit, study
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
 LENGTH, RADIUS = 1.5e-3, 375e-6
 """The paper's cell and punch [m]: L = 4a."""
 SHARE_OF_A_ROUND = 0.5
 """Time [s] that one side measures before the other's turn comes."""
 
 
-def transform(comm, n: int, effort: str = "estimate", rounds: int = 4) -> dict[str, int | float | str]:
+def transform(comm: Intracomm, n: int, effort: str = "estimate", rounds: int = 4) -> dict[str, int | float | str]:
     """Time [ms] of a pair of n x n transforms, mpi4py-fft's own and the fused one, and the ratio fused/own. Collective.
 
     effort: of FFTW's planner, "estimate" or "measure", the same for both. The two take turns, `rounds` each, and the
@@ -50,7 +55,7 @@ def transform(comm, n: int, effort: str = "estimate", rounds: int = 4) -> dict[s
     }
 
 
-def _one(comm, action: Callable[[], object]) -> float:
+def _one(comm: Intracomm, action: Callable[[], object]) -> float:
     """Time [s] of one call, the longest of all ranks, the same on each of them."""
     comm.Barrier()
     start = time.perf_counter()
@@ -61,20 +66,23 @@ def _one(comm, action: Callable[[], object]) -> float:
 SCENE, SMALL = "tri-tack", ("grid.n=64", "drive.speed=200 um/s", "solver.gfmd.fast_pull=1")
 """The scene of the small work-precision study: so fast that gfmd, too, takes seconds. Its step follows omega alone."""
 REFERENCE = "solver.accuracy=1e-5"
-OURS, PAPERS, LONGEST = "inertialess", "gfmd, omega dt = pi/10", "gfmd, omega dt = pi/2"
+OURS, PAPERS, LONGEST = registry.DEFAULT, "gfmd, omega dt = pi/10", "gfmd, omega dt = pi/2"
 TARGET = 0.01
 """Error of the force curve, relative to the preload, at which the schemes are compared."""
 
 
 def work_precision(
-    comm, say: Callable[[str], None], base: Sequence[str] = SMALL, omega_taus: Sequence[float] = (2, 4, 8, 16, 32)
+    comm: Intracomm,
+    say: Callable[[str], None],
+    base: Sequence[str] = SMALL,
+    omega_taus: Sequence[float] = (2, 4, 8, 16, 32),
 ) -> list[Row]:
     """Errors and costs of `inertialess` over accuracies, and of `gfmd` over omega. Collective.
 
     gfmd has the paper's omega dt, and one five times as large; the reference is inertialess with `REFERENCE`.
 
     base: overrides of tri-tack; omega_taus: omega tau_min in units of pi. `say` is given a line as each is measured.
-    scripts/work_precision.py is the full study.
+    scripts/studies/work_precision/run.py is the full study.
     """
     laboratory = Laboratory(comm)
     settings = [

@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pgfmd.scene.model import LARGEST_MODULUS_RATIO
 
-from .dma import ABSOLUTE_ZERO, MeasurementError, Sweep, read_dma
+from .dma import ABSOLUTE_ZERO, MeasurementError, Sweep, read_dma, temperature_in_kelvin
 from .prony_fit import PronyFit, fit_series
 from .temperature_shift import WLF, fit_wlf, master_curve
 
@@ -37,6 +38,15 @@ class Material:
     def shifts(self) -> list[float]:
         """log10 a_T of every sweep; 0 without a shift."""
         return [0.0 if self.wlf is None else float(self.wlf.log_shift(sweep.temperature)) for sweep in self.sweeps]
+
+    @property
+    def rheology(self) -> dict[str, Any]:
+        """The keys of [rheology], for `Scene(..., rheology=material.rheology)`. The static modulus that belongs to it is
+        `fit.static_modulus` [Pa]."""
+        series = self.fit.series
+        if not series.elements:
+            return {"model": "elastic"}
+        return {"model": "prony", "kappa": list(map(float, series.kappa)), "tau": list(map(float, series.tau))}
 
     def report(self) -> Iterator[str]:
         """What was read, shifted and fitted, and how well, a line each."""
@@ -121,7 +131,33 @@ def characterise(
     return Material(Path(path).name, sweeps, fit, shift, shift is not None and wlf is None, vertical)
 
 
-def _confirm_temperatures(path, sweeps: list[Sweep], reference: float | None, wlf: tuple[float, float] | None) -> None:
+def fit_prony(
+    path: str | Path,
+    elements: int | None = None,
+    temperature: float | str | None = None,
+    wlf: tuple[float, float] | str | None = None,
+    vertical_shift: bool = False,
+) -> Material:
+    """Fits a Prony series to a DMA measurement; as `pgfmd fit-prony`. `plot_fit` draws it.
+
+    Args:
+        path: a file with columns of frequency, E', E'', and temperature if there are several.
+        elements: number of Maxwell elements; None for as few as serve.
+        temperature: of the tack test, in K, or a text such as "25C"; needed for sweeps at several temperatures.
+        wlf: constants C1 and C2 [K], also as a text "8.86,101.6"; fitted if None.
+        vertical_shift: whether moduli are divided by T/T_ref, too.
+
+    Raises:
+        MeasurementError: if the file can't be read, or no series fits; ValueError: for a text that is no temperature, or
+        no constants.
+    """
+    kelvin = temperature_in_kelvin(temperature) if isinstance(temperature, str) else temperature
+    return characterise(path, elements, kelvin, wlf_constants(wlf) if isinstance(wlf, str) else wlf, vertical_shift)
+
+
+def _confirm_temperatures(
+    path: str | Path, sweeps: list[Sweep], reference: float | None, wlf: tuple[float, float] | None
+) -> None:
     """Refuse sweeps at several temperatures without a reference, and a shift without temperatures."""
     if sweeps[0].temperature is None:
         if reference is not None or wlf is not None:

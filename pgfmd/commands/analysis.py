@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-
-from pgfmd.errors import ResultError
 
 from .names import Folder, named, path_option
 from .printing import print_json
 from .quantities import length, quantity
 
 
-class Correct(str, Enum):
+class Correct(StrEnum):
     """Which curves take up the compliance of the periodic cell."""
 
     experiment = "experiment"
@@ -23,14 +21,14 @@ class Correct(str, Enum):
     none = "none"
 
 
-class Inwards(str, Enum):
+class Inwards(StrEnum):
     """Which way a measured displacement counts."""
 
     into = "in"
     out = "out"
 
 
-class Pressing(str, Enum):
+class Pressing(StrEnum):
     """Which way a measured force counts."""
 
     compression = "compression"
@@ -107,25 +105,21 @@ def compare(
 
     Curves are compared as they are, unless a correction is asked for.
     """
-    from pgfmd.analysis import pictures
-    from pgfmd.analysis.comparison import comparison_table, load_loops, overlay
+    from pgfmd.analysis.comparison import compare as comparison_of
+    from pgfmd.analysis.pictures import plot_comparison
     from pgfmd.analysis.table import show
+    from pgfmd.plots.drawing import drawing, write_picture
 
-    stiffness = _stiffness(machine_stiffness)
-    resolution = length(low_pass, "--low-pass")
-    moved = None if offset.strip() == "fit" else quantity(offset, "length", "--offset")
-    runs, experiment = load_loops(sources, positive_displacement.value, positive_force.value)
-    try:
-        found = overlay(runs, experiment, correct.value, stiffness, resolution, moved)
-    except ValueError as problem:
-        raise ResultError(f"the curves could not be compared: {problem}") from None
-    table = comparison_table(found, experiment is not None, correct.value, stiffness, resolution)
-    measured = len(runs) if experiment is not None else None
-    figure = pictures.styled(pictures.overlay_figure, found.loops, measured, found.changes)
-    path = pictures.save(figure, out)
-    show(table)
+    found = comparison_of(
+        *sources,
+        machine_stiffness=quantity(machine_stiffness, "stiffness", "--machine-stiffness", lambda value: value > 0),
+        correct=correct.value,
+        low_pass=length(low_pass, "--low-pass"),
+        offset="fit" if offset.strip() == "fit" else quantity(offset, "length", "--offset"),
+        positive_displacement=positive_displacement.value,
+        positive_force=positive_force.value,
+    )
+    with drawing():
+        path = write_picture(plot_comparison(found), out)
+    show(found.table)
     print(path)
-
-
-def _stiffness(text: str) -> Any:
-    return quantity(text, "stiffness", "--machine-stiffness", lambda value: value > 0)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pgfmd import coarsening
 from pgfmd.forecast import map_advice
@@ -14,13 +16,17 @@ from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_poin
 from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
-from pgfmd.parts import automatic_range, compliance_of, inertia_of_scene, law_of, series_of, topography_of
-from pgfmd.physics.inertia import contact_stiffness
+from pgfmd.parts import automatic_range, confirm, law_of, series_of, topography_of
 from pgfmd.reference import corrugation, tabor
+from pgfmd.scene import Scene
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
+from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity
+
+if TYPE_CHECKING:
+    from pgfmd.scene.model import Punch
 
 TELLING_SPREAD = 1.5
 """Factor up to which an estimate is told as a number; where it may be further off, a range is told."""
@@ -54,7 +60,18 @@ class Report:
         return any(line.name == name for lines in self.sections.values() for line in lines)
 
 
-def report(scene, ranks: int = 1) -> Report:
+def check(source: Scene | str | Path | Mapping[str, Any], ranks: int = 1, *, source_name: str = "") -> Report:
+    """What can be said before a scene is run, on so many ranks: scales, memory, cost, warnings; as `pgfmd check`.
+
+    source: a scene, or what one is made from; source_name: what messages call it. Raises SceneError for a scene that
+    can't be run.
+    """
+    scene = source if isinstance(source, Scene) else Scene(source)
+    confirm(scene, source_name or (source if isinstance(source, str) else scene.title or "scene"), ranks)
+    return report(scene, ranks)
+
+
+def report(scene: Scene, ranks: int = 1) -> Report:
     """Everything that can be said about a scene, for a run on `ranks` ranks."""
     sections = {
         "Scene (SI)": list(_values(scene)),
@@ -68,13 +85,13 @@ def report(scene, ranks: int = 1) -> Report:
     return Report(scene.title, sections, list(warnings(scene, ranks)), [*remarks(scene), *advice])
 
 
-def cohesive_zone(scene) -> float:
+def cohesive_zone(scene: Scene) -> float:
     """Length [m] of the zone at a crack where the law pulls: Dugdale's (pi/4) E* gamma/sigma_th^2, static modulus."""
     adhesion = scene.adhesion
     return math.pi / 4 * scene.substrate.contact_modulus * adhesion.work_of_adhesion / law_of(adhesion).strength ** 2
 
 
-def _values(scene) -> Iterator[Line]:
+def _values(scene: Scene) -> Iterator[Line]:
     for name, model in SECTIONS.items():
         section = scene.section(name)
         for field, info in model.model_fields.items():
@@ -86,7 +103,7 @@ def _values(scene) -> Iterator[Line]:
             yield Line(f"{name}.{field}", _plain(value), _unit(extra.get("dimension", "")), note)
 
 
-def _is_chosen(scene, field: str) -> bool:
+def _is_chosen(scene: Scene, field: str) -> bool:
     """Whether a key's value was chosen by `best_precision`."""
     return field == "precision" and scene.solver.automatic_precision
 
@@ -103,15 +120,33 @@ def _unit(dimension: str) -> str:
     return DIMENSIONS[dimension].unit if dimension in DIMENSIONS else ""
 
 
-def _punch(scene) -> Iterator[Line]:
+def _punch(scene: Scene) -> Iterator[Line]:
     face = face_of(scene)
     note = f"{handy_quantity(face.relief, 'length')} from the lowest to the highest point of the face"
     yield Line("height range", face.relief, "m", note)
     yield Line("steepest slope", face.slope, "", "1 is 45 degrees; small slopes are assumed")
+    if scene.punch.pattern == "rough":
+        yield from _roughness(scene.punch)
     yield from (Line(*line) for line in map_advice.told(scene))
 
 
-def _adhesion(scene) -> Iterator[Line]:
+def _roughness(punch) -> Iterator[Line]:
+    """What was asked of a random face, and what of it lies below the punch, without curvature and layers."""
+    surface = topography_of(punch).random
+    period, here = surface.expected, surface.realised(punch.radius)
+    period_text, count = handy_quantity(punch.period, "length"), surface.waves()[0].size
+    yield Line("waves of the random face", count, "", f"in a period of {period_text}, with uniform phases")
+    asked = {name: "asked for" if getattr(punch, name) else "by its spectrum" for name in ("rms_height", "rms_slope")}
+    where = "in the cell" if punch.radius is None else "below the punch"
+    note = f"{where}; {handy_quantity(period.height, 'length')} over a period, {asked['rms_height']}"
+    yield Line("rms height", here.height, "m", note)
+    yield Line("rms slope", here.slope, "", f"{where}; {period.slope:.3g} over a period, {asked['rms_slope']}")
+    note = f"{where}, (z_xx + z_yy)/2; {period.curvature:.3g} 1/m over a period, by its spectrum"
+    yield Line("rms curvature", here.curvature, "1/m", note)
+    yield Line("largest slope of the random face", here.steepest, "", f"{where}, as far as its points tell")
+
+
+def _adhesion(scene: Scene) -> Iterator[Line]:
     adhesion, punch, modulus = scene.adhesion, scene.punch, scene.substrate.contact_modulus
     energy, reach, own = adhesion.work_of_adhesion, adhesion.range, automatic_range(scene)
     yield Line("contact modulus E*", modulus, "Pa", "E/(1 - nu^2), static")
@@ -131,21 +166,25 @@ def _adhesion(scene) -> Iterator[Line]:
         yield Line("summit radius", summit, "m")
         number = tabor.asperity(summit, modulus, energy, reach)
         yield Line("Tabor number of a summit", number, "", "R^(1/3) (gamma/E*)^(2/3)/rho")
-    if punch.pattern in (*CORRUGATIONS, "sinusoid"):
+    if punch.pattern in (*CORRUGATIONS, "sinusoid", "rough"):
         stored = _full_contact_energy(punch, modulus)
         note = "adhesive over elastic energy of full contact; hardly sticky below 1/2"
         yield Line("gamma/v_full", energy / stored, "", note)
 
 
-def _full_contact_energy(punch, modulus: float) -> float:
+def _full_contact_energy(punch: Punch, modulus: float) -> float:
     """Elastic energy per area [J/m^2] of static full contact."""
+    if punch.pattern == "rough":
+        wave_numbers, amplitudes = topography_of(punch).random.waves()
+        # A wave and its opposite.
+        return 2.0 * corrugation.spectrum_energy(amplitudes / 2, wave_numbers, modulus)
     wave_number = 2.0 * math.pi / punch.wavelength
     if punch.pattern == "sinusoid":
         return corrugation.spectrum_energy([punch.amplitude / 2] * 2, [wave_number] * 2, modulus)
     return corrugation.full_contact_energy(punch.amplitude, wave_number, modulus)
 
 
-def _rheology(scene) -> Iterator[Line]:
+def _rheology(scene: Scene) -> Iterator[Line]:
     series = series_of(scene.rheology)
     creep = series.to_creep()
     yield Line("kappa_inf", series.kappa_inf, "", "E(infinity)/E(0)")
@@ -153,25 +192,12 @@ def _rheology(scene) -> Iterator[Line]:
     yield Line("time to move by rho", scene.adhesion.range / scene.drive.speed, "s", "rho/v")
     for index, (tau, kappa) in enumerate(zip(series.tau, series.kappa, strict=True), 1):
         yield Line(f"relaxation time {index}", float(tau), "s", f"kappa = {kappa:.4g}")
-    if scene.solver.scheme == "gfmd":
-        yield from _inertia(scene, series)
+    yield from (Line(*line) for line in registry.scheme_of(scene).lines_of(scene))
     for index, (time, weight) in enumerate(zip(creep.retardation_times, creep.J, strict=True), 1):
         yield Line(f"retardation time {index}", float(time), "s", f"J = {weight:.4g}")
 
 
-def _inertia(scene, series) -> Iterator[Line]:
-    inertia = inertia_of_scene(scene)
-    stiffness = contact_stiffness(compliance_of(scene), law_of(scene.adhesion), scene.grid.n, scene.grid.length)
-    yield Line("frequency omega of the inertia", inertia.frequency, "rad/s")
-    yield Line("time step", inertia.step, "s", f"set by the {inertia.limited_by}")
-    note = "omega dt sqrt(1 + K_0 G0/kappa_inf), below 2 where stable"
-    yield Line("stability number", inertia.stiffest(stiffness, series.kappa_inf), "", note)
-    if series.elements:
-        share = inertia.added_viscosity(series)
-        yield Line("viscosity that the inertia adds", share, "", "2 kappa_inf/omega over sum kappa_n tau_n")
-
-
-def _cost(scene, ranks: int) -> Iterator[Line]:
+def _cost(scene: Scene, ranks: int) -> Iterator[Line]:
     points, memory, effort = punch_points(scene), memory_of(scene, ranks), effort_of(scene)
     yield Line("grid spacing h", scene.grid.length / scene.grid.n, "m")
     yield Line("points under the punch", points.total, "", f"in a block of {points.nb} x {points.nb}")
@@ -208,7 +234,7 @@ def _expected(name: str, value: float, effort: Effort) -> Line:
     return Line(name, f"{_rounded(value / effort.spread)} to {_rounded(value * effort.spread)}", "", why)
 
 
-def _symmetry(scene) -> Line:
+def _symmetry(scene: Scene) -> Line:
     found = expected(scene)
     value = {"": "none", "x": "x", "xy": "x, y"}[found.mirror]
     if not found.mirror:
@@ -217,7 +243,7 @@ def _symmetry(scene) -> Line:
     return Line("mirror symmetry", value, "", f"{part} of the points stand for all, and {part} of the work is done")
 
 
-def _coarse_grid(scene) -> Line:
+def _coarse_grid(scene: Scene) -> Line:
     found = coarsening.expected(scene)
     if not found.factor:
         return Line("coarser grid", "none", "", found.reason)
@@ -228,4 +254,4 @@ def _coarse_grid(scene) -> Line:
 def _rounded(value: float) -> int:
     """Two significant digits: more would pretend to be known."""
     digits = max(0, math.floor(math.log10(max(value, 1.0))) - 1)
-    return int(round(value / 10**digits)) * 10**digits
+    return round(value / 10**digits) * 10**digits

@@ -39,10 +39,11 @@ def fit_prony(
 ) -> None:
     """Fit a Prony series to a DMA measurement; prints the rheology table of a scene."""
     from pgfmd.characterisation.dma import temperature_in_kelvin
-    from pgfmd.characterisation.rheology_table import characterise, wlf_constants
+    from pgfmd.characterisation.rheology_table import fit_prony as fitted
+    from pgfmd.characterisation.rheology_table import wlf_constants
 
     temperature = _read(temperature_in_kelvin, reference, "--reference-temperature")
-    material = characterise(file, elements, temperature, _read(wlf_constants, wlf, "--wlf"), vertical)
+    material = fitted(file, elements, temperature, _read(wlf_constants, wlf, "--wlf"), vertical)
     if out is None:
         print(material.table(), end="")
     else:
@@ -50,9 +51,11 @@ def fit_prony(
         for line in [*material.report(), f"{out} written"]:
             print(line)
     if plot is not None:
+        from pgfmd.plots.drawing import drawing, write_picture
         from pgfmd.plots.rheology import plot_fit
 
-        plot_fit(material, plot)
+        with drawing():
+            write_picture(plot_fit(material), plot)
     sys.stdout.flush()
     for text in material.warnings():
         print(f"warning: {text}", file=sys.stderr)

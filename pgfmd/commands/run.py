@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,9 +13,13 @@ from pgfmd.host import batch, launch
 from pgfmd.host.spare_ranks import on_cores
 from pgfmd.host.streams import say
 from pgfmd.host.walltime import end_of_job, seconds_of
+from pgfmd.physics.drive import DETACHED
 
 from .names import path_option
 from .printing import command
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
 Changes = Annotated[
@@ -69,7 +73,7 @@ def run(
     changed = all_changes(changes, overrides)
     comm = launch.world()
 
-    def work(comm) -> None:
+    def work(comm: Intracomm) -> None:
         loaded, directory = launch.on_first(comm, lambda: _prepared(scene, changed, out, comm.size))
         from pgfmd.restart.keeper import Timing
         from pgfmd.runner import Options, run_scene
@@ -147,7 +151,7 @@ def _missed_preload(record: dict, asked: float) -> list[str]:
 def _summary(record: dict, directory: Path) -> list[str]:
     """The last lines of a run."""
     lines = []
-    if record["finished"] != "detached":
+    if record["finished"] != DETACHED:
         lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
     if record["pull_off_force_N"] is None:
         measured = "no pull-off force, the run ended before the retraction"

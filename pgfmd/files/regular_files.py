@@ -119,16 +119,17 @@ def write_atomically(path: Path, content: bytes) -> None:
         raise
 
 
-def write_new(path: Path, text: str, force: bool = False) -> None:
-    """Write a file that must not be there yet, unless `force` is set, in UTF-8. FileExistsError, OSError,
+def write_new(path: Path, content: str | bytes, force: bool = False) -> None:
+    """Write a file that must not be there yet, unless `force` is set; texts in UTF-8. FileExistsError, OSError,
     ResultError."""
+    content = content.encode() if isinstance(content, str) else content
     if force:
-        write_atomically(path, text.encode())
+        write_atomically(path, content)
         return
-    file = open(path, "x", encoding="utf-8")
+    file = open(path, "xb")  # noqa: SIM115 - one that was there before must not be removed below
     try:
         with file:
-            file.write(text)
+            file.write(content)
     except BaseException:
         # Half a file would stand in the way of the next attempt.
         Path(path).unlink(missing_ok=True)

@@ -20,25 +20,29 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pgfmd import coarsening
-from pgfmd.parts import automatic_range, inertia_of_scene, law_of, quasistatic_compliance, relaxation_of
+from pgfmd.parts import automatic_range, law_of, quasistatic_compliance, relaxation_of
 from pgfmd.run_ahead import coarse_scenes
+from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
 
 from .estimate import depth_of, guessed_seconds, pair_cost, pair_seconds
 from .fitted import FITTED, Numbers
 from .indentation import depth_at_preload, pull_off_height
 
-EXPLICIT_COST = 1.2
-"""Time of an explicit step relative to that of two pairs (estimate.pair_seconds): its pair has all rows."""
+if TYPE_CHECKING:
+    from pgfmd.physics.rheology import CreepSeries
+    from pgfmd.scene import Scene
+
 JUMP_FACTOR = 0.38
 """A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
 EXPLICIT_SPREAD, FLAT_SPREAD = 1.5, 2.0
-"""Of the steps of the scheme gfmd, whose length is known: that of the time which the programme takes, and that of flat punches,
-which stretch the elastomer by a way that depends on their speed."""
+"""Of explicit steps, whose length is known: that of the time which the programme takes, and that of flat punches, which stretch the
+elastomer by a way that depends on their speed."""
 UNLIKE = 2.0
 """By this factor more a scene may be off that is unlike those that the numbers were fitted to."""
 COARSEST, FINEST = 0.1, 1e-4
@@ -49,9 +53,9 @@ COARSEST, FINEST = 0.1, 1e-4
 class Effort:
     """Expected steps and transform pairs of a run, right within a factor of `spread`, in 19 of 20 scenes.
 
-    pair_seconds: measures that of a pair on this machine, about, where a time is asked for. cost: of the run for each pair, relative to that. approach: how many of the steps
-    and of the pairs are made before the preload. unlike: what makes the spread larger than that of the fit, empty for
-    nothing. kind: of the scene.
+    pair_seconds: measures that of a pair on this machine, about, where a time is asked for. cost: of the run for each
+    pair, relative to that. approach: how many of the steps and of the pairs are made before the preload. unlike: what
+    makes the spread larger than that of the fit, empty for nothing. kind: of the scene.
     """
 
     steps: float
@@ -88,12 +92,12 @@ class Way:
     stiffness: float
 
 
-def jump_threshold(scene) -> float:
+def jump_threshold(scene: Scene) -> float:
     """kappa_inf below which a flat punch jumps in zero time: 0.38 n at the automatic range, more at a shorter one."""
     return JUMP_FACTOR * scene.grid.n * (automatic_range(scene) / scene.adhesion.range) ** 2
 
 
-def kind_of(scene) -> str:
+def kind_of(scene: Scene) -> str:
     """The kind of a scene, of which FITTED has numbers."""
     if scene.adhesion.law == "repulsive":
         return "repulsive"
@@ -103,14 +107,14 @@ def kind_of(scene) -> str:
         return f"{shape}viscoelastic{', two grids' if coarsening.expected(scene).factor else ''}"
     # Its contact line is all that jumps.
     shape = "round, " if scene.punch.pattern in ("sphere", "power") else shape
-    if scene.solver.scheme == "quasistatic":
+    if registry.scheme_of(scene).timeless:
         # The threshold is of kappa_inf: how much stiffer the body is than the relaxed one.
         stiff = 1.0 / quasistatic_compliance(scene) > jump_threshold(scene)
         return f"{shape}{'smooth' if stiff else 'quasi-static'}"
     return f"{shape}elastic"
 
 
-def ways_of(scene) -> tuple[Way, Way]:
+def ways_of(scene: Scene) -> tuple[Way, Way]:
     """The ways in and out."""
     drive, reach = scene.drive, scene.adhesion.range
     depth, beyond = depth_at_preload(scene), pull_off_height(scene)
@@ -121,7 +125,7 @@ def ways_of(scene) -> tuple[Way, Way]:
 
     def softness(time: float) -> float:
         if not creep.elements:
-            return quasistatic_compliance(scene) if scene.solver.scheme == "quasistatic" else 1.0
+            return quasistatic_compliance(scene)
         return float(creep.J_inf + (creep.J * -np.expm1(-time / creep.retardation_times)).sum())
 
     def way(length: float, time: float, speed: float, inward: bool) -> Way:
@@ -134,7 +138,7 @@ def ways_of(scene) -> tuple[Way, Way]:
     )  # fmt: skip
 
 
-def slowness(scene, creep, time: float, speed: float) -> float:
+def slowness(scene: Scene, creep: CreepSeries, time: float, speed: float) -> float:
     """How slow the punch is on a way that takes this time [s], see Way. creep: the CreepSeries of the scene."""
     if not creep.elements:
         return 1.0
@@ -145,10 +149,13 @@ def slowness(scene, creep, time: float, speed: float) -> float:
     return scene.adhesion.work_of_adhesion / (scene.substrate.contact_modulus * speed * middle)
 
 
-def effort_of(scene) -> Effort:
+def effort_of(scene: Scene) -> Effort:
     """Steps and transform pairs of a run."""
-    if scene.solver.scheme == "gfmd":
-        return _explicit_effort(scene)
+    return registry.scheme_of(scene).effort_of(scene)
+
+
+def fitted_effort(scene: Scene) -> Effort:
+    """The same where steps follow an accuracy, by the numbers that were fitted to runs."""
     found = FITTED[kind_of(scene)]
     (steps_in, pairs_in), (steps_out, pairs_out) = (counts_of(way, found) for way in ways_of(scene))
     unlike = ", ".join(_unlike(scene))
@@ -158,12 +165,12 @@ def effort_of(scene) -> Effort:
     )  # fmt: skip
 
 
-def ahead_of(scene) -> list[tuple[object, float]]:
+def ahead_of(scene: Scene) -> list[tuple[object, float]]:
     """The coarse approaches that are run ahead of a run (run_ahead.py), each with its expected transform pairs."""
     return [(coarse, effort_of(coarse).approach[1]) for coarse in coarse_scenes(scene)]
 
 
-def told_of_ahead(scene) -> tuple[str, str]:
+def told_of_ahead(scene: Scene) -> tuple[str, str]:
     """What is run ahead, and its expected work beside that of the run; both empty where nothing is."""
     ahead = ahead_of(scene)
     if not ahead:
@@ -175,7 +182,7 @@ def told_of_ahead(scene) -> tuple[str, str]:
     return what, f"{100.0 * share / (own.pairs * work):.1g} % of the work of the run"
 
 
-def _work_of_pair(scene) -> float:
+def _work_of_pair(scene: Scene) -> float:
     """The arithmetic of a pair, in units of its own: n^2 log n, less where mirror images are left out."""
     n = scene.grid.n
     return n**2 * math.log(n) / 2 ** len(expected(scene).mirror) * pair_cost(scene)
@@ -193,7 +200,7 @@ def counts_of(way: Way, numbers: Numbers) -> tuple[float, float]:
     return steps, steps * (numbers.pairs_least + pairs_rate * root)
 
 
-def stiffness_of_law(scene) -> float:
+def stiffness_of_law(scene: Scene) -> float:
     """K_0 l/E*, see Way. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
     punch = scene.punch
     if punch.pattern in ("sphere", "power"):
@@ -205,11 +212,13 @@ def stiffness_of_law(scene) -> float:
     return law_of(scene.adhesion).stiffness * size / scene.substrate.contact_modulus
 
 
-def _unlike(scene) -> Iterator[str]:
+def _unlike(scene: Scene) -> Iterator[str]:
     """What a scene has that none has by which the numbers were fitted."""
     series = relaxation_of(scene)
     if scene.punch.pattern == "file":
         yield "a measured face"
+    if scene.punch.pattern == "rough":
+        yield "a random face"
     if not FINEST <= scene.solver.accuracy <= COARSEST:
         yield "its accuracy"
     if math.isfinite(scene.substrate.thickness):
@@ -222,18 +231,12 @@ def _unlike(scene) -> Iterator[str]:
         yield "a dwell"
 
 
-def _explicit_effort(scene) -> Effort:
-    """One pair a step of known length; the time of the programme is that of the depth, with what adhesion adds to the way
-    back."""
+def effort_of_steps(scene: Scene, step: float, pair: float, cost: float) -> Effort:
+    """The same for explicit steps of known length [s], with a pair each. The time of the programme is that of the depth, with
+    what adhesion adds to the way back. pair: time of a pair, relative to `pair_seconds`; cost: as in Effort."""
     drive, depth = scene.drive, depth_at_preload(scene)
     into = (depth + max(drive.clearance, 0.0)) / drive.speed
     out = (depth + pull_off_height(scene)) / drive.retract_speed + drive.turn_time + drive.dwell
-    step = inertia_of_scene(scene).step
     steps = (into + out) / step
     spread = FLAT_SPREAD if scene.punch.pattern == "flat" else EXPLICIT_SPREAD
-
-    def two_pairs() -> float:
-        # All rows, where the fused transform has those under the punch.
-        return 2.0 * pair_seconds(scene)
-
-    return Effort(steps, steps, two_pairs, EXPLICIT_COST, spread, (into / step, into / step))
+    return Effort(steps, steps, lambda: pair * pair_seconds(scene), cost, spread, (into / step, into / step))

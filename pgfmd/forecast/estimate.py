@@ -6,19 +6,26 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pgfmd import coarsening
-from pgfmd.parts import quasistatic_compliance, series_of, topography_of, transform_side
+from pgfmd.parts import quasistatic_compliance, topography_of, transform_side
 from pgfmd.physics.heightfile import map_bytes
+from pgfmd.physics.random_surface import surface_bytes
 from pgfmd.reference import flat_punch, hertz
+from pgfmd.schemes import registry
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.symmetry import expected, points_of
 
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
+    from pgfmd.scene.model import Punch
+
 OWN_BYTES, FILE_BYTES = 110e6, 138e6
 """Python, compiled kernels and libraries: memory of each rank's own, and the files of the program, which the ranks of a node
-share (scripts/memory.py at n = 64)."""
+share (scripts/studies/cost/memory.py at n = 64)."""
 PROGRAM_BYTES = OWN_BYTES + FILE_BYTES
 """What a single rank needs beside its fields."""
 FUSED_PAIR, OUTSIDE = 0.55, 0.2
@@ -60,18 +67,7 @@ class Memory:
         return ranks * (self.peak + OWN_BYTES) + FILE_BYTES
 
 
-def vectors_of(elements: int, audit: bool, periodic: bool, order: int = 2, rough: float = 1.0) -> tuple[float, float]:
-    """Numbers that a run keeps for every point under the punch: (state, everything else).
-
-    State: u, w, f, two past u and w; N branches; their N images where energies are followed. Scheme: u, w, f, history a
-    stage; two stages, one where elastic or of first order. Newton: heights and f, and K, r,
-    s, t, p, y, z, of `rough` the size. Weights of the far field.
-    """
-    stages = order if elements else 1
-    return 7 + elements * (1 + audit), stages * 4 + 2 + 7 * rough + periodic
-
-
-def punch_points(scene) -> PunchPoints:
+def punch_points(scene: Scene) -> PunchPoints:
     """The points under the punch as a single rank would own them, all of them."""
     return points_of(scene, "")
 
@@ -82,29 +78,30 @@ def largest_share(points: PunchPoints, ranks: int) -> int:
     return int(np.diff(points.offset[ends], prepend=0).max())
 
 
-def memory_of(scene, ranks: int = 1) -> Memory:
-    """Memory of the rank with the largest share, out of `ranks`.
+def memory_of(scene: Scene, ranks: int = 1) -> Memory:
+    """Memory of the rank with the largest share, out of `ranks`."""
+    return registry.scheme_of(scene).memory_of(scene, ranks)
+
+
+def rough_share(scene: Scene) -> float:
+    """Size of the numbers within conjugate gradients, relative to that of those which last."""
+    return 0.5 if scene.solver.precision == "mixed" else 1.0
+
+
+def memory_of_vectors(scene: Scene, ranks: int, counts: tuple[float, float]) -> Memory:
+    """Memory of a scheme that solves static problems (newton.py), of the rank with the largest share.
+
+    counts: numbers that a run keeps for every point under the punch, (state, everything else).
 
     Transform: G0, (columns, n/2 + 1), and the half-transformed columns, complex, (nb, columns), where the ranks share
     memory; messages between nodes take about as much again. The weights of the far field are made beside it by another transform, without G0, and
     the kernel of a free surface is held by rows, and with more than one rank by columns, of (n/2 + 1, n/2 + 1).
     """
-    if scene.solver.scheme == "gfmd":
-        return _gfmd_memory(scene, ranks)
     points = points_of(scene, expected(scene).mirror)
     rows, columns, width, multiplier = _transform_of(scene, points, ranks)
     periodic = scene.substrate.boundary == "periodic"
     precision = scene.solver.precision
-    size, rough = 4.0 if precision == "single" else 8.0, 0.5 if precision == "mixed" else 1.0
-    if scene.solver.scheme == "quasistatic":
-        # The softest mode and its dual in the State, and as they were before the step; in the scheme u, w and zeros for
-        # the history.
-        counts = 7 + 2 * rough, 3 + 2 + 9 * rough + periodic
-    else:
-        elements = series_of(scene.rheology).elements
-        counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, rough)
-        # With a coarser grid, other work vectors of Newton's (two_grid.py).
-        counts = counts[0], counts[1] + (3.0 * rough if coarsening.expected(scene).factor else 0.0)
+    size, rough = 4.0 if precision == "single" else 8.0, rough_share(scene)
     # With patches, the traction before each step: jumps are placed by it.
     counts = counts[0], counts[1] + scene.output.patches
     most = largest_share(points, ranks)
@@ -113,7 +110,7 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     transform = (multiplier + halves) * (size + (4.0 if precision == "mixed" else 0.0)) + _cells_bytes(
         scene, size * rough
     )
-    heights = _map_bytes(scene.punch)
+    heights = map_bytes_of(scene.punch)
     solver = size * (2.0 + 7.0 * rough) * most
     if periodic:
         # By now there are Newton's vectors; the weights are in double precision.
@@ -126,10 +123,10 @@ def memory_of(scene, ranks: int = 1) -> Memory:
         # The surface of the whole cell is that of the whole punch, whose transform is made for it.
         rows, columns, _, multiplier = _transform_of(scene, points.whole, ranks)
         start = max(start, state + rest + transform + 8.0 * (multiplier + 2.0 * rows * columns))
-    return Memory(state + rest, transform, state, start, _output_bytes(scene, points, ranks, size))
+    return Memory(state + rest, transform, state, start, output_bytes(scene, points, ranks, size))
 
 
-def _cells_bytes(scene, size: float) -> float:
+def _cells_bytes(scene: Scene, size: float) -> float:
     """The coarser grid of a run (two_grid.py), which each rank has whole. size: of a number [bytes]."""
     coarse = coarsening.scene_of_cells(scene)
     if coarse is None:
@@ -139,7 +136,7 @@ def _cells_bytes(scene, size: float) -> float:
     return size * (multiplier + 2.0 * rows * columns + 7.0 * largest_share(points, 1))
 
 
-def _output_bytes(scene, points: PunchPoints, ranks: int, size: float) -> float:
+def output_bytes(scene: Scene, points: PunchPoints, ranks: int, size: float) -> float:
     """The surface and traction of the largest tension, and what a snapshot needs for a while: one field of the whole punch as a
     vector and as rows of the block; and with patches gap and traction of the whole punch, labels of points, and of the block."""
     whole, here = points.whole, largest_share(points, ranks)
@@ -149,7 +146,7 @@ def _output_bytes(scene, points: PunchPoints, ranks: int, size: float) -> float:
     return (2.0 + scene.output.surface) * size * here + max(writing, finding)
 
 
-def _transform_of(scene, points: PunchPoints, ranks: int) -> tuple[int, int, int, float]:
+def _transform_of(scene: Scene, points: PunchPoints, ranks: int) -> tuple[int, int, int, float]:
     """Rows of all ranks; complex columns of one of them, out of `ranks`; numbers that a column of G0 has, and all of its
     columns."""
     width = transform_side(scene, points.nb, mirror=points.mirror) // 2 + 1
@@ -158,32 +155,19 @@ def _transform_of(scene, points: PunchPoints, ranks: int) -> tuple[int, int, int
     return points.nb - points.top, columns, width, float(columns * width * (2 if points.mirror else 1))
 
 
-def _map_bytes(punch) -> float:
-    """A height map while heights are taken from it."""
+def map_bytes_of(punch: Punch) -> float:
+    """A height map, or the waves of a random face, while heights are taken from it."""
+    if punch.pattern == "rough":
+        return surface_bytes(punch.period, punch.shortest)
     return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
 
 
-def _gfmd_memory(scene, ranks: int) -> Memory:
-    """The same for whole-plane modes: u, its velocity and N elements, complex, (n, columns), and twice G0 on half of
-    them; heights, u and f of the points, of which one rank may hold all; the transform's real plane, and two spectral
-    arrays before and after the transpose."""
-    n, points = scene.grid.n, punch_points(scene)
-    columns, rows = math.ceil((n // 2 + 1) / ranks), math.ceil(n / ranks)
-    spectral = 16.0 * n * columns
-    state = (2 + series_of(scene.rheology).elements) * spectral
-    mine = 8.0 * min(points.total, rows * points.nb)
-    modes = state + 16.0 * (n // 2 + 1) * columns
-    transform = 8.0 * rows * n + 16.0 * rows * (n // 2 + 1) + 2.0 * spectral
-    output = _output_bytes(scene, points, ranks, 8.0)
-    return Memory(3.0 * mine + modes, transform, state, transform + _map_bytes(scene.punch), output)
-
-
-def modulus_of(scene) -> float:
+def modulus_of(scene: Scene) -> float:
     """E* [Pa] of a slow contact: static, but for a quasi-static run with the instantaneous modulus."""
     return scene.substrate.contact_modulus / quasistatic_compliance(scene)
 
 
-def depth_of(scene, stiffening: float = 1.0) -> float:
+def depth_of(scene: Scene, stiffening: float = 1.0) -> float:
     """Rough indentation [m] at the preload: static, or with a modulus that is larger by the factor `stiffening`."""
     punch, modulus, preload = scene.punch, stiffening * modulus_of(scene), scene.drive.preload
     if punch.radius is None:
@@ -194,7 +178,7 @@ def depth_of(scene, stiffening: float = 1.0) -> float:
     return image * preload / float(flat_punch.force(1.0, punch.radius, modulus))
 
 
-def pair_cost(scene) -> float:
+def pair_cost(scene: Scene) -> float:
     """Time of a run for each of its transform pairs, relative to `pair_seconds`; in mixed precision nearly all are single.
     With what a coarser grid takes for each."""
     cells = CELLS if coarsening.expected(scene).factor else 0.0
@@ -206,7 +190,7 @@ def guessed_seconds(pairs: float, seconds: float, cost: float) -> float:
     return pairs * (seconds * cost + CALLS)
 
 
-def pair_seconds(scene) -> float:
+def pair_seconds(scene: Scene) -> float:
     """Rough time [s] of one transform pair in double precision on one core of this machine, from a few lines of it (scipy.fft).
 
     Half of that where half of the points are stepped, and a quarter where a quarter is: 0.44 to 0.63 and 0.23 to 0.39 were

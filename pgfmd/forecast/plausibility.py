@@ -11,6 +11,7 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +19,12 @@ from pgfmd.parts import topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.map_survey import relief_and_slope
 from pgfmd.scene.model import SECTIONS, unused_keys
+from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
+    from pgfmd.scene.model import Punch
 
 STEEPEST = 1.0
 """Slope of a face, 45 degrees, beyond which nothing is left of small slopes."""
@@ -32,11 +38,6 @@ SAMPLES = 2**14
 """At how many points a pattern is looked at."""
 DIFFERENCE = 1e-3
 """Step of the differences that slopes are made of, in wavelengths or radii."""
-UNREAD = {
-    "gfmd": {"solver.accuracy": "its steps are those of [solver.gfmd]", "solver.order": "it is of order 2"},
-    "quasistatic": {"solver.order": "it follows equilibria", "drive.dwell": "time does not count"},
-}
-"""Keys without an effect by scheme, and why."""
 WHOLE = 1e-6
 """Relative misfit of a map's size and the cell that rounding explains."""
 
@@ -51,13 +52,13 @@ class Face:
     size: tuple[float, float] | None = None
 
 
-def warnings(scene) -> Iterator[str]:
+def warnings(scene: Scene) -> Iterator[str]:
     """What can't be meant in a scene whose files are there."""
     for rule in (_face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing, _unread):
         yield from rule(scene)
 
 
-def face_of(scene) -> Face:
+def face_of(scene: Scene) -> Face:
     """Relief and slope of the scene's punch. Raises ValueError, OSError for a map that can't be used."""
     stamp = None
     if scene.punch.file is not None:
@@ -67,17 +68,17 @@ def face_of(scene) -> Face:
 
 
 @functools.lru_cache(maxsize=1)
-def _face_of(punch, grid, stamp) -> Face:
+def _face_of(punch: Punch, grid, stamp) -> Face:
     """stamp: what tells that a map has been written anew."""
     return _map_face(punch, grid) if punch.pattern == "file" else _pattern_face(punch, grid)
 
 
-def _map_face(punch, grid) -> Face:
+def _map_face(punch: Punch, grid) -> Face:
     face = topography_of(punch)
     return Face(*relief_and_slope(face, grid.length / grid.n), face.map.size)
 
 
-def _pattern_face(punch, grid) -> Face:
+def _pattern_face(punch: Punch, grid) -> Face:
     """From points that are spread over the outline without a period of their own (Roberts' R2 sequence), its centre and
     its rim."""
     reach = punch.radius if punch.radius is not None else 0.5 * grid.length
@@ -87,24 +88,25 @@ def _pattern_face(punch, grid) -> Face:
         inside = np.hypot(x, y) <= reach
         x, y = x[inside], y[inside]
     x, y = np.append(x, [0.0, reach, -reach, 0.0, 0.0]), np.append(y, [0.0, 0.0, 0.0, reach, -reach])
-    step = DIFFERENCE * min(reach, punch.wavelength or math.inf)
+    step = DIFFERENCE * min(reach, punch.wavelength or punch.shortest or math.inf)
     moved = np.stack([x, x + step, x - step, x, x]), np.stack([y, y, y, y + step, y - step])
     here, right, left, above, below = topography_of(punch).heights(*moved)
     slope = np.hypot(right - left, above - below).max() / (2.0 * step)
     return Face(float(np.ptp(here)), float(slope))
 
 
-def _scale(scene) -> tuple[float, str]:
+def _scale(scene: Scene) -> tuple[float, str]:
     """The length [m] that others are compared with, and what it is."""
     if scene.punch.radius is not None:
         return scene.punch.radius, "the punch's radius"
     return 0.5 * scene.grid.length, "half of the cell"
 
 
-def _face(scene) -> Iterator[str]:
+def _face(scene: Scene) -> Iterator[str]:
     punch, face, (scale, what) = scene.punch, face_of(scene), _scale(scene)
     relief = shown(face.relief, "length")
     keys = {"punch.file": punch.file, "punch.amplitude": punch.amplitude, "punch.layer_step": punch.layer_step}
+    keys |= {"punch.rms_height": punch.rms_height, "punch.rms_slope": punch.rms_slope}
     where = next((key for key, value in keys.items() if value), "punch.curvature_radius")
     if face.slope > STEEPEST or face.relief > scale:
         unit = "look at the units of [punch]"
@@ -119,7 +121,7 @@ def _face(scene) -> Iterator[str]:
         yield f"{where}: from its lowest to its highest point the face rises by {relief}, less than an atom: it is flat"
 
 
-def _map_fits_the_cell(scene) -> Iterator[str]:
+def _map_fits_the_cell(scene: Scene) -> Iterator[str]:
     """A map that fills the cell is repeated over the plane, the cell as well."""
     punch, length = scene.punch, scene.grid.length
     if punch.pattern != "file" or punch.radius is not None:
@@ -134,7 +136,7 @@ def _map_fits_the_cell(scene) -> Iterator[str]:
         )
 
 
-def _range(scene) -> Iterator[str]:
+def _range(scene: Scene) -> Iterator[str]:
     adhesion, (scale, what), thickness = scene.adhesion, _scale(scene), scene.substrate.thickness
     if thickness < scale:
         scale, what = thickness, "the film's thickness"
@@ -154,7 +156,7 @@ def _range(scene) -> Iterator[str]:
     )
 
 
-def _tightness(scene) -> Iterator[str]:
+def _tightness(scene: Scene) -> Iterator[str]:
     """gamma/E*, about how far adhesion pulls the surface out."""
     adhesion, (scale, what) = scene.adhesion, _scale(scene)
     modulus = scene.substrate.contact_modulus
@@ -167,11 +169,11 @@ def _tightness(scene) -> Iterator[str]:
         )
 
 
-def _speed(scene) -> Iterator[str]:
+def _speed(scene: Scene) -> Iterator[str]:
     """Speeds beyond that of sound: inertia would count. Where time does not count, speeds do not."""
     drive = scene.drive
     sound = math.sqrt(scene.substrate.contact_modulus / DENSITY)
-    if scene.solver.scheme == "quasistatic":
+    if registry.scheme_of(scene).timeless:
         return
     for key, speed in (("drive.speed", drive.speed), ("drive.retract_speed", drive.retract_speed)):
         if speed > sound and not (key == "drive.retract_speed" and speed == drive.speed):
@@ -181,7 +183,7 @@ def _speed(scene) -> Iterator[str]:
             )
 
 
-def _pressure(scene) -> Iterator[str]:
+def _pressure(scene: Scene) -> Iterator[str]:
     """Preloads that press the elastomer together, wherever they are not warned of by their indentation."""
     punch, substrate, modulus = scene.punch, scene.substrate, scene.substrate.contact_modulus
     if punch.radius is not None and not math.isfinite(substrate.thickness) and not substrate.compliance_file:
@@ -196,7 +198,7 @@ def _pressure(scene) -> Iterator[str]:
         )
 
 
-def _clearance(scene) -> Iterator[str]:
+def _clearance(scene: Scene) -> Iterator[str]:
     clearance, (scale, what) = scene.drive.clearance, _scale(scene)
     if clearance > max(scale, scene.adhesion.range):
         yield (
@@ -206,7 +208,7 @@ def _clearance(scene) -> Iterator[str]:
         )
 
 
-def _spacing(scene) -> Iterator[str]:
+def _spacing(scene: Scene) -> Iterator[str]:
     spacing = scene.grid.length / scene.grid.n
     if spacing < ATOM:
         yield (
@@ -215,13 +217,14 @@ def _spacing(scene) -> Iterator[str]:
         )
 
 
-def _unread(scene) -> Iterator[str]:
+def _unread(scene: Scene) -> Iterator[str]:
     """Keys that ask for what the scheme does not do."""
-    scheme = scene.solver.scheme
-    reasons = dict(UNREAD.get(scheme, {}))
-    for name in unused_keys(scene, "solver.gfmd"):
-        reasons[f"solver.gfmd.{name}"] = 'only the scheme "gfmd" reads it'
+    scheme = registry.scheme_of(scene)
+    reasons = dict(scheme.unread)
+    for section in registry.sections():
+        for name in unused_keys(scene, section):
+            reasons[f"{section}.{name}"] = f'only the scheme "{registry.reader_of(section)}" reads it'
     for dotted, why in sorted(reasons.items()):
         section, _, name = dotted.rpartition(".")
         if getattr(scene.section(section), name) != SECTIONS[section].model_fields[name].default:
-            yield f'{dotted} has no effect with solver.scheme = "{scheme}", as {why}: leave it out'
+            yield f'{dotted} has no effect with solver.scheme = "{scheme.name}", as {why}: leave it out'

@@ -18,31 +18,23 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
-from pgfmd.errors import WRITTEN_IS_VALID, PgfmdError
+from pgfmd.errors import WRITTEN_IS_VALID, LaunchError, PgfmdError
 
 from . import faults
+from .launchers import is_launched, launched
 from .processes import end_with_launcher
 from .streams import complain
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 PATIENCE = 5.0
 """Time [s] that a rank with an error waits for the others to have it too, before it ends the job."""
-_LAUNCHERS = (
-    ("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"),
-    ("PMI_SIZE", "PMI_RANK"),
-    ("MV2_COMM_WORLD_SIZE", "MV2_COMM_WORLD_RANK"),
-    ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID"),
-)
-"""Variables in which launchers tell a process how many there are, and which one it is."""
-
-
-class LaunchError(PgfmdError):
-    """MPI can't be loaded, or the processes that were started don't see each other."""
-
-    exit_code = 5
 
 
 class RelayedError(PgfmdError):
@@ -53,22 +45,14 @@ class RelayedError(PgfmdError):
         self.exit_code = exit_code
 
 
-def launched() -> tuple[int, int]:
-    """(processes, rank) as the launcher's environment tells; (1, 0) where there is none."""
-    for size, rank in _LAUNCHERS:
-        if os.environ.get(size, "").isdecimal() and os.environ.get(rank, "0").isdecimal():
-            return int(os.environ[size]), int(os.environ.get(rank, "0"))
-    return 1, 0
-
-
-def world():
+def world() -> Intracomm:
     """MPI's communicator of all ranks. Raises LaunchError if the launcher started more processes than MPI sees.
 
     From here on no rank outlives its launcher; and an exception that nothing catches, or a sys.exit with another code
     than 0, ends all ranks if it does not come on all of them.
     """
     processes, _ = launched()
-    if any(size in os.environ for size, _ in _LAUNCHERS):
+    if is_launched():
         end_with_launcher()
     try:
         from mpi4py import MPI
@@ -85,7 +69,7 @@ def world():
     return MPI.COMM_WORLD
 
 
-def communicator(comm, what: str):
+def communicator(comm: Intracomm | None, what: str) -> Intracomm:
     """A communicator for a function of the Python interface: the one given, or of this process alone.
 
     Raises LaunchError where several processes were started, and it is not said whether they work together.
@@ -103,7 +87,7 @@ def communicator(comm, what: str):
     return MPI.COMM_SELF
 
 
-def on_first(comm, action: Callable[[], Any]) -> Any:
+def on_first(comm: Intracomm, action: Callable[[], Any]) -> Any:
     """The result of `action` on rank 0, on every rank; a PgfmdError of it is one on every rank. Collective."""
     result, failure = None, None
     if comm.rank == 0:
@@ -113,9 +97,9 @@ def on_first(comm, action: Callable[[], Any]) -> Any:
             failure = error
     if comm.size > 1:
         # Of objects of any size: MPI's own broadcast refuses more than 2 GiB, on rank 0 alone.
-        from mpi4py.util.pkl5 import Intracomm
+        from mpi4py.util import pkl5
 
-        comm = Intracomm(comm)
+        comm = pkl5.Intracomm(comm)
     told = comm.bcast((result, None) if failure is None else (None, (str(failure), failure.exit_code)))
     if failure is not None:
         raise failure
@@ -169,7 +153,7 @@ def _exit(status: object = None) -> None:
     raise _Exit(status)
 
 
-def _watch_for_faults(MPI) -> None:
+def _watch_for_faults(MPI: ModuleType) -> None:
     """Makes errors, and exits that tell of one, end all ranks. MPI itself would wait for the others, without an end.
 
     An exit with 0 is no fault: ranks may be done earlier than others.
@@ -209,7 +193,7 @@ def _watch_for_faults(MPI) -> None:
 
 
 @contextmanager
-def guarded(comm) -> Iterator[None]:
+def guarded(comm: Intracomm) -> Iterator[None]:
     """Around what all ranks do: whatever ends it on one of them ends the job, within seconds.
 
     A PgfmdError that every rank has ends in one message and SystemExit with its exit code. One that a single rank has,
@@ -257,7 +241,7 @@ def guarded(comm) -> Iterator[None]:
 _INTERRUPTION = f"interrupted. {WRITTEN_IS_VALID}"
 
 
-def _stopper(comm) -> Callable[[int, Any], None]:
+def _stopper(comm: Intracomm) -> Callable[[int, Any], None]:
     """What to do on Ctrl-C: alone, unwind; among ranks there is no way to unwind together, so end the job."""
 
     def stop(number: int, frame: Any) -> None:
@@ -272,7 +256,7 @@ def _stopper(comm) -> Callable[[int, Any], None]:
     return stop
 
 
-def _all_here(meeting) -> bool:
+def _all_here(meeting: Intracomm) -> bool:
     """Whether every rank comes here within PATIENCE.
 
     On MPI's own communicator too, in the middle of other calls: if not all ranks come, the job ends anyway.

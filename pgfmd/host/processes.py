@@ -12,11 +12,14 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from .launchers import PROGRAMS
+
 _PROC = Path("/proc")
-_LAUNCHERS = ("mpi", "orte", "orted", "prte", "hydra", "pmi", "slurmstepd", "palsd")
-"""Parts of the names of programs that start ranks."""
 _SET_DEATH_SIGNAL = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
+_LIBC = ctypes.CDLL(None) if sys.platform.startswith("linux") else None
+BUSY = 0.5
+"""Processes that run at a time, on average, from which on a machine is not idle."""
 
 
 @dataclass(frozen=True)
@@ -79,19 +82,29 @@ def end_with_launcher() -> None:
     Only where its parent is a launcher: what a shell has started may outlive it (nohup). Only on Linux. OpenMPI's ranks
     end by themselves within a few seconds when mpirun is gone, those of other MPIs may not.
     """
-    if not sys.platform.startswith("linux"):
-        return
     parent = os.getppid()
     try:
         name = (_PROC / str(parent) / "comm").read_text()
     except OSError:
         return
-    if not any(part in name for part in _LAUNCHERS):
-        return
-    with contextlib.suppress(OSError, AttributeError):
-        if ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0) == 0 and os.getppid() != parent:
-            # It died in between.
-            os.kill(os.getpid(), signal.SIGKILL)
+    if any(part in name for part in PROGRAMS) and signal_at_end_of_parent(signal.SIGKILL) and os.getppid() != parent:
+        # It died in between.
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def signal_at_end_of_parent(number: int) -> bool:
+    """Asks the kernel for a signal to this process when its parent dies; whether it will send one. Only Linux does.
+
+    May be called between fork and exec.
+    """
+    prctl = getattr(_LIBC, "prctl", None)
+    return prctl is not None and prctl(_SET_DEATH_SIGNAL, number, 0, 0, 0) == 0
+
+
+def load() -> float:
+    """How many processes run on this machine at a time, on average over the last minute; 0 where it is idle (`BUSY`)."""
+    found = os.getloadavg()[0]
+    return found if found > BUSY else 0.0
 
 
 def cores() -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import shutil
@@ -10,9 +9,10 @@ import subprocess
 import sys
 import tempfile
 
+from .launchers import environment_without
+
 TIME_LIMIT = 60.0
 """Time [s] that anything may take."""
-_LAUNCHER_PREFIXES = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "HYDRA_", "HYDI_")
 _MAKERS = {
     "Open MPI": ("Open MPI", "OpenRTE", "PRRTE"), "Intel MPI": ("Intel",), "MVAPICH": ("MVAPICH",),
     "MPICH": ("MPICH", "HYDRA"),
@@ -76,11 +76,7 @@ def on_ranks(path: str | None, arguments: list[str], count: int = 2, limit: floa
     """Standard output of Python on `count` ranks under this mpirun, on one without. Raises Trouble if that fails or takes
     longer than `limit` [s]. Python does not look for modules in the current folder: a numpy.py there is no matter of
     ours."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(_LAUNCHER_PREFIXES)}
-    # A user's own settings of Open MPI count; what a surrounding mpirun left behind does not.
-    own = "OMPI_MCA_rmaps" if "OMPI_COMM_WORLD_SIZE" in os.environ else "OMPI_MCA_"
-    environment |= {name: value for name, value in os.environ.items() if name.startswith(own)}
-    environment |= {
+    environment = environment_without() | {
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         "OMPI_MCA_rmaps_base_oversubscribe": "1",

@@ -10,13 +10,16 @@ import os
 import signal
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pgfmd.errors import PgfmdError
 
 from .launch import RelayedError
 from .processes import cores_of
 from .streams import say
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 ALL_RANKS = "PGFMD_ALL_RANKS"
 """Variable of the environment that, if it is 1, gives work to all ranks."""
@@ -26,7 +29,7 @@ _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that a launcher passes on to all ranks; those that work answer them."""
 
 
-def on_cores(comm, action: Callable[[Any], Any]) -> Any:
+def on_cores(comm: Intracomm, action: Callable[[Any], Any]) -> Any:
     """What `action` gives on the ranks that have a core of their own, called with a communicator of these; None on the
     others, when it is done. Within launch.guarded(comm). Collective.
 

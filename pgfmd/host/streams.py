@@ -7,6 +7,7 @@ import codecs
 import contextlib
 import os
 import sys
+from typing import IO
 
 from pgfmd.errors import ResultError
 from pgfmd.files.storage import reason
@@ -28,7 +29,7 @@ def open_closed() -> None:
         except OSError:
             _lead_nowhere(number)
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w" if number else "r"))
+            setattr(sys, name, _nothing("w" if number else "r"))
 
 
 def forgive(*streams: object) -> None:
@@ -98,7 +99,11 @@ def _give_up(name: str) -> None:
     with contextlib.suppress(OSError, ValueError):
         _lead_nowhere(getattr(sys, name).fileno())
         return
-    setattr(sys, name, open(os.devnull, "w"))
+    setattr(sys, name, _nothing("w"))
+
+
+def _nothing(mode: str) -> IO[str]:
+    return open(os.devnull, mode)
 
 
 def _lead_nowhere(number: int) -> None:

@@ -12,6 +12,8 @@ from pgfmd.units import UnitError, parse_quantity
 
 from . import batch
 
+LIMIT_OF_TIME = "the limit of time"
+"""How what ends a run for want of time is called, in messages and in its checkpoint."""
 _EXPECTED = 'a time, such as "23:50:00" (h:min:s), "1-12:00:00" (days before it) or "90 min"'
 _CLOCK = re.compile(r"(?:(?P<days>\d+)-)?(?P<fields>\d+(?::\d+){1,2})")
 

@@ -7,18 +7,25 @@ import math
 import platform
 import resource
 import sys
+from typing import TYPE_CHECKING
 
 from pgfmd.files.storage import plain
-from pgfmd.parts import inertia_of_scene
 from pgfmd.restart.history import History
 from pgfmd.results import uncertainty
+from pgfmd.schemes import registry
 
 from . import observers
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
+    from pgfmd.scene import Scene
+    from pgfmd.solver.simulation import Simulation
 
 _LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
 
 
-def record_of(simulation, scene, comm, history: History) -> dict:
+def record_of(simulation: Simulation, scene: Scene, comm: Intracomm, history: History) -> dict:
     """The contents of `run.json` (docs: results): what does not apply, or is not known, is None. Collective."""
     state, scheme = simulation.state, simulation.scheme
     counters, energies = state.counters, state.energies
@@ -29,7 +36,7 @@ def record_of(simulation, scene, comm, history: History) -> dict:
         "finished": state.finished,
         "scheme": scene.solver.scheme,
         "precision": scene.solver.precision,
-        **_numerics(scene),
+        **registry.scheme_of(scene).numerics_of(scene),
         "mirror": simulation.points.mirror,
         "ranks": comm.size,
         "n": scene.grid.n,
@@ -49,7 +56,8 @@ def record_of(simulation, scene, comm, history: History) -> dict:
         "viscous_J": energies.viscous if scene.output.energy else None,
         "released_J": energies.released,
         "energy_residual": energies.largest_residual / abs(energies.work) if audit else None,
-        "indentation_offset_m": observers.INDENTATION_OFFSET,
+        # Indentation counts from the first touch of the undeformed surface. Readers ask, as it need not.
+        "indentation_offset_m": 0.0,
         "peak_rss_bytes": memory,
         "versions": history.now.versions,
         "links": links,
@@ -57,15 +65,12 @@ def record_of(simulation, scene, comm, history: History) -> dict:
     return plain(record)
 
 
-def _numerics(scene) -> dict:
-    """What the scheme was run with: its accuracy and order, or its inertia."""
-    if scene.solver.scheme == "gfmd":
-        inertia = inertia_of_scene(scene)
-        return {"omega_rad_s": inertia.frequency, "dt_s": inertia.step}
+def accuracy_and_order(scene: Scene) -> dict:
+    """What the record tells of steps that follow an accuracy."""
     return {"accuracy": scene.solver.accuracy, "order": scene.solver.order}
 
 
-def _forces(simulation, scene) -> dict:
+def _forces(simulation: Simulation, scene: Scene) -> dict:
     """What the run found of forces (docs: reference, "Numbers"), and how far off that may be."""
     state, share = simulation.state, uncertainty.share_of(vars(scene.solver))
     retracted = _has_retracted(simulation)
@@ -82,7 +87,7 @@ def _forces(simulation, scene) -> dict:
     }
 
 
-def _works(simulation, scene) -> dict:
+def _works(simulation: Simulation, scene: Scene) -> dict:
     """Works of the punch, and how far off they may be where energies are followed."""
     energies, share = simulation.state.energies, uncertainty.share_of(vars(scene.solver))
     retracted, separation = _has_retracted(simulation), energies.work_of_separation
@@ -97,7 +102,7 @@ def _works(simulation, scene) -> dict:
     }
 
 
-def _has_retracted(simulation) -> bool:
+def _has_retracted(simulation: Simulation) -> bool:
     """Whether the punch has begun to go up again."""
     return simulation.state.preload_time is not None and simulation.retracting
 

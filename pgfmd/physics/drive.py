@@ -19,7 +19,8 @@ import math
 from dataclasses import dataclass
 
 PRELOAD, DETACHED = "preload", "detached"
-"""Events that end the phases without a duration."""
+"""Events that end the phases without a duration. With the second a programme has been run to its end: it is how such a
+run finishes, in its state, its tables and `run.json`."""
 
 OVERSHOOT = 0.02
 """Way of the automatic turn to its deepest point, or back from it, whichever is longer, in ranges of adhesion."""

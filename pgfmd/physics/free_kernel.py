@@ -52,8 +52,8 @@ def inverse_distance_over_cell(
     x, y = dx[~near], dy[~near]
     far = np.zeros(x.shape)
     nodes, weights = np.polynomial.legendre.leggauss(FAR_NODES)
-    for node_x, weight_x in zip(nodes, weights):
-        for node_y, weight_y in zip(nodes, weights):
+    for node_x, weight_x in zip(nodes, weights, strict=True):
+        for node_y, weight_y in zip(nodes, weights, strict=True):
             far += weight_x * weight_y / np.hypot(x + node_x * width / 2, y + node_y * height / 2)
     result[~near] = width * height / 4 * far
     return result
@@ -159,8 +159,8 @@ class FreeFilm:
         count = math.ceil(math.log(1e12) / (2 * math.log(4 / half)))
         nodes, weights = np.polynomial.legendre.leggauss(count)
         mean = np.zeros(x.shape)
-        for node_x, weight_x in zip(nodes, weights):
-            for node_y, weight_y in zip(nodes, weights):
+        for node_x, weight_x in zip(nodes, weights, strict=True):
+            for node_y, weight_y in zip(nodes, weights, strict=True):
                 distance = np.hypot(x / self.thickness + half * node_x, y / self.thickness + half * node_y)
                 mean += weight_x * weight_y / 4 * table(distance)
         return mean

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -24,6 +25,9 @@ from pgfmd.solver.finite import lines_of, not_finite_on
 from . import checkpoint_layout
 from .checkpoint_layout import Damaged, Entry, compare_sums
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
 PIECE_BYTES = 2**20
 """Most that a rank hands to one collective write: MPI-IO keeps copies of what is under way."""
 
@@ -37,13 +41,13 @@ class Place:
     widest: int
 
     @classmethod
-    def of(cls, comm, width: int) -> Place:
+    def of(cls, comm: Intracomm, width: int) -> Place:
         """The place of a share with `width` columns. Collective."""
         widths = comm.allgather(width) if comm.size > 1 else [width]
         return cls(sum(widths[: comm.rank]), sum(widths), max(widths))
 
 
-def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray], wanted: Path | None = None) -> int:
+def write(path: Path, comm: Intracomm, head: dict, arrays: dict[str, np.ndarray], wanted: Path | None = None) -> int:
     """Writes head and arrays (this rank's shares) to a file that must not be there yet; returns its size [bytes].
 
     wanted: the name that the file is going to get, which messages then give.
@@ -71,7 +75,7 @@ def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray], wanted: P
     return comm.bcast(size)
 
 
-def read_head(path: Path, comm) -> dict:
+def read_head(path: Path, comm: Intracomm) -> dict:
     """The head of a file whose structure is whole, on every rank. Damaged on every rank if it is not, or not there."""
     head, problem = None, None
     if comm.rank == 0:
@@ -91,7 +95,7 @@ class Reader:
     """Reads this rank's shares of the arrays of a file, and compares their checksums: `reader(name, share)` fills
     `share`. Collective. Damaged on every rank where an array is not what was written."""
 
-    def __init__(self, path: Path, comm, head: dict):
+    def __init__(self, path: Path, comm: Intracomm, head: dict):
         self.path, self.comm = path, comm
         self.entries = {entry.name: entry for entry in head["entries"]}
 
@@ -116,7 +120,7 @@ class Reader:
                 file[name].read_direct(lines, np.s_[:, first : first + lines.shape[1]])
 
 
-def _over_ranks(comm, sums: np.ndarray) -> np.ndarray:
+def _over_ranks(comm: Intracomm, sums: np.ndarray) -> np.ndarray:
     """Sums modulo 2^64 over all ranks."""
     if comm.size == 1:
         return sums
@@ -125,19 +129,21 @@ def _over_ranks(comm, sums: np.ndarray) -> np.ndarray:
     return total
 
 
-def _entry(comm, name: str, share: np.ndarray, place: Place) -> Entry:
+def _entry(comm: Intracomm, name: str, share: np.ndarray, place: Place) -> Entry:
     sums = _over_ranks(comm, block_sums(share, place.first, place.total))
     return Entry(name, (len(share), place.total), share.dtype.str, sums)
 
 
-def _require_finite(comm, shares: dict[str, np.ndarray]) -> None:
+def _require_finite(comm: Intracomm, shares: dict[str, np.ndarray]) -> None:
     """RunError on every rank if a number of a share is not finite."""
     where = not_finite_on(comm, shares)
     if where:
         raise RunError(f"the state is no longer finite: {where}. The checkpoints from before are valid")
 
 
-def _write_shares(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place], what: str) -> None:
+def _write_shares(
+    path: Path, comm: Intracomm, shares: dict[str, np.ndarray], places: dict[str, Place], what: str
+) -> None:
     """Every rank's shares into the room that is there. ResultError on every rank, beginning with `what`, if one
     can't."""
     if comm.size > 1 and h5py.get_config().mpi:
@@ -155,7 +161,7 @@ def _write_alone(path: Path, shares: dict[str, np.ndarray], places: dict[str, Pl
                 file[name].write_direct(share, dest_sel=np.s_[:, first : first + share.shape[1]])
 
 
-def _write_together(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
+def _write_together(path: Path, comm: Intracomm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
     with h5py.File(path, "r+", driver="mpio", comm=comm) as file:
         problem = write_together(f"{path}: could not be written", _calls(file, shares, places))
     if problem is not None:

@@ -7,16 +7,24 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pgfmd.errors import PgfmdError
 from pgfmd.files.packing import arrays_of, numbers_of
 from pgfmd.host.stop_signals import PATIENCE, StopSignals
+from pgfmd.host.walltime import LIMIT_OF_TIME
 
 from .checkpoints import Checkpoints, Saved
 from .history import History
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
+    from pgfmd.output.outputs import Outputs
+    from pgfmd.solver.simulation import Simulation
 
 OUT_OF_TIME = -1
 """In the place of the number of a signal: the limit of time is near."""
@@ -29,12 +37,6 @@ STEPS_OF_PATIENCE = 4.0
 """So many of the longest steps ranks may take to hear of a signal, before one of them gives up."""
 SLOW_DISK = 50e6
 """Speed [bytes/s] at which a checkpoint is supposed to be written, before one has been."""
-
-
-class Stopped(PgfmdError):
-    """A run that was stopped, with a checkpoint from which it goes on."""
-
-    exit_code = 75
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,10 @@ class Keeper:
             limit of time.
     """
 
-    def __init__(self, comm, checkpoints: Checkpoints, outputs, signals: StopSignals, timing: Timing, about: dict,
-                 history: History, bytes_expected: int, say):  # fmt: skip
+    def __init__(
+        self, comm: Intracomm, checkpoints: Checkpoints, outputs: Outputs, signals: StopSignals, timing: Timing,
+        about: dict[str, Any], history: History, bytes_expected: int, say: Callable[[str], None],
+    ):  # fmt: skip
         """about: what the head of every checkpoint says of the run (scene, files, versions); bytes_expected: about how
         large a checkpoint is going to be."""
         self.comm, self.checkpoints, self.outputs, self.signals = comm, checkpoints, outputs, signals
@@ -68,7 +72,7 @@ class Keeper:
         self._longest_step, self._longest_save = 0.0, bytes_expected / SLOW_DISK
         self._phase: int | None = None
 
-    def attend(self, simulation) -> bool:
+    def attend(self, simulation: Simulation) -> bool:
         """Writes a checkpoint if it is time to; returns whether to stop, which `why` then explains. Collective."""
         state = simulation.state
         if state.finished:
@@ -112,9 +116,9 @@ class Keeper:
     def _why(self, stop: int) -> str:
         if stop != OUT_OF_TIME:
             return StopSignals.name_of(stop)
-        return f"the limit of time ({self.timing.whose})" if self.timing.whose else "the limit of time"
+        return f"{LIMIT_OF_TIME} ({self.timing.whose})" if self.timing.whose else LIMIT_OF_TIME
 
-    def go_on(self, simulation) -> None:
+    def go_on(self, simulation: Simulation) -> None:
         """The simulation has come from a checkpoint: it needs no new one, and knows how long one takes."""
         self._phase = simulation.state.phase
         self._last_save = self._last_step = time.perf_counter()
@@ -141,7 +145,7 @@ class Keeper:
         kept += steps_kept * self._longest_step + SAVES_KEPT * self._longest_save
         return time.time() >= self.timing.limit - kept
 
-    def _save(self, simulation) -> Saved:
+    def _save(self, simulation: Simulation) -> Saved:
         # A signal that comes now must not end a process while it writes.
         self.signals.heard()
         state, snapshots = simulation.state, self.outputs.snapshots

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,37 @@ def load(directory: str | Path) -> Results:
         cure = "name the folder that a run wrote to"
         raise ResultError(f"{directory}: not a results folder, it has no {CURVE_FILE}; {cure}")
     return Results(directory)
+
+
+@contextmanager
+def opened(run: Run) -> Iterator[Results]:
+    """The results of a run: those of a folder are closed afterwards, those that are given stay as they are.
+
+    Raises ResultError, as `load` does.
+    """
+    if isinstance(run, Results):
+        yield run
+        return
+    with load(run) as results:
+        yield results
+
+
+def runs_in(path: str | Path) -> list[Path]:
+    """The results folder itself, or the results folders in the folder of a study, by name.
+
+    Raises:
+        ResultError: if there is none.
+    """
+    path = Path(path)
+    require_folder(path)
+    if (path / CURVE_FILE).is_file():
+        return [path]
+    found = sorted(folder.parent for folder in path.glob(f"*/{CURVE_FILE}"))
+    if not found:
+        raise ResultError(
+            f"{path}: neither a results folder nor the folder of a study: no {CURVE_FILE} in it, or below it"
+        )
+    return found
 
 
 def require_folder(path: Path) -> None:
@@ -212,6 +244,10 @@ class Results:
         fields = self.__dict__.pop("fields", None)
         if fields is not None:
             fields.close()
+
+
+Run = Results | str | Path
+"""A run, as functions take it: its results, also those of a simulation in memory, or its folder."""
 
 
 class FieldsMapping(Mapping):

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator
 
 from pgfmd.errors import Problem
 from pgfmd.maps.raw import unit_of
+from pgfmd.physics.random_surface import MOST_WAVES, automatic_period
+from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
 from .draft import MISSING, Draft, Unread, example
@@ -82,13 +84,13 @@ def free_punch_has_room(draft: Draft) -> Iterator[Problem]:
 
 
 def curvature_has_an_axis(draft: Draft) -> Iterator[Problem]:
-    if draft["punch.radius"] is None and math.isfinite(draft["punch.curvature_radius"]):
-        if "radius" not in PATTERNS[draft["punch.pattern"]][0]:
-            yield draft.problem(
-                "punch.curvature_radius",
-                "no curvature for a profile that fills the whole cell",
-                "delete it, or give punch.radius",
-            )
+    bounded = draft["punch.radius"] is not None or "radius" in PATTERNS[draft["punch.pattern"]][0]
+    if math.isfinite(draft["punch.curvature_radius"]) and not bounded:
+        yield draft.problem(
+            "punch.curvature_radius",
+            "no curvature for a profile that fills the whole cell",
+            "delete it, or give punch.radius",
+        )
 
 
 def punch_covers_grid_points(draft: Draft) -> Iterator[Problem]:
@@ -127,6 +129,67 @@ def sinusoid_is_periodic(draft: Draft) -> Iterator[Problem]:
             "a whole number of wavelengths in grid.length, because the sinusoid fills the cell",
             f'write "{near}", or give punch.radius',
         )
+
+
+def rough_face_has_one_size(draft: Draft) -> Iterator[Problem]:
+    if draft["punch.pattern"] != "rough":
+        return
+    names = ("rms_height", "rms_slope")
+    given = [draft.given(f"punch.{name}") for name in names]
+    if all(given):
+        yield draft.problem(
+            "punch.rms_slope", "either rms_height or rms_slope, as one follows from the other", "delete one"
+        )
+    elif not any(given):
+        cure = f"add {example('punch', 'rms_height')}, or rms_slope = 0.1, to [punch]"
+        yield Problem("punch.rms_height", MISSING, "rms_height or rms_slope, for the pattern 'rough'", cure)
+
+
+def rough_waves_fit(draft: Draft) -> Iterator[Problem]:
+    """Wavelengths of a random face in their order, within its period and on the grid."""
+    if draft["punch.pattern"] != "rough":
+        return
+    longest, shortest, length, n = (draft[key] for key in ("punch.longest", "punch.shortest", "grid.length", "grid.n"))
+    if None in (longest, shortest):
+        return
+    roll_off = longest if draft["punch.roll_off"] is None else draft["punch.roll_off"]
+    if shortest > longest:
+        most = format_quantity(longest, "length")
+        yield draft.problem("punch.shortest", f"at most the longest wavelength, {most}", "swap the two, or reduce it")
+    elif not shortest <= roll_off <= longest:
+        cure = "choose it between the two, or delete it for no roll-off"
+        yield draft.problem("punch.roll_off", "a wavelength from punch.shortest to punch.longest", cure)
+    if shortest * ROUNDING < 2 * length / n:
+        least = format_quantity(2 * length / n, "length")
+        yield draft.problem("punch.shortest", f"at least two grid points, {least}", _raise_n(2 * length / shortest))
+    radius = draft["punch.radius"]
+    period = draft["punch.period"] or automatic_period(radius, longest, length)
+    if longest > period * ROUNDING:
+        most = f"at most the period of the face, {format_quantity(period, 'length')}"
+        yield draft.problem(
+            "punch.longest", most, "reduce it" if radius is None else "reduce it, or raise punch.period"
+        )
+    least = period / MOST_WAVES
+    if shortest * ROUNDING < least:
+        cure = "raise it; shorter waves of so large a face would need too much memory"
+        expected = f"at least 1/{MOST_WAVES} of the period of the face, {format_quantity(least, 'length')}"
+        yield draft.problem("punch.shortest", expected, cure)
+
+
+def rough_period_fits(draft: Draft) -> Iterator[Problem]:
+    """A period of a random face that leaves no step at the border of the cell, nor repeats the face below the punch."""
+    period, radius, length = draft["punch.period"], draft["punch.radius"], draft["grid.length"]
+    if period is None or draft["punch.pattern"] != "rough":
+        return
+    if radius is not None and period * ROUNDING < 2 * radius:
+        diameter = format_quantity(2 * radius, "length")
+        yield draft.problem(
+            "punch.period", f"at least the diameter, {diameter}, below which it would repeat", "delete it"
+        )
+    periods = length / period
+    if radius is None and abs(periods - max(round(periods), 1)) > 1e-9 * periods:
+        expected = "a whole number of periods in grid.length, because the face fills the cell"
+        yield draft.problem("punch.period", expected, "delete it for one period, or give punch.radius")
 
 
 def map_has_a_unit_of_length(draft: Draft) -> Iterator[Problem]:
@@ -190,8 +253,8 @@ def geometric_times_are_finite(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
-    if draft["solver.scheme"] != "gfmd":
+def inertia_is_given(draft: Draft) -> Iterator[Problem]:
+    if registry.named(draft["solver.scheme"]).section != "solver.gfmd":
         return
     keys = ("omega", "dt")
     given = [draft.given(f"solver.gfmd.{name}") for name in keys]
@@ -206,31 +269,44 @@ def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
         # Resolved scenes of old runs have their defaults there.
         if all(given) and draft[f"solver.gfmd.{name}"] != GfmdKeys.model_fields[name].default:
             yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
-    if draft["substrate.boundary"] == "free":
-        cure = 'set substrate.boundary = "periodic", or solver.scheme = "inertialess"'
-        yield draft.problem("substrate.boundary", "a periodic cell, because the scheme gfmd steps its modes", cure)
 
 
-def gfmd_is_double(draft: Draft) -> Iterator[Problem]:
-    if draft["solver.scheme"] == "gfmd" and draft["solver.precision"] not in ("auto", "double"):
-        yield draft.problem("solver.precision", "'double' with the scheme gfmd", "delete it")
+def scheme_has_the_boundary(draft: Draft) -> Iterator[Problem]:
+    why = registry.named(draft["solver.scheme"]).periodic_only
+    if why and draft["substrate.boundary"] == "free":
+        cure = f'set substrate.boundary = "periodic", or solver.scheme = "{registry.DEFAULT}"'
+        yield draft.problem("substrate.boundary", f"a periodic cell, because {why}", cure)
 
 
-def quasistatic_alone_has_a_machine(draft: Draft) -> Iterator[Problem]:
+def scheme_has_the_precision(draft: Draft) -> Iterator[Problem]:
+    scheme = registry.named(draft["solver.scheme"])
+    if draft["solver.precision"] not in ("auto", *scheme.precisions):
+        words = " or ".join(f"'{precision}'" for precision in scheme.precisions)
+        yield draft.problem("solver.precision", f"{words} with the scheme {scheme.name}", "delete it")
+
+
+def scheme_has_the_machine(draft: Draft) -> Iterator[Problem]:
     control, stiffness = draft["drive.control"], draft["drive.machine_stiffness"]
-    if draft["solver.scheme"] == "quasistatic":
+    scheme = registry.named(draft["solver.scheme"])
+    if scheme.has_machine:
         if control == "load" and math.isfinite(stiffness):
             yield draft.problem("drive.machine_stiffness", "no such key under load control", "delete it")
-        return
-    cure = 'delete it, or set solver.scheme = "quasistatic"'
-    if control == "load":
-        yield draft.problem("drive.control", "'displacement', as only the scheme quasistatic controls a load", cure)
-    if math.isfinite(stiffness):
-        expected = "no such key, as only the scheme quasistatic has a machine with a spring"
-        yield draft.problem("drive.machine_stiffness", expected, cure)
-    if draft["solver.modulus"] == "instantaneous":
-        expected = "'relaxed', as only the scheme quasistatic has a modulus of its own"
-        yield draft.problem("solver.modulus", expected, cure)
+    elif control == "load" or math.isfinite(stiffness):
+        who, cure = _only([entry.name for entry in registry.entries() if entry.has_machine])
+        if control == "load":
+            yield draft.problem("drive.control", f"'displacement', as {who} controls a load", cure)
+        if math.isfinite(stiffness):
+            expected = f"no such key, as {who} has a machine with a spring"
+            yield draft.problem("drive.machine_stiffness", expected, cure)
+    if not scheme.has_modulus and draft["solver.modulus"] == "instantaneous":
+        who, cure = _only([entry.name for entry in registry.entries() if entry.has_modulus])
+        yield draft.problem("solver.modulus", f"'relaxed', as {who} has a modulus of its own", cure)
+
+
+def _only(names: list[str]) -> tuple[str, str]:
+    """Which schemes alone have something, and how to have it, or do without."""
+    cure = "delete it, or set solver.scheme = " + " or ".join(f'"{name}"' for name in names)
+    return f"only the scheme {' or '.join(names)}", cure
 
 
 def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
@@ -249,7 +325,7 @@ def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
 
 def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
     precision = draft["solver.precision"]
-    if draft["solver.scheme"] != "quasistatic" or precision in ("auto", "double"):
+    if not registry.named(draft["solver.scheme"]).has_machine or precision in ("auto", "double"):
         return
     if draft["drive.control"] == "load":
         # The soft spring is a thousand times longer than the punch goes.
@@ -274,13 +350,17 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     punch_covers_grid_points,
     wavelength_is_resolved,
     sinusoid_is_periodic,
+    rough_face_has_one_size,
+    rough_waves_fit,
+    rough_period_fits,
     map_has_a_unit_of_length,
     substrate_is_of_one_kind,
     prony_series_is_sound,
     geometric_times_are_finite,
-    gfmd_can_run,
-    gfmd_is_double,
-    quasistatic_alone_has_a_machine,
+    inertia_is_given,
+    scheme_has_the_boundary,
+    scheme_has_the_precision,
+    scheme_has_the_machine,
     single_precision_is_enough,
     springs_are_not_single,
 )

@@ -18,10 +18,14 @@ from pgfmd.files.text import read_text
 from pgfmd.units import DIMENSIONS
 
 from .fields import written
-from .model import PATTERNS, RHEOLOGIES, SECTIONS
+from .model import PATTERNS, RHEOLOGIES, SECTIONS, toml_text
 
 SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES))
 """Keys whose choice decides which other keys their section may have, with those keys."""
+
+
+PATHS = ("punch.file", "substrate.compliance_file")
+"""Keys that name files: relative ones start at the folder of the scene."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,21 @@ class Given:
                 unused = set(SECTIONS[section].model_fields).difference(*table[choice], named)
                 mapping[section] = {name: value for name, value in mapping[section].items() if name not in unused}
         return Given(mapping, self.source, self.folder)
+
+    def to_toml(self) -> str:
+        """The same as a TOML text, which may be read anywhere: with absolute paths, and with what is automatic left so."""
+        lines = [f"title = {toml_text(self.mapping['title'])}"] if self.mapping.get("title") else []
+        for section, values in self.mapping.items():
+            if isinstance(values, dict):
+                lines += ["", f"[{section}]"]
+                lines += [
+                    f"{key} = {toml_text(self._at_home(f'{section}.{key}', value))}" for key, value in values.items()
+                ]
+        return "\n".join(lines) + "\n"
+
+    def _at_home(self, key: str, value: Any) -> Any:
+        named = key in PATHS and isinstance(value, str)
+        return os.path.normpath(self.folder / os.path.expanduser(value)) if named else value
 
 
 def shipped_scenes() -> list[str]:

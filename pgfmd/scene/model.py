@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import PrivateAttr
 
+from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity
 
 from .fields import Section, key, number, quantity, written
@@ -48,6 +49,9 @@ PATTERNS: dict[str, Keys] = {
         "file_size file_unit file_peaks file_detrend file_missing file_missing_value file_relief radius curvature_radius "
         "layer_step",
     ),
+    "rough": _keys(
+        "hurst longest shortest", "rms_height rms_slope roll_off period seed radius curvature_radius layer_step"
+    ),
 }
 """For every `punch.pattern` the keys of [punch] it needs and those it may have."""
 
@@ -62,25 +66,39 @@ RHEOLOGIES: dict[str, Keys] = {
 LARGEST_MODULUS_RATIO = 1e6
 
 
+if TYPE_CHECKING:
+    # A scene is resolved: whoever reads one finds numbers in the place of words; and keys that its pattern or model has no
+    # use for are None, which nobody reads who has looked at these.
+    Automatic = OfGrid = LikeAnother = IfUsed = float
+    CountIfUsed, NumbersIfUsed = int, tuple[float, ...]
+else:
+    Automatic, OfGrid = float | Literal["auto"], float | Literal["grid"]
+    LikeAnother = IfUsed = float | None
+    CountIfUsed, NumbersIfUsed = int | None, tuple[float, ...] | None
+
+
 class Punch(Section):
     """The rigid punch: its outline and the height profile z(x, y) of its lower face; lower z touches first."""
 
-    pattern: Literal["triangular", "hexagonal", "flat", "sphere", "power", "sinusoid", "file"] = key(
+    pattern: Literal["triangular", "hexagonal", "flat", "sphere", "power", "sinusoid", "file", "rough"] = key(
         "shape of the lower face: `triangular` or `hexagonal` lattice of asperities, `flat`, `sphere` z = r^2/(2R), "
-        "`power` z = R (r/R)^p / p, `sinusoid` z = z0 (1 + cos(2 pi x / wavelength)), or heights from a `file`"
+        "`power` z = R (r/R)^p / p, `sinusoid` z = z0 (1 + cos(2 pi x / wavelength)), heights from a `file`, or a random "
+        "self-affine face, `rough`"
     )
     radius: float | None = quantity(
-        "length", "radius a of the punch's outline; without it a `sinusoid` or a `file` fills the whole cell", None
+        "length",
+        "radius a of the punch's outline; without it a `sinusoid`, a `file` or a `rough` face fills the whole cell",
+        None,
     )
-    wavelength: float | None = quantity("length", "wavelength of the pattern", None)
-    amplitude: float | None = quantity("length", "amplitude z0: half of the difference of largest and smallest z", None)
+    wavelength: IfUsed = quantity("length", "wavelength of the pattern", None)
+    amplitude: IfUsed = quantity("length", "amplitude z0: half of the difference of largest and smallest z", None)
     curvature_radius: float = quantity(
         "length",
         "radius R of the sphere or power law; for every other pattern the macroscopic curvature, which adds r^2/(2R)",
         math.inf,
         infinite=True,
     )
-    exponent: float | None = number("exponent p of `power`", None, above=1.0)
+    exponent: IfUsed = number("exponent p of `power`", None, above=1.0)
     layer_step: float = quantity("length", "height step of a layer-by-layer print, 0 for none", 0.0, at_least=0.0)
     height_jitter: float = quantity(
         "length",
@@ -88,7 +106,27 @@ class Punch(Section):
         0.0,
         at_least=0.0,
     )
-    seed: int = key("seed of the random height differences", 0, ge=0, lt=2**63)
+    seed: int = key("seed of the random height differences, and of the phases of `rough`", 0, ge=0, lt=2**63)
+    hurst: IfUsed = number(
+        "Hurst exponent H of `rough`: the spectrum falls like q^(-2-2H)", None, above=0.0, at_most=1.0
+    )
+    rms_height: float | None = quantity(
+        "length", "root mean square of the heights of `rough` over a period; give this or `rms_slope`", None
+    )
+    rms_slope: float | None = number(
+        "root mean square of the slope |grad z| of `rough` over a period; give this or `rms_height`", None, above=0.0
+    )
+    longest: IfUsed = quantity("length", "longest wavelength of `rough`", None)
+    shortest: IfUsed = quantity("length", "shortest wavelength of `rough`, at least two grid points", None)
+    roll_off: IfUsed = quantity(
+        "length", "wavelength of `rough` from which on longer waves are all alike strong; `longest`, for none", None
+    )
+    period: IfUsed = quantity(
+        "length",
+        "period of `rough` along x and y; where the punch fills the cell, the cell's side, else twice the larger of "
+        "`longest` and the punch's diameter",
+        None,
+    )
     file: str | None = key("file with the heights, relative to the scene's folder", None, min_length=1)
     file_size: tuple[float, float] | None = quantity(
         "length",
@@ -159,15 +197,15 @@ class Rheology(Section):
     model: Literal["elastic", "single", "geometric", "prony"] = key(
         "`elastic`, a `single` Maxwell element, a `geometric` series of them, or your own `prony` series"
     )
-    modulus_ratio: float | None = number("E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO)
-    relaxation_time: float | None = quantity("time", "relaxation time; of `geometric` the shortest", None)
-    elements: int | None = key("number N of Maxwell elements", None, ge=1, le=200)
-    time_ratio: float | None = number("ratio s of successive relaxation times: tau_{n+1} = tau_n / s", None, above=1.0)
-    exponent: float | None = number(
+    modulus_ratio: IfUsed = number("E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO)
+    relaxation_time: IfUsed = quantity("time", "relaxation time; of `geometric` the shortest", None)
+    elements: CountIfUsed = key("number N of Maxwell elements", None, ge=1, le=200)
+    time_ratio: IfUsed = number("ratio s of successive relaxation times: tau_{n+1} = tau_n / s", None, above=1.0)
+    exponent: IfUsed = number(
         "exponent beta of the weights: kappa_{n+1} = s^beta kappa_n", None, at_least=0.0, at_most=2.0
     )
-    kappa: tuple[float, ...] | None = number("weights kappa_n = k_n/k_0", None, at_least=0.0, count=0)
-    tau: tuple[float, ...] | None = quantity("time", "relaxation times tau_n, as many as weights", None, count=0)
+    kappa: NumbersIfUsed = number("weights kappa_n = k_n/k_0", None, at_least=0.0, count=0)
+    tau: NumbersIfUsed = quantity("time", "relaxation times tau_n, as many as weights", None, count=0)
 
 
 class Adhesion(Section):
@@ -179,11 +217,11 @@ class Adhesion(Section):
     work_of_adhesion: float = quantity(
         "energy per area", "work of adhesion gamma; of `repulsive` it only sets the overlap's stiffness"
     )
-    range: float | Literal["auto"] = quantity(
+    range: Automatic = quantity(
         "length", "range rho; `auto` solves gamma pi^2/(2 rho^2) = range_factor q_ref E*", "auto", words=("auto",)
     )
     range_factor: float = number("factor of the automatic range; 0.156 gives the paper's ranges", 0.156, above=0.0)
-    q_ref: float | Literal["grid"] = quantity(
+    q_ref: OfGrid = quantity(
         "wavenumber", "reference wavenumber of the automatic range; `grid` is 2 pi n/L", "grid", words=("grid",)
     )
 
@@ -193,7 +231,7 @@ class Drive(Section):
 
     speed: float = quantity("speed", "speed of the approach")
     preload: float = quantity("force", "compressive force at which the punch turns round")
-    retract_speed: float | None = quantity(
+    retract_speed: LikeAnother = quantity(
         "speed", "speed of the retraction; that of the approach unless said otherwise", None
     )
     dwell: float = quantity("time", "time for which the displacement is held after the turn", 0.0, at_least=0.0)
@@ -205,7 +243,7 @@ class Drive(Section):
         "stiffness", "stiffness of the machine's spring between drive and punch; `quasistatic` only", math.inf,
         infinite=True,
     )  # fmt: skip
-    turn_time: float | Literal["auto"] = quantity(
+    turn_time: Automatic = quantity(
         "time",
         "time in which the velocity turns; `auto` moves the punch by at most 0.02 ranges beyond the preload and by "
         "at most 0.02 back: 0.08 range/speed at equal speeds, 0.04 range over the faster one where they are very "
@@ -213,7 +251,7 @@ class Drive(Section):
         "auto",
         words=("auto",),
     )
-    clearance: float | Literal["auto"] = quantity(
+    clearance: Automatic = quantity(
         "length",
         "smallest gap at the start, negative to start pressed in; `auto` is the range, just out of reach",
         "auto",
@@ -273,12 +311,14 @@ class Scene(Section):
 
         if isinstance(source, Scene):
             given = source.given
+        elif isinstance(source, Mapping):
+            given = Given.of(with_units(source))
         else:
-            given = Given.of(with_units(source)) if isinstance(source, Mapping) else Given.read(source)
-        named = dict(
-            title=title, punch=punch, substrate=substrate, rheology=rheology, adhesion=adhesion, drive=drive, grid=grid,
-            solver=solver, output=output,
-        )  # fmt: skip
+            given = Given.read(source)
+        named = {
+            "title": title, "punch": punch, "substrate": substrate, "rheology": rheology, "adhesion": adhesion,
+            "drive": drive, "grid": grid, "solver": solver, "output": output,
+        }  # fmt: skip
         changes = {name: value for name, value in named.items() if value is not None}
         found = scene_of(given.changed(with_units(changes)))
         # What pydantic keeps of a model. It is not validated anew: resolved values need not be ones that may be given.
@@ -382,11 +422,10 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "rheology":
         required, optional = RHEOLOGIES[scene.rheology.model]
         return frozenset(Rheology.model_fields) - required - optional - {"model"}
-    if section == "solver.gfmd":
-        if scene.solver.scheme != "gfmd":
-            return frozenset(GfmdKeys.model_fields)
-        if scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
-            return frozenset(INSTEAD_OF_OMEGA_AND_DT)
+    if section in registry.sections() and section != registry.scheme_of(scene).section:
+        return frozenset(SECTIONS[section].model_fields)
+    if section == "solver.gfmd" and scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
+        return frozenset(INSTEAD_OF_OMEGA_AND_DT)
     return frozenset()
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from pgfmd.physics.drive import Phase
 
-from .retardation import StepWeights
-
+SAFETY, LARGEST_GROWTH, STRONGEST_CUT = 0.85, 2.0, 0.2
+"""The next step aims at this share of the tolerance, and is at most and at least so many times the last one."""
 SMALLEST_SHARE = 0.03
 """The error is at least this share of the distance to the extrapolated surface. For steps much shorter than those
 before, a smooth motion has a far smaller one; but a jump does not shrink with the step, and would pass for one."""
@@ -90,4 +90,3 @@ class Trial:
     left_over: float = 0.0
     change: Change | None = None
     forces: list[float] = field(default_factory=list)
-    weights: StepWeights | None = field(default=None, repr=False)

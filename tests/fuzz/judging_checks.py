@@ -164,10 +164,6 @@ def _of_report(scene: Scene) -> Iterator[Fault]:
             yield Fault("report: a warning that says nan, inf or None", text[:300])
 
 
-KEPT_AS_TEXT = {("punch", "file_unit")}
-"""Keys whose text a scene keeps: the name of a unit, or a multiple of it."""
-
-
 def respelled(draw: Draw, scene: Mapping) -> str:
     """The same scene with other prefixes before its units."""
 
@@ -181,11 +177,17 @@ def respelled(draw: Draw, scene: Mapping) -> str:
         return f"{Decimal(match['number']).scaleb(-PREFIXES[prefix])} {prefix}{match['unit']}"
 
     return as_toml({
-        section: {
-            name: value if (section, name) in KEPT_AS_TEXT else other(value) for name, value in keys.items()
-        } if isinstance(keys, dict) else keys
+        section: {name: other(value) if _has_units(section, name) else value for name, value in keys.items()}
+        if isinstance(keys, dict)
+        else keys
         for section, keys in scene.items()
     })  # fmt: skip
+
+
+def _has_units(section: str, name: str) -> bool:
+    """Whether a key is a quantity; a name of a folder may look like one."""
+    key = KEYS.get(f"{section}.{name}")
+    return key is not None and key.kind == "quantity"
 
 
 def judge_spelling(draw: Draw, scene: Mapping, folder: Path) -> list[Fault]:

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.parts import series_of
 from pgfmd.maps.reading import read_map
+from pgfmd.parts import series_of
 from pgfmd.scene.output_section import NEAR_GAP
 from pgfmd.scene.precision import best_precision
 from pgfmd.scene.reading import scene_from_mapping
@@ -197,9 +197,8 @@ def _thinned(pair: Pair) -> list[Fault]:
 
 def _gone_on(pair: Pair) -> list[Fault]:
     """Stopped at some steps, and gone on with."""
-    from stopper import StopAfter
-
     import pgfmd.runner
+    from tests.stopper import StopAfter
 
     base = pair.base()
     steps = len((base / "curve.csv").read_text(encoding="utf-8").splitlines()) - 2

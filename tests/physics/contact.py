@@ -1,4 +1,4 @@
-"""Areas of contact at every step of a run, for the tests of contact and the figures of docs/validation.md."""
+"""Areas of contact at every step of a run, for the tests of contact and the figures of docs/evidence/validation.md."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
-from runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 from pgfmd.assemble import assemble
+from pgfmd.output.recorder import Recorder
 from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.scene import load_scene, scene_from_mapping
-from pgfmd.solver.simulation import Observer
+from tests.physics.runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 SPHERE = 10e-3
 """Radius [m] of the sphere of the scene `hertz`."""
@@ -56,38 +56,29 @@ class Path:
         return np.isin(self.phase, phases)
 
 
-class _Watch(Observer):
-    """Observer that keeps the numbers of a path; stops the run after the event `last`."""
-
-    def __init__(self, last: str):
-        self.last, self.rows, self.phases = last, [], []
-
-    def observe(self, simulation, event) -> None:
-        state = simulation.state
-        if event.kind in ("start", "step", "jump"):
-            gap = np.float64(state.position) + simulation.scheme.height - state.displacement
-            counts = (state.contact_points, state.overlap_points, state.near_points)
-            self.rows.append((state.time, state.force, -state.position, *counts, gap.max()))
-            self.phases.append(simulation.phase.name)
-        if event.kind == self.last:
-            state.finished = "stopped"
+def _largest_gap(simulation) -> float:
+    """The largest gap [m] under the punch."""
+    state = simulation.state
+    return (np.float64(state.position) + simulation.scheme.height - state.displacement).max()
 
 
-def path_of(scene: str | dict, *overrides: str, last: str = "") -> Path:
-    """Runs a shipped scene, or one given as nested dicts, on one rank, to its end or to the first event `last`."""
+def path_of(scene: str | dict, *overrides: str, only_to_preload: bool = False) -> Path:
+    """Runs a shipped scene, or one given as nested dicts, on one rank, to its end or to the preload."""
     read = scene_from_mapping if isinstance(scene, dict) else load_scene
     reach = read(scene, overrides).adhesion.range
     resolved = read(scene, [*overrides, f"output.near_gap={reach!r} m"])
-    simulation, watch = assemble(resolved, MPI.COMM_SELF), _Watch(last)
-    simulation.observers.append(watch)
-    simulation.run()
-    time, force, depth, contact, overlap, near, largest = np.array(watch.rows).T
+    simulation, recorder = assemble(resolved, MPI.COMM_SELF), Recorder(_largest_gap)
+    simulation.observers.append(recorder)
+    simulation.run(only_to_preload)
+    time, force, depth, *areas = recorder.rows(
+        "time", "force", "indentation", "contact_area", "overlap_area", "near_area"
+    ).T  # fmt: skip
+    phases, largest = recorder.curve.column("phase").astype(str), np.array(recorder.measured)
     cell = simulation.points.grid.cell_area
     if resolved.punch.pattern == "sphere":
         # The four points around the axis are z = 0 in a run, h/sqrt(2) from it.
         depth = depth + cell / (4 * resolved.punch.curvature_radius)
-    areas = (contact * cell, overlap * cell, near * cell)
-    return Path(resolved, time, force, depth, *areas, largest, np.array(watch.phases), simulation.points.total * cell)
+    return Path(resolved, time, force, depth, *areas, largest, phases, simulation.points.total * cell)
 
 
 def range_at(tabor: float) -> float:
@@ -135,5 +126,5 @@ def curved_punch(n: int, *overrides: str) -> Path:
     """The triangular punch with a curvature of 40 mm, pressed at 1 um/s to 62 mN; the relaxation time follows the range."""
     return path_of(
         "tri-tack", f"grid.n={n}", "punch.curvature_radius=40 mm", "drive.preload=62 mN", "solver.accuracy=0.03",
-        "output.energy=false", *overrides, last="preload",
+        "output.energy=false", *overrides, only_to_preload=True,
     )  # fmt: skip

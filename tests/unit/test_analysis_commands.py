@@ -5,9 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from analysis_loops import flat_punch_loop, loop_of, triangle, write_folder
 from matplotlib.image import imread
-from small_runs import run
 from typer.testing import CliRunner
 
 from pgfmd.analysis import pictures
@@ -17,6 +15,8 @@ from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
 from pgfmd.errors import ResultError
 from pgfmd.scene import shipped_text
+from tests.unit.analysis_loops import flat_punch_loop, loop_of, triangle, write_folder
+from tests.unit.small_runs import run
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_a_run_that_has_just_begun_is_analysed_as_far_as_it_goes(tmp_path):
 
 def measured(path, loop, stiffness):
     """A measurement of a loop with a machine of this stiffness [N/m]."""
-    rows = zip((1e6 * (loop.indentation + loop.force / stiffness)).tolist(), (1e3 * loop.force).tolist())
+    rows = zip((1e6 * (loop.indentation + loop.force / stiffness)).tolist(), (1e3 * loop.force).tolist(), strict=True)
     path.write_text("displacement (um),force (mN)\n" + "".join(f"{x!r},{f!r}\n" for x, f in rows))
     return path
 
@@ -126,7 +126,7 @@ def test_compare_of_folders_alone_and_its_refusals(tmp_path):
 def test_figures_show_the_right_data():
     displacement, turn = triangle(10e-6, 4e-6)
     loop = loop_of(displacement, -1e3 * displacement, turn)
-    axis = pictures.styled(pictures.overlay_figure, [loop, loop.pushed_in_by(1e-6)], 1).axes[0]
+    axis = pictures.overlay_figure([loop, loop.pushed_in_by(1e-6)], 1).axes[0]
     first = next(line for line in axis.lines if line.get_label() == "made")
     np.testing.assert_allclose(first.get_xdata()[-1], -4.0)
     np.testing.assert_allclose(first.get_ydata()[0], 10.0)

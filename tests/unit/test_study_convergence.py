@@ -11,13 +11,13 @@ import pytest
 from pgfmd.errors import ResultError, SceneError
 from pgfmd.reference import jkr
 from pgfmd.scene import load_scene
-from pgfmd.study import refinement
-from pgfmd.study.cases import Case
-from pgfmd.study.convergence import HIGHEST, LOWEST, disagreement, doubts, finest_limit, fit_power_law, local_powers
-from pgfmd.study.extrapolation import extrapolate, figure_of, report, write
-from pgfmd.study.refinement import HYSTERESIS_POWER, MEASURES, expected_power, levels_of
-from pgfmd.study.standing import FINISHED, Standing
-from pgfmd.study.table import rows_of
+from pgfmd.studies import refinement
+from pgfmd.studies.cases import Case
+from pgfmd.studies.convergence import HIGHEST, LOWEST, disagreement, doubts, finest_limit, fit_power_law, local_powers
+from pgfmd.studies.extrapolation import extrapolate, plot_convergence, report, write
+from pgfmd.studies.refinement import HYSTERESIS_POWER, MEASURES, expected_power, levels_of
+from pgfmd.studies.standing import FINISHED, Standing
+from pgfmd.studies.table import rows_of
 
 SIZES = 2.0 ** -np.arange(5)
 
@@ -88,7 +88,7 @@ def test_as_many_parameters_as_points_have_no_error():
 )  # fmt: skip
 @pytest.mark.parametrize("power", [None, 1.0])
 def test_degenerate_input_is_refused(sizes, values, power):
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match=r"must be finite and as many of each|different sizes are needed"):
         fit_power_law(sizes, values, power)
 
 
@@ -232,7 +232,7 @@ def test_a_supported_extrapolation(tmp_path):
 
 def test_the_picture_shows_points_fits_and_differences():
     levels, rows = ladder(1e-9 * law(SIZES))
-    left, right = figure_of(extrapolate(levels, rows, "loop")).axes
+    left, right = plot_convergence(extrapolate(levels, rows, "loop")).axes
     points = left.lines[0]
     assert points.get_xdata() == pytest.approx((1.5e3 / 32 * SIZES) ** (1 / 3))
     assert points.get_ydata() == pytest.approx(law(SIZES))
@@ -263,7 +263,7 @@ def test_without_a_power_three_levels_are_too_few():
     found = extrapolate(levels, rows, "pull-off")
     assert found.best is None and "4 levels are needed" in found.doubts[0]
     assert extrapolate(levels, rows, "pull-off", power=1 / 3).fixed.limit == pytest.approx(2e-9)
-    assert figure_of(found) and report(found)
+    assert plot_convergence(found) and report(found)
 
 
 def test_a_case_of_a_level_is_what_its_run_is_given():
@@ -281,6 +281,6 @@ def test_the_known_limit_in_the_docs():
     turn = int(np.argmin(depth))
     back = slice(turn, turn + int(np.argmin(np.abs(depth[turn:]))) + 1)
     loop = float(np.sum(-0.5 * (force[back][1:] + force[back][:-1]) * np.diff(depth[back])))
-    text = (Path(__file__).parents[2] / "docs" / "studies.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "studies.md").read_text(encoding="utf-8")
     assert f"is {loop * 1e9:.2f} nJ here" in text
     assert a[back][-1] < scene.punch.radius
