@@ -36,8 +36,10 @@ if TYPE_CHECKING:
     from .plots.folder import plot_results
     from .plots.maps import plot_contact_maps, plot_stress_maps
     from .plots.numbers import plot_numbers
+    from .plots.punch import plot_punch
     from .plots.rheology import plot_fit, plot_rheology
     from .plots.sites import plot_sites
+    from .punch.export import export_punch
     from .results import load
     from .results.status import status_of as status
     from .results.verify import verify
@@ -68,6 +70,8 @@ _HOMES = {
     "study": "studies.study:study",
     "converge": "studies.study:converge",
     "plot_results": "plots.folder:plot_results",
+    "plot_punch": "plots.punch:plot_punch",
+    "export_punch": "punch.export:export_punch",
     "plot_force": "plots.curves:plot_force",
     "plot_time": "plots.curves:plot_time",
     "plot_curve": "plots.curves:plot_curve",
@@ -99,6 +103,7 @@ __all__ = [
     "check",
     "compare",
     "converge",
+    "export_punch",
     "fit_prony",
     "load",
     "load_scene",
@@ -114,6 +119,7 @@ __all__ = [
     "plot_force",
     "plot_hysteresis",
     "plot_numbers",
+    "plot_punch",
     "plot_results",
     "plot_rheology",
     "plot_sites",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import coarsening, symmetry
+from . import coarsening, scene_objects, symmetry
 from .errors import Problem, SceneError
 from .host.launch import on_first
 from .map_rules import refusals

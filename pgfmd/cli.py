@@ -13,8 +13,10 @@ import typer
 from . import __version__
 from .commands import analysis as analysis_command
 from .commands import bench as bench_command
-from .commands import fit_prony as fit_command
+from .commands import fit as fit_command
+from .commands import fit_prony as fit_prony_command
 from .commands import plot as plot_command
+from .commands import punch as punch_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
@@ -149,12 +151,15 @@ def check(
 
 app.command()(plot_command.plot)
 app.command()(plot_command.plot_rheology)
-app.command()(fit_command.fit_prony)
+app.command()(punch_command.show)
+app.command()(punch_command.export)
+app.command()(fit_prony_command.fit_prony)
 app.command()(run_command.run)
 app.command()(status_command.status)
 app.command()(status_command.verify)
 app.command()(analysis_command.analyse)
 app.command()(analysis_command.compare)
+app.command()(fit_command.fit)
 app.command()(study_command.study)
 app.command()(study_command.converge)
 

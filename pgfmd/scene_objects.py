@@ -84,7 +84,7 @@ def topography_of(punch: Punch) -> Topography:
     names = (
         "pattern", "radius", "wavelength", "amplitude", "curvature_radius", "exponent", "layer_step", "height_jitter",
         "seed", "file", "file_size", "file_relief", "file_unit", "file_peaks", "file_detrend", "file_missing",
-        "file_missing_value",
+        "file_missing_value", "hurst", "rms_height", "rms_slope", "longest", "roll_off", "shortest", "period",
     )  # fmt: skip
     given = {name: getattr(punch, name) for name in names}
     return Topography(**{name: value for name, value in given.items() if value is not None})

@@ -53,7 +53,7 @@ def summits_of(scene: Any) -> Summits:
     sites = contact_sites(face, grid.length)
     top = sites.kind == KINDS.index(SUMMIT)
     x, y = sites.x[top], sites.y[top]
-    smooth = (face.wavelength or FINE * grid.spacing) / FINE
+    smooth = (face.wavelength or face.shortest or FINE * grid.spacing) / FINE
     step = max(grid.spacing, *face.map.pixel) if face.pattern == "file" else smooth
     xx, yy, xy = _curvatures(face, x, y, step)
     determinant = xx * yy - xy**2

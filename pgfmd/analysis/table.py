@@ -9,7 +9,10 @@ from typing import Any
 from pgfmd import sections
 from pgfmd.files.storage import plain
 
-SUFFIXES = {"N": "N", "m": "m", "J": "J", "s": "s", "N/m": "N_per_m", "m^2": "m2", "J/m^2": "J_per_m2", "Pa": "Pa"}
+SUFFIXES = {
+    "N": "N", "m": "m", "J": "J", "s": "s", "N/m": "N_per_m", "m^2": "m2", "J/m^2": "J_per_m2", "Pa": "Pa", "m/s": "m_per_s",
+    "1/m": "per_m", "rad/s": "rad_per_s",
+}  # fmt: skip
 """How a unit is written at the end of a record's key."""
 
 

@@ -127,7 +127,25 @@ def _punch(scene: Scene) -> Iterator[Line]:
     note = f"{handy_quantity(face.relief, 'length')} from the lowest to the highest point of the face"
     yield Line("height range", face.relief, "m", note)
     yield Line("steepest slope", face.slope, "", "1 is 45 degrees; small slopes are assumed")
+    if scene.punch.pattern == "rough":
+        yield from _roughness(scene.punch)
     yield from (Line(*line) for line in map_advice.told(scene))
+
+
+def _roughness(punch) -> Iterator[Line]:
+    """What was asked of a random face, and what of it lies below the punch, without curvature and layers."""
+    surface = topography_of(punch).random
+    period, here = surface.expected, surface.realised(punch.radius)
+    period_text, count = handy_quantity(punch.period, "length"), surface.waves()[0].size
+    yield Line("waves of the random face", count, "", f"in a period of {period_text}, with uniform phases")
+    asked = {name: "asked for" if getattr(punch, name) else "by its spectrum" for name in ("rms_height", "rms_slope")}
+    where = "in the cell" if punch.radius is None else "below the punch"
+    note = f"{where}; {handy_quantity(period.height, 'length')} over a period, {asked['rms_height']}"
+    yield Line("rms height", here.height, "m", note)
+    yield Line("rms slope", here.slope, "", f"{where}; {period.slope:.3g} over a period, {asked['rms_slope']}")
+    note = f"{where}, (z_xx + z_yy)/2; {period.curvature:.3g} 1/m over a period, by its spectrum"
+    yield Line("rms curvature", here.curvature, "1/m", note)
+    yield Line("largest slope of the random face", here.steepest, "", f"{where}, as far as its points tell")
 
 
 def _adhesion(scene: Scene) -> Iterator[Line]:
@@ -156,7 +174,7 @@ def _adhesion(scene: Scene) -> Iterator[Line]:
         yield Line("Tabor number of a summit", number, "", "R^(1/3) (gamma/E*)^(2/3)/rho")
         number = maugis.transition_parameter(summit, modulus, energy, law.strength)
         yield Line("Maugis's lambda of a summit", number, "", "by its strength; 0.1 is DMT, 5 JKR")
-    if punch.pattern in (*CORRUGATIONS, "sinusoid"):
+    if punch.pattern in (*CORRUGATIONS, "sinusoid", "rough"):
         stored = _full_contact_energy(punch, modulus)
         note = "adhesive over elastic energy of full contact; hardly sticky below 1/2"
         yield Line("gamma/v_full", energy / stored, "", note)
@@ -164,6 +182,10 @@ def _adhesion(scene: Scene) -> Iterator[Line]:
 
 def _full_contact_energy(punch: Punch, modulus: float) -> float:
     """Elastic energy per area [J/m^2] of static full contact."""
+    if punch.pattern == "rough":
+        wave_numbers, amplitudes = topography_of(punch).random.waves()
+        # A wave and its opposite.
+        return 2.0 * corrugation.spectrum_energy(amplitudes / 2, wave_numbers, modulus)
     wave_number = 2.0 * math.pi / punch.wavelength
     if punch.pattern == "sinusoid":
         return corrugation.spectrum_energy([punch.amplitude / 2] * 2, [wave_number] * 2, modulus)

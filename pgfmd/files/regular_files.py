@@ -120,16 +120,17 @@ def write_atomically(path: Path, content: bytes) -> None:
         raise
 
 
-def write_new(path: Path, text: str, force: bool = False) -> None:
-    """Writes a new file in UTF-8; replaces an existing one if `force` is set. Raises FileExistsError, OSError,
+def write_new(path: Path, content: str | bytes, force: bool = False) -> None:
+    """Writes a new file, texts in UTF-8; replaces an existing one if `force` is set. Raises FileExistsError, OSError,
     ResultError."""
+    content = content.encode() if isinstance(content, str) else content
     if force:
-        write_atomically(path, text.encode())
+        write_atomically(path, content)
         return
-    file = open(path, "x", encoding="utf-8")  # noqa: SIM115 - one that was there before must not be removed below
+    file = open(path, "xb")  # noqa: SIM115 - one that was there before must not be removed below
     try:
         with file:
-            file.write(text)
+            file.write(content)
     except BaseException:
         # An incomplete file would block the next attempt.
         Path(path).unlink(missing_ok=True)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import OVERSHOOT
+from pgfmd.physics.topography import PATTERNS
 from pgfmd.reference import jkr
 from pgfmd.scene_objects import automatic_range, deepest_indentation, drive_of, relaxation_of
 from pgfmd.schemes import registry
@@ -70,14 +71,16 @@ def _range(scene: Scene) -> Iterator[str]:
 
 
 def _resolution(scene: Scene) -> Iterator[str]:
-    wavelength, n, length = scene.punch.wavelength, scene.grid.n, scene.grid.length
+    n, length = scene.grid.n, scene.grid.length
+    wavelength = scene.punch.wavelength or scene.punch.shortest
     if wavelength is None:
         return
     # 1.5 mm over 150 um is a little more than 10 in binary.
     needed = math.ceil(FEWEST_POINTS * length / wavelength * (1.0 - 1e-9))
     if n < needed:
+        which = ", the shortest of the face" if scene.punch.wavelength is None else ""
         yield (
-            f"grid.n: only {wavelength * n / length:.3g} points a wavelength, fewer than {FEWEST_POINTS} distort the "
+            f"grid.n: only {wavelength * n / length:.3g} points a wavelength{which}, fewer than {FEWEST_POINTS} distort the "
             f"asperities; use n >= {needed}"
         )
 
@@ -85,7 +88,8 @@ def _resolution(scene: Scene) -> Iterator[str]:
 def _start(scene: Scene) -> Iterator[str]:
     """Starts in contact beyond the preload. The contact is made instantaneously, with the modulus of short times."""
     drive, punch = scene.drive, scene.punch
-    if drive.clearance >= 0.0 or punch.pattern == "file" or punch.radius is None or scene.substrate.compliance_file:
+    unknown = PATTERNS[punch.pattern].sampled or punch.radius is None or scene.substrate.compliance_file
+    if drive.clearance >= 0.0 or unknown:
         return
     depth = _depth_at_once(scene)
     if -drive.clearance > PRESSED_IN * depth:

@@ -224,6 +224,8 @@ def _unlike(scene: Scene) -> Iterator[str]:
     series = relaxation_of(scene)
     if scene.punch.pattern == "file":
         yield "a measured face"
+    if scene.punch.pattern == "rough":
+        yield "a random face"
     if not FINEST <= scene.solver.accuracy <= COARSEST:
         yield "its accuracy"
     if math.isfinite(scene.substrate.thickness):

@@ -13,6 +13,7 @@ import numpy as np
 
 from pgfmd import coarsening
 from pgfmd.physics.heightfile import map_bytes
+from pgfmd.physics.random_surface import surface_bytes
 from pgfmd.reference import flat_punch, hertz
 from pgfmd.scene_objects import quasistatic_compliance, topography_of, transform_side
 from pgfmd.schemes import registry
@@ -159,8 +160,10 @@ def _transform_of(scene: Scene, points: PunchPoints, ranks: int) -> tuple[int, i
 
 
 def map_bytes_of(punch: Punch) -> float:
-    """A height map while heights are taken from it."""
-    return map_bytes(punch.file, topography_of(punch).file_order) if punch.file else 0.0
+    """A height map, or the waves of a random face, while heights are taken from it."""
+    if punch.pattern == "rough":
+        return surface_bytes(punch.period, punch.shortest)
+    return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
 
 
 def modulus_of(scene: Scene) -> float:

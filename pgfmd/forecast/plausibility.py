@@ -73,7 +73,7 @@ def _face_of(punch: Punch, grid, stamp) -> Face:
     return _map_face(punch, grid) if punch.pattern == "file" else _pattern_face(punch, grid)
 
 
-def _map_face(punch, grid) -> Face:
+def _map_face(punch: Punch, grid) -> Face:
     face = topography_of(punch)
     return Face(*relief_and_slope(face, grid.length / grid.n), face.map.size)
 
@@ -88,7 +88,7 @@ def _pattern_face(punch: Punch, grid) -> Face:
         inside = np.hypot(x, y) <= reach
         x, y = x[inside], y[inside]
     x, y = np.append(x, [0.0, reach, -reach, 0.0, 0.0]), np.append(y, [0.0, 0.0, 0.0, reach, -reach])
-    step = DIFFERENCE * min(reach, punch.wavelength or math.inf)
+    step = DIFFERENCE * min(reach, punch.wavelength or punch.shortest or math.inf)
     moved = np.stack([x, x + step, x - step, x, x]), np.stack([y, y, y, y + step, y - step])
     here, right, left, above, below = topography_of(punch).heights(*moved)
     slope = np.hypot(right - left, above - below).max() / (2.0 * step)
@@ -106,6 +106,7 @@ def _face(scene: Scene) -> Iterator[str]:
     punch, face, (scale, what) = scene.punch, face_of(scene), _scale(scene)
     relief = shown(face.relief, "length")
     keys = {"punch.file": punch.file, "punch.amplitude": punch.amplitude, "punch.layer_step": punch.layer_step}
+    keys |= {"punch.rms_height": punch.rms_height, "punch.rms_slope": punch.rms_slope}
     where = next((key for key, value in keys.items() if value), "punch.curvature_radius")
     if face.slope > STEEPEST or face.relief > scale:
         unit = "look at the units of [punch]"

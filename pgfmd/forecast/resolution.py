@@ -13,7 +13,7 @@ import numpy as np
 
 from pgfmd.physics.adhesion.registry import law_of, range_by_rule
 from pgfmd.physics.film import Film
-from pgfmd.physics.topography import layered
+from pgfmd.physics.topography import PATTERNS, layered
 from pgfmd.reference import hertz
 from pgfmd.scene_objects import BONDED, compliance_of, relaxation_of, topography_of
 from pgfmd.solver.grid import Grid
@@ -29,7 +29,7 @@ MOST_POINTS = 2**20
 BAND = 64
 """Number of adjacent rows that are examined, if there are more points than that."""
 LOWEST = 64
-"""Number of summits of a height map that are used: those that touch first."""
+"""Summits of a height map, or of a random face, that count: those that touch first."""
 SUMMITS_A_CELL = {"triangular": 1, "hexagonal": 2}
 """Summits in a unit cell of the lattice, sqrt(3)/2 wavelength^2."""
 WAVES = 96
@@ -47,7 +47,7 @@ def summit_points(scene: Scene) -> float:
     if not law.attractive and punch.pattern not in ("sphere", "power"):
         return math.inf
     height = law.length if law.attractive else depth_of(scene)
-    if punch.pattern == "file":
+    if PATTERNS[punch.pattern].sampled:
         rise = _rise_of_map(scene)
         return math.pi * height / rise if rise > 0.0 else math.inf
     raw = _before_layers(height, punch.layer_step, topography_of(punch).layer_smoothing)
@@ -77,7 +77,7 @@ def _before_layers(height: float, layer_step: float, smoothing: float) -> float:
 def _rise_of_map(scene: Scene) -> float:
     """Mean height [m] of the four neighbours of a summit above it: h^2/(2R) for a round summit.
 
-    The median over the lowest summits of a height map on the scene's grid, 0 without summits.
+    The median of the lowest summits of a height map, or of a random face, on the scene's grid, 0 where it has none.
     """
     grid, radius = Grid(scene.grid.n, scene.grid.length), scene.punch.radius
     start, count = grid.block(radius)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from pgfmd.hashing import STRIDE, scrambled
 
@@ -31,11 +30,18 @@ class Lattice:
 
 def site_normals(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
     """Standard normal number of each site (i, j), shape of i and j broadcast together."""
-    a, b = (np.atleast_1d(np.asarray(index, dtype=np.int64)).view(np.uint64) for index in (i, j))
+    # Not at the top: scenes without random numbers are read without it.
+    from scipy.special import ndtri
+
+    return ndtri(site_uniforms(seed, i, j))
+
+
+def site_uniforms(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
+    """A number of each site (i, j), uniform between 0 and 1, neither of which it is; shape of i and j broadcast together."""
+    i, j = (np.atleast_1d(np.asarray(index, dtype=np.int64)).view(np.uint64) for index in (i, j))
     key = scrambled(np.full(1, seed & 0xFFFFFFFFFFFFFFFF, dtype=np.uint64) + STRIDE)
-    key = scrambled(scrambled(key + STRIDE * (a + np.uint64(1))) + STRIDE * (b + np.uint64(1)))
-    normal: Array = ndtri(((key >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53)
-    return normal
+    key = scrambled(scrambled(key + STRIDE * (i + np.uint64(1))) + STRIDE * (j + np.uint64(1)))
+    return ((key >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
 
 
 def lattice_normals(lattice: Lattice, seed: int, x: Array, y: Array) -> Array:

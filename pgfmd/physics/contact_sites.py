@@ -18,6 +18,8 @@ A map is looked at beyond the outline too, as far as it goes, up to MARGIN: what
 whole relief, and the outline makes no extrema. From a summit near the rim, a lower place beyond the outline, or at the
 edge of the map, may be less than `file_relief` of a climb away: then it is none, as the face goes on down there. The
 last pixels within the outline have no sites, as a map may end there, or drop from the face to the ground.
+
+A random face is looked at in the same way, on a lattice of eight points to its shortest wave.
 """
 
 from __future__ import annotations
@@ -110,7 +112,7 @@ def contact_sites(topography: Topography, side: float | None = None) -> ContactS
     pattern = PATTERNS[face.pattern]
     if pattern.lattice is not None:
         x, y, kind = _found(face, side, in_row=pattern.lattice(face).row)
-    elif face.pattern == "file":
+    elif pattern.sampled:
         x, y, kind = _standing_out(face, side)
     else:
         x, y, kind = _on_axis(face)
@@ -131,8 +133,8 @@ def _on_axis(face: Topography) -> tuple[Array, Array, NDArray[np.int64]]:
     return np.zeros(count), np.zeros(count), np.full(count, KINDS.index(SUMMIT if beside > middle else VALLEY))
 
 
-def _standing_out(face: Topography, side: float) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Of a height map: the extrema that stand out, and their saddles."""
+def _standing_out(face: Topography, side: float | None) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Of a height map or a random face: the extrema that stand out, and their saddles."""
     x, y = _samples(face, side)
     z = face.heights(x, y[:, np.newaxis])
     inside = inner = np.ones(z.shape, bool)
@@ -150,20 +152,25 @@ def _standing_out(face: Topography, side: float) -> tuple[Array, Array, NDArray[
     return x[column], y[row], kind[kept]
 
 
-def _samples(face: Topography, side: float) -> tuple[Array, Array]:
-    """x and y [m] at which a height map is looked at: its pixels within outline and margin, or in the cell."""
-    heights, radius = face.map, face.radius
+def _samples(face: Topography, side: float | None) -> tuple[Array, Array]:
+    """x and y [m] at which a height map, or a random face, is looked at: its pixels within outline and margin, or in the
+    cell."""
+    radius = face.radius
+    if face.pattern == "rough":
+        samples = math.ceil(PER_WAVE / 2 * face.period / face.shortest)
+        sizes, pixels, periodic = (face.period,) * 2, (face.period / samples,) * 2, True
+    else:
+        sizes, pixels, periodic = face.map.size, face.map.pixel, face.map.periodic
     if radius is None:
-        counts = [min(max(round(side / pixel), 1), MOST_SAMPLES) for pixel in heights.pixel]
-        x, y = (((np.arange(count) + 0.5) / count - 0.5) * side for count in counts)
-        return x, y
+        counts = [min(max(round(side / pixel), 1), MOST_SAMPLES) for pixel in pixels]
+        return tuple(((np.arange(count) + 0.5) / count - 0.5) * side for count in counts)
     # Refuses a map that is smaller than the punch.
-    heights(np.array([-radius, radius, 0.0, 0.0]), np.array([0.0, 0.0, -radius, radius]), radius)
+    face.heights(np.array([-radius, radius, 0.0, 0.0]), np.array([0.0, 0.0, -radius, radius]))
     lines = []
-    for size, pixel in zip(heights.size, heights.pixel, strict=True):
+    for size, pixel in zip(sizes, pixels, strict=True):
         reach, middle, count = (1.0 + MARGIN) * radius / pixel, 0.5 * (size / pixel - 1.0), round(size / pixel)
         first, last = math.ceil(middle - reach), math.floor(middle + reach)
-        if not heights.periodic:
+        if not periodic:
             first, last = max(first, 0), min(last, count - 1)
         # Not a pixel may be under a small punch.
         step = max(1, math.ceil((last - first + 1) / MOST_SAMPLES))

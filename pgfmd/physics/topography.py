@@ -31,6 +31,7 @@ from pgfmd.maps.raw import MapKeys, Peaks
 
 from .asperities import Lattice, lattice_normals
 from .heightfile import HeightMap, MapRequest, height_map
+from .random_surface import RandomSurface
 
 Array = NDArray[np.float64]
 UNUSED: Any = None
@@ -69,6 +70,10 @@ def _file(punch: Topography, x: Array, y: Array) -> Array:
     return punch.map(x, y, radius=punch.radius)
 
 
+def _rough(punch: Topography, x: Array, y: Array) -> Array:
+    return punch.random(x, y)
+
+
 def _triangular_lattice(punch: Topography) -> Lattice:
     wavelength = punch.wavelength
     shift = (0.0, -math.sqrt(3) / 4 * wavelength)
@@ -91,7 +96,8 @@ def _sinusoid_lattice(punch: Topography) -> Lattice:
 class Pattern:
     """One row of the table: formula, the fields of Topography it needs, where its asperities sit, their summits.
 
-    round: curvature_radius belongs to the formula, so it is no macroscopic curvature on top.
+    round: curvature_radius belongs to the formula, so it is no macroscopic curvature on top. sampled: the face has no regular
+    summits, and is looked at on a grid for them.
     """
 
     heights: Callable[[Topography, Array, Array], Array]
@@ -99,6 +105,7 @@ class Pattern:
     summit_radius: Callable[[Topography], float]
     lattice: Callable[[Topography], Lattice] | None = None
     round: bool = False
+    sampled: bool = False
 
 
 def _wave_radius(factor: float) -> Callable[[Topography], float]:
@@ -117,7 +124,10 @@ PATTERNS: dict[str, Pattern] = {
     "sphere": Pattern(_sphere, ("curvature_radius",), lambda punch: punch.curvature_radius, round=True),
     "power": Pattern(_power, ("curvature_radius", "exponent"), _power_radius, round=True),
     "sinusoid": Pattern(_sinusoid, WAVE, _wave_radius(1.0), _sinusoid_lattice),
-    "file": Pattern(_file, ("file",), lambda punch: math.nan),
+    "file": Pattern(_file, ("file",), lambda punch: math.nan, sampled=True),
+    "rough": Pattern(
+        _rough, ("hurst", "longest", "shortest", "period"), lambda punch: punch.random.summit_radius, sampled=True
+    ),
 }
 
 
@@ -143,14 +153,17 @@ class Topography:
         macroscopic curvature, negative for a concave punch, infinite for none. exponent: p > 0.
     layer_step [m]: height of a printing layer, 0 for none; layer_smoothing: see `layered`.
     height_jitter [m]: standard deviation of the asperities' heights, 0 for none; needs a pattern with asperities.
-    seed: any integer; the offset of an asperity follows from the seed and the asperity's lattice indices alone.
+    seed: any integer; the offset of an asperity follows from the seed and the asperity's lattice indices alone, as does the
+        phase of a wave of "rough".
+    hurst, rms_height [m], rms_slope, longest, roll_off, shortest, period [m]: of "rough", see `pgfmd.physics.random_surface`;
+        one of rms_height and rms_slope, roll_off is `longest` unless said otherwise.
     file, file_size (x, y) [m], file_periodic, file_order: see `pgfmd.physics.heightfile`; a map is periodic where nothing else
         is said and there is no radius. file_unit: name of the unit of its heights, None for that of the file, metres where it has
         none. file_peaks: "up" where larger heights touch first, "down" where lower ones do, None for what the file says, "down"
         where it says nothing. file_detrend: what is taken off, "none", "tilt" or "curvature". file_missing: whether missing heights
         are refused ("refuse") or made from those around ("fill"). file_missing_value: numbers that mean missing.
     file_relief [m]: least height by which a summit or valley of a map stands out (`contact_sites`), no matter for the
-        heights; None for a share of the height range.
+        heights; None, as for "rough", for a share of the height range.
 
     Raises ValueError naming the field that is wrong or missing.
     """
@@ -175,6 +188,13 @@ class Topography:
     file_detrend: Literal["none", "tilt", "curvature"] = "none"
     file_missing: Literal["refuse", "fill"] = "refuse"
     file_missing_value: tuple[float, ...] | None = None
+    hurst: float = UNUSED
+    rms_height: float | None = None
+    rms_slope: float | None = None
+    longest: float = UNUSED
+    roll_off: float | None = None
+    shortest: float = UNUSED
+    period: float = UNUSED
 
     def __post_init__(self) -> None:
         if self.pattern not in PATTERNS:
@@ -182,7 +202,10 @@ class Topography:
         for name in PATTERNS[self.pattern].needs:
             if getattr(self, name) is None:
                 raise ValueError(f"{name}: missing, pattern {self.pattern!r} needs it")
-        for name in ("radius", "wavelength", "amplitude", "exponent", "file_relief"):
+        lengths = (
+            "radius wavelength amplitude exponent file_relief rms_height rms_slope longest roll_off shortest period"
+        )
+        for name in lengths.split():
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} = {value!r}: expected a positive finite number")
@@ -217,9 +240,17 @@ class Topography:
         periodic = self.radius is None if self.file_periodic is None else self.file_periodic
         return MapRequest(str(self.file), keys, self.radius, periodic, self.file_order)
 
+    @cached_property
+    def random(self) -> RandomSurface:
+        """The waves of a face with the pattern "rough". Raises ValueError."""
+        roll_off = self.longest if self.roll_off is None else self.roll_off
+        lengths = (self.longest, roll_off, self.shortest, self.period)
+        return RandomSurface(self.hurst, *lengths, self.rms_height, self.rms_slope, self.seed)
+
     @property
     def summit_radius(self) -> float:
-        """Curvature radius [m] of the pattern's summits, additions left out; infinite when flat, NaN for a file."""
+        """Curvature radius [m] of the pattern's summits, additions left out; infinite when flat, NaN for a file, of "rough" that
+        of its mean summit."""
         return PATTERNS[self.pattern].summit_radius(self)
 
     def heights(self, x: ArrayLike, y: ArrayLike) -> Array:

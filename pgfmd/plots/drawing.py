@@ -209,6 +209,14 @@ def energy_unit(size: float) -> tuple[float, str]:
     return 1e-15, "fJ"
 
 
+def length_unit(size: float) -> tuple[float, str]:
+    """Factor [m] and name of the unit that brings `size` [m] to between 1 and 1000; nm where it is less, or 0."""
+    for factor, unit in ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm")):
+        if size >= factor:
+            return factor, unit
+    return 1e-9, "nm"
+
+
 def seen_rows(*curves: np.ndarray) -> np.ndarray:
     """Numbers of the rows with which a line looks as with all of them, in their order.
 

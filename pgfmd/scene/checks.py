@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from pgfmd.errors import Problem
 from pgfmd.maps.raw import unit_of
 from pgfmd.physics.adhesion.registry import LAWS
+from pgfmd.physics.random_surface import MOST_WAVES, automatic_period
 from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
@@ -147,6 +148,67 @@ def sinusoid_is_periodic(draft: PartialScene) -> Iterator[Problem]:
             "a whole number of wavelengths in grid.length, because the sinusoid fills the cell",
             f'write "{near}", or give punch.radius',
         )
+
+
+def rough_face_has_one_size(draft: PartialScene) -> Iterator[Problem]:
+    if draft["punch.pattern"] != "rough":
+        return
+    names = ("rms_height", "rms_slope")
+    given = [draft.given(f"punch.{name}") for name in names]
+    if all(given):
+        yield draft.problem(
+            "punch.rms_slope", "either rms_height or rms_slope, as one follows from the other", "delete one"
+        )
+    elif not any(given):
+        cure = f"add {example('punch', 'rms_height')}, or rms_slope = 0.1, to [punch]"
+        yield Problem("punch.rms_height", MISSING, "rms_height or rms_slope, for the pattern 'rough'", cure)
+
+
+def rough_waves_fit(draft: PartialScene) -> Iterator[Problem]:
+    """Wavelengths of a random face in their order, within its period and on the grid."""
+    if draft["punch.pattern"] != "rough":
+        return
+    longest, shortest, length, n = (draft[key] for key in ("punch.longest", "punch.shortest", "grid.length", "grid.n"))
+    if None in (longest, shortest):
+        return
+    roll_off = longest if draft["punch.roll_off"] is None else draft["punch.roll_off"]
+    if shortest > longest:
+        most = format_quantity(longest, "length")
+        yield draft.problem("punch.shortest", f"at most the longest wavelength, {most}", "swap the two, or reduce it")
+    elif not shortest <= roll_off <= longest:
+        cure = "choose it between the two, or delete it for no roll-off"
+        yield draft.problem("punch.roll_off", "a wavelength from punch.shortest to punch.longest", cure)
+    if shortest * ROUNDING < 2 * length / n:
+        least = format_quantity(2 * length / n, "length")
+        yield draft.problem("punch.shortest", f"at least two grid points, {least}", _raise_n(2 * length / shortest))
+    radius = draft["punch.radius"]
+    period = draft["punch.period"] or automatic_period(radius, longest, length)
+    if longest > period * ROUNDING:
+        most = f"at most the period of the face, {format_quantity(period, 'length')}"
+        yield draft.problem(
+            "punch.longest", most, "reduce it" if radius is None else "reduce it, or raise punch.period"
+        )
+    least = period / MOST_WAVES
+    if shortest * ROUNDING < least:
+        cure = "raise it; shorter waves of so large a face would need too much memory"
+        expected = f"at least 1/{MOST_WAVES} of the period of the face, {format_quantity(least, 'length')}"
+        yield draft.problem("punch.shortest", expected, cure)
+
+
+def rough_period_fits(draft: PartialScene) -> Iterator[Problem]:
+    """A period of a random face that leaves no step at the border of the cell, nor repeats the face below the punch."""
+    period, radius, length = draft["punch.period"], draft["punch.radius"], draft["grid.length"]
+    if period is None or draft["punch.pattern"] != "rough":
+        return
+    if radius is not None and period * ROUNDING < 2 * radius:
+        diameter = format_quantity(2 * radius, "length")
+        yield draft.problem(
+            "punch.period", f"at least the diameter, {diameter}, below which it would repeat", "delete it"
+        )
+    periods = length / period
+    if radius is None and abs(periods - max(round(periods), 1)) > 1e-9 * periods:
+        expected = "a whole number of periods in grid.length, because the face fills the cell"
+        yield draft.problem("punch.period", expected, "delete it for one period, or give punch.radius")
 
 
 def map_has_a_unit_of_length(draft: PartialScene) -> Iterator[Problem]:
@@ -310,6 +372,9 @@ RULES: tuple[Callable[[PartialScene], Iterator[Problem]], ...] = (
     punch_covers_grid_points,
     wavelength_is_resolved,
     sinusoid_is_periodic,
+    rough_face_has_one_size,
+    rough_waves_fit,
+    rough_period_fits,
     map_has_a_unit_of_length,
     substrate_is_of_one_kind,
     prony_series_is_sound,

@@ -50,6 +50,9 @@ PATTERNS: dict[str, Keys] = {
         "file_size file_unit file_peaks file_detrend file_missing file_missing_value file_relief radius curvature_radius "
         "layer_step",
     ),
+    "rough": _keys(
+        "hurst longest shortest", "rms_height rms_slope roll_off period seed radius curvature_radius layer_step"
+    ),
 }
 """For every `punch.pattern` the keys of [punch] it needs and those it may have."""
 
@@ -88,12 +91,15 @@ else:
 class Punch(Section):
     """The rigid punch: its outline and the height profile z(x, y) of its lower face; lower z touches first."""
 
-    pattern: Literal["triangular", "hexagonal", "flat", "sphere", "power", "sinusoid", "file"] = key(
+    pattern: Literal["triangular", "hexagonal", "flat", "sphere", "power", "sinusoid", "file", "rough"] = key(
         "shape of the lower face: `triangular` or `hexagonal` lattice of asperities, `flat`, `sphere` z = r^2/(2R), "
-        "`power` z = R (r/R)^p / p, `sinusoid` z = z0 (1 + cos(2 pi x / wavelength)), or heights from a `file`"
+        "`power` z = R (r/R)^p / p, `sinusoid` z = z0 (1 + cos(2 pi x / wavelength)), heights from a `file`, or a random "
+        "self-affine face, `rough`"
     )
     radius: float | None = quantity(
-        "length", "radius a of the punch's outline; without it a `sinusoid` or a `file` fills the whole cell", None
+        "length",
+        "radius a of the punch's outline; without it a `sinusoid`, a `file` or a `rough` face fills the whole cell",
+        None,
     )
     wavelength: IfUsed = quantity("length", "wavelength of the pattern", None)
     amplitude: IfUsed = quantity("length", "amplitude z0: half of the difference of largest and smallest z", None)
@@ -111,7 +117,27 @@ class Punch(Section):
         0.0,
         at_least=0.0,
     )
-    seed: int = key("seed of the random height differences", 0, ge=0, lt=2**63)
+    seed: int = key("seed of the random height differences, and of the phases of `rough`", 0, ge=0, lt=2**63)
+    hurst: IfUsed = number(
+        "Hurst exponent H of `rough`: the spectrum falls like q^(-2-2H)", None, above=0.0, at_most=1.0
+    )
+    rms_height: float | None = quantity(
+        "length", "root mean square of the heights of `rough` over a period; give this or `rms_slope`", None
+    )
+    rms_slope: float | None = number(
+        "root mean square of the slope |grad z| of `rough` over a period; give this or `rms_height`", None, above=0.0
+    )
+    longest: IfUsed = quantity("length", "longest wavelength of `rough`", None)
+    shortest: IfUsed = quantity("length", "shortest wavelength of `rough`, at least two grid points", None)
+    roll_off: IfUsed = quantity(
+        "length", "wavelength of `rough` from which on longer waves are all alike strong; `longest`, for none", None
+    )
+    period: IfUsed = quantity(
+        "length",
+        "period of `rough` along x and y; where the punch fills the cell, the cell's side, else twice the larger of "
+        "`longest` and the punch's diameter",
+        None,
+    )
     file: str | None = key("file with the heights, relative to the scene's folder", None, min_length=1)
     file_size: tuple[float, float] | None = quantity(
         "length",

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ValidationError
 from pgfmd.errors import Problem, SceneError
 from pgfmd.physics.adhesion.registry import LAWS, clearance_of, length_of, range_by_rule
 from pgfmd.physics.drive import automatic_turn
+from pgfmd.physics.random_surface import automatic_period
 
 from .checks import check
 from .fields import expectation, extra_of, within_limits, written
@@ -169,7 +170,7 @@ def _resolve(title: str, draft: PartialScene) -> Scene:
             ),
             "clearance": clearance_of(adhesion) if drive.clearance == "auto" else drive.clearance,
         },
-        "punch": {"file": _text(draft.path("punch.file"))},
+        "punch": {"file": _text(draft.path("punch.file")), **_of_random_face(parts["punch"], parts["grid"].length)},
         "substrate": {
             "compliance_file": _text(draft.path("substrate.compliance_file")),
             "base": (substrate.base or "bonded") if math.isfinite(substrate.thickness) else None,
@@ -200,6 +201,14 @@ def _automatic_problems(scene: Scene) -> Iterator[Problem]:
         if not within_limits(value, extra_of(field)):
             expected = f"{expectation(extra_of(field))}; it follows from other keys, which do not fit together"
             yield Problem(dotted, written(value, extra_of(field)), expected, "look at their units")
+
+
+def _of_random_face(punch: Any, side: float) -> dict[str, float]:
+    """What a random face, in a cell of this side [m], does not say itself; nothing of another punch."""
+    if punch.pattern != "rough":
+        return {}
+    period = punch.period or automatic_period(punch.radius, punch.longest, side)
+    return {"roll_off": punch.roll_off or punch.longest, "period": period}
 
 
 def _text(path: Path | None) -> str | None:

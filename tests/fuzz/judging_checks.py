@@ -177,9 +177,17 @@ def respelled(draw: Draw, scene: Mapping) -> str:
         return f"{Decimal(match['number']).scaleb(-PREFIXES[prefix])} {prefix}{match['unit']}"
 
     return as_toml({
-        section: {name: other(value) for name, value in keys.items()} if isinstance(keys, dict) else keys
+        section: {name: other(value) if _has_units(section, name) else value for name, value in keys.items()}
+        if isinstance(keys, dict)
+        else keys
         for section, keys in scene.items()
     })  # fmt: skip
+
+
+def _has_units(section: str, name: str) -> bool:
+    """Whether a key is a quantity; a name of a folder may look like one."""
+    key = KEYS.get(f"{section}.{name}")
+    return key is not None and key.kind == "quantity"
 
 
 def judge_spelling(draw: Draw, scene: Mapping, folder: Path) -> list[Fault]:

@@ -122,18 +122,38 @@ def _punch(draw: Draw, natural: Natural, length: float, n: int, free: bool) -> d
         if punch["file"] != "level.npz" or draw.chance(0.5):
             punch["file_size"] = [unit(length), unit(length)]
         punch["file_peaks"] = draw.choice(["up", "down"])
-        if punch["file"] == WHOLE:
-            punch["file_unit"] = unit(0.1 * relief)
+        punch["file_unit"] = unit(0.1 * relief) if punch["file"] == WHOLE else "m"
         if draw.chance(0.2):
             punch["file_detrend"] = draw.choice(["tilt", "curvature"])
         if draw.chance(0.3):
             punch["file_relief"] = unit(relief * draw.log(1e-2, 1))
+    if "hurst" in required:
+        punch |= _waves(draw, natural, length, n, relief)
     if "curvature_radius" in required or ("curvature_radius" in optional and not filled and draw.chance(0.2)):
         punch["curvature_radius"] = unit(draw.log(1, 1e4))
     if draw.chance(0.15):
         punch["layer_step"] = unit(relief * draw.choice([0.1, 1, 3]))
     if "height_jitter" in optional and draw.chance(0.25):
         punch |= {"height_jitter": unit(relief * draw.choice([0.1, 1])), "seed": draw.choice([0, 1, 2**63 - 1])}
+    return punch
+
+
+def _waves(draw: Draw, natural: Natural, length: float, n: int, relief: float) -> dict:
+    """A random face: its spectrum from two grid points on up to the cell."""
+    shortest = min(draw.choice([2.1, 4.0, 8.0]) * length / n, length)
+    longest = shortest * (length / shortest) ** draw.choice([1.0, 1.0, 0.5])
+    punch = {
+        "hurst": draw.choice([0.8, 1.0, 0.5, 0.1]),
+        "longest": natural.quantity(longest, "length"),
+        "shortest": natural.quantity(shortest, "length"),
+        "seed": draw.choice([0, 1, 2**63 - 1]),
+    }
+    if draw.chance(0.5):
+        punch["rms_height"] = natural.quantity(0.3 * relief, "length")
+    else:
+        punch["rms_slope"] = draw.choice([0.01, 0.1])
+    if draw.chance(0.3):
+        punch["roll_off"] = natural.quantity(math.sqrt(longest * shortest), "length")
     return punch
 
 
@@ -270,7 +290,8 @@ def _output(draw: Draw) -> dict:
 TITLES = ("", "a title", 'with "quotes" and \\', "Größe µm ∞")
 KNOWN = {
     "punch": "pattern radius wavelength amplitude exponent file file_size file_unit file_peaks file_detrend file_missing "
-    "file_missing_value file_relief curvature_radius layer_step height_jitter seed",
+    "file_missing_value file_relief curvature_radius layer_step height_jitter seed hurst rms_height rms_slope longest shortest "
+    "roll_off period",
     "substrate": "youngs_modulus poisson_ratio boundary thickness base prestrain compliance_file",
     "rheology": "model modulus_ratio relaxation_time elements time_ratio exponent kappa tau",
     "adhesion": "law work_of_adhesion range range_factor q_ref",

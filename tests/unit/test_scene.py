@@ -28,12 +28,21 @@ PUNCH_VALUES = {
     "file": "heights.npy",
     "file_size": ["1 mm", "1 mm"],
     "file_relief": "0.2 um",
+    "hurst": 0.8,
+    "rms_height": "1 um",
+    "rms_slope": 0.1,
+    "longest": "400 um",
+    "roll_off": "200 um",
+    "shortest": "100 um",
+    "period": "1.5 mm",
     "file_unit": "um",
     "file_peaks": "up",
     "file_detrend": "tilt",
     "file_missing": "fill",
     "file_missing_value": [0, -9999],
 }
+EITHER = {"rough": {"rms_height", "rms_slope"}}
+"""Keys of a pattern that say the same: one of them is needed, and only one may be there."""
 RHEOLOGY_VALUES = {
     "modulus_ratio": 250,
     "relaxation_time": "40 us",
@@ -513,6 +522,8 @@ def test_the_relief_of_a_map_is_a_length_above_zero(tmp_path):
 def test_a_pattern_has_its_keys_demands_the_required_and_refuses_the_rest(pattern, tmp_path):
     (tmp_path / "heights.npy").touch()
     required, optional = PATTERNS[pattern]
+    either = EITHER.get(pattern, set())
+    required, optional = required | set(sorted(either)[:1]), optional - either
     everything = mapping(punch=punch(pattern, *required, *optional))
     assert scene_from_mapping(everything, folder=tmp_path).punch.pattern == pattern
     bare = mapping(punch=punch(pattern, *required))
@@ -520,7 +531,7 @@ def test_a_pattern_has_its_keys_demands_the_required_and_refuses_the_rest(patter
     for name in required:
         lacking = mapping(punch=punch(pattern, *(required - {name})))
         assert problems(lacking, folder=tmp_path)[f"punch.{name}"][0].value is MISSING
-    for name in PUNCH_VALUES.keys() - required - optional:
+    for name in PUNCH_VALUES.keys() - required - optional - either:
         key, problem = only_problem(mapping(punch=punch(pattern, *required, name)), folder=tmp_path)
         assert (key, problem.value) == (f"punch.{name}", PUNCH_VALUES[name])
         assert "delete it" in problem.cure and pattern in problem.expected

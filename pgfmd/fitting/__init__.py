@@ -1,0 +1,1 @@
+"""Numbers of a scene from a measured curve: least squares over runs. No MPI."""

@@ -1,0 +1,42 @@
+"""A measured curve with the run that was fitted to it, and what is left between them. No MPI."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgfmd.results.curve import Loop
+
+from .drawing import GREY, RED, TURQUOISE, new_figure, picture, seen
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@picture
+def fitted_figure(measured: Loop, start: Loop, best: Loop, depth: Array, residuals: Array) -> Figure:
+    """Force [mN] against indentation [um]: measured, at the start and fitted; below, fitted less measured at the places that
+    were compared, the way in first. depth [m], residuals [N]: (places,), half of them on either branch."""
+    figure = new_figure(5.6, 5.4)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    styles = ((measured, "black", 2.2, "measured"), (start, GREY, 0.9, "start"), (best, RED, 1.2, "fitted"))
+    for loop, colour, width, label in styles:
+        upper.plot(*seen(1e6 * loop.indentation, 1e3 * loop.force), color=colour, linewidth=width, label=label)
+    upper.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+    upper.set_ylabel("force (mN)")
+    upper.legend(loc="best")
+    # The start may go far beyond what was measured.
+    room = 0.08 * np.ptp(depth)
+    upper.set_xlim(1e6 * (depth.min() - room), 1e6 * (depth.max() + room))
+    lower.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+    half = depth.size // 2
+    for rows, colour, label in ((slice(0, half), GREY, "approach"), (slice(half, None), TURQUOISE, "retraction")):
+        lower.plot(1e6 * depth[rows], 1e3 * residuals[rows], color=colour, linewidth=1.0, label=label)
+    lower.legend(loc="best", ncols=2)
+    lower.set(xlabel="indentation (µm)", ylabel="fitted − measured\n(mN)")
+    figure.align_ylabels()
+    return figure
