@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.errors import PgfmdError, ResultError, SceneError
+from pgfmd.errors import PgfmdError, ResultError, SceneError, Stopped
 from pgfmd.files.regular_files import write_atomically
 from pgfmd.files.storage import reason
 from pgfmd.parts import confirm
@@ -22,7 +22,6 @@ from pgfmd.results.curve import Loop
 from pgfmd.scene import load_scene
 from pgfmd.studies.campaign import Campaign, Unfinished, Wishes, make_folder
 from pgfmd.studies.cases import Case
-from pgfmd.studies.pool import STOPPED
 from pgfmd.studies.standing import Standing
 from pgfmd.studies.values import header, override_of
 
@@ -150,7 +149,7 @@ class Runs:
         try:
             campaign.run(self.ranks, self.jobs)
         except Unfinished as error:
-            if error.exit_code == STOPPED:
+            if error.exit_code == Stopped.exit_code:
                 raise
         for name, standing in campaign.standings().items():
             self._take(name, n, purpose, values[name], standing)
