@@ -53,7 +53,7 @@ def stl_bytes(corners: Array, title: str) -> bytes:
     records["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
     # A file whose header begins with "solid" is taken for a text.
     header = f"pgfmd, mm: {title}".encode("ascii", "replace")[:80].ljust(80)
-    return header + np.uint32(len(corners)).astype("<u4").tobytes() + records.tobytes()
+    return header + len(corners).to_bytes(4, "little") + records.tobytes()
 
 
 def npy_bytes(surface: HeightMapFile) -> bytes:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.errors import PgfmdError, ResultError, SceneError
+from pgfmd.errors import PgfmdError, ResultError, SceneError, Stopped
 from pgfmd.files.regular_files import write_atomically
 from pgfmd.files.storage import reason
 from pgfmd.results import load
@@ -23,7 +23,6 @@ from pgfmd.scene_objects import confirm
 from pgfmd.studies.campaign import Campaign, Unfinished, Wishes, make_folder
 from pgfmd.studies.case_state import Standing
 from pgfmd.studies.cases import Case
-from pgfmd.studies.pool import STOPPED
 from pgfmd.studies.values import header, override_of
 
 from .least_squares import Array
@@ -150,7 +149,7 @@ class Runs:
         try:
             campaign.run(self.ranks, self.jobs)
         except Unfinished as error:
-            if error.exit_code == STOPPED:
+            if error.exit_code == Stopped.exit_code:
                 raise
         for name, standing in campaign.standings().items():
             self._take(name, n, purpose, values[name], standing)

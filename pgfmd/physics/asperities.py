@@ -33,7 +33,7 @@ def site_normals(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array
     # Not at the top: scenes without random numbers are read without it.
     from scipy.special import ndtri
 
-    return ndtri(site_uniforms(seed, i, j))
+    return np.asarray(ndtri(site_uniforms(seed, i, j)))
 
 
 def site_uniforms(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:

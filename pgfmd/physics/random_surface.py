@@ -127,6 +127,7 @@ class RandomSurface:
         i, j, shape = self._lattice
         if self.rms_height is not None:
             return self.rms_height / math.sqrt(0.5 * float(np.sum(shape**2)))
+        assert self.rms_slope is not None, "one of the two is there"
         slopes = 2.0 * math.pi / self.period * np.hypot(i, j) * shape
         return self.rms_slope / math.sqrt(0.5 * float(np.sum(slopes**2)))
 
@@ -146,7 +147,8 @@ class RandomSurface:
     @property
     def expected(self) -> Roughness:
         """What the spectrum says of a whole period."""
-        return Roughness(*(math.sqrt(self.moment(power)) for power in (0, 2)), 0.5 * math.sqrt(self.moment(4)))
+        height, slope, bend = (math.sqrt(self.moment(power)) for power in (0, 2, 4))
+        return Roughness(height, slope, 0.5 * bend)
 
     @property
     def summit_radius(self) -> float:
@@ -211,8 +213,8 @@ class RandomSurface:
 
     def _half_waves(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.complex128]]:
         """i, j and A exp(i phi)/2 [m] of all waves."""
-        i, j, shape = self._lattice
-        i, j = i.astype(np.int64), j.astype(np.int64)
+        along_x, along_y, shape = self._lattice
+        i, j = along_x.astype(np.int64), along_y.astype(np.int64)
         phase = 2.0 * math.pi * site_uniforms(self.seed, i, j)
         return i, j, 0.5 * self._scale * shape * np.exp(1j * phase)
 
@@ -233,7 +235,7 @@ class RandomSurface:
             from scipy.special import i0
 
             root = np.sqrt(BETA**2 - (math.pi * WIDTH / count * index) ** 2)
-            return WIDTH * np.sinh(root) / root / i0(BETA)
+            return np.asarray(WIDTH * np.sinh(root) / root / i0(BETA))
 
         return _sum_on_grid(count, i, j, waves / response(i) / response(j))
 
@@ -243,7 +245,7 @@ def points_for(period: float, shortest: float) -> int:
     from scipy.fft import next_fast_len
 
     most = math.floor(period / shortest * (1.0 + ROUNDING))
-    return next_fast_len(max(2 * (2 * most + 1), 2 * WIDTH), real=True)
+    return int(next_fast_len(max(2 * (2 * most + 1), 2 * WIDTH), real=True))
 
 
 def surface_bytes(period: float, shortest: float) -> float:
@@ -263,4 +265,4 @@ def _sum_on_grid(count: int, i: NDArray[np.int64], j: NDArray[np.int64], waves: 
     spectrum[j, i] = waves
     lone = i == 0
     spectrum[-j[lone], 0] = np.conj(waves[lone])
-    return irfft2(spectrum, (count, count), norm="forward", overwrite_x=True)
+    return np.asarray(irfft2(spectrum, (count, count), norm="forward", overwrite_x=True))

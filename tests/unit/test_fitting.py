@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from pgfmd import Scene, cli, simulate
 from pgfmd.analysis.experiment import read_experiment
-from pgfmd.errors import SceneError
+from pgfmd.errors import SceneError, Stopped
 from pgfmd.fitting import runs as runs_module
 from pgfmd.fitting.fit import fit, levels_of
 from pgfmd.fitting.least_squares import autocorrelation_time, certainty, search
@@ -20,7 +20,7 @@ from pgfmd.fitting.parameters import FitError, Parameter, parameters_of
 from pgfmd.fitting.runs import NotConverged, Runs
 from pgfmd.runner import run_scene
 from pgfmd.studies.campaign import Unfinished
-from pgfmd.studies.pool import STOPPED, Ending
+from pgfmd.studies.pool import Ending
 
 SPHERE = {
     "grid.n": "16", "punch.pattern": "sphere", "punch.curvature_radius": "1 mm", "punch.radius": "200 um",
@@ -141,7 +141,7 @@ def test_a_fit_that_is_stopped_goes_on(curve, tmp_path, here, monkeypatch):
     monkeypatch.setattr(runs_module.Campaign, "run", stopped)
     with pytest.raises(Unfinished) as caught:
         fit(runs_for(curve, tmp_path, [GAMMA]), (16,), lambda line: None)
-    assert caught.value.exit_code == STOPPED and len(here) == 1
+    assert caught.value.exit_code == Stopped.exit_code and len(here) == 1
 
 
 # -- the search --------------------------------------------------------------------------------------------------------
