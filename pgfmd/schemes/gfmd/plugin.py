@@ -18,10 +18,8 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
+    from pgfmd.schemes.base import Scheme, StepController
     from pgfmd.schemes.entry import Overrides
-
-    from .controller import FixedSteps
-    from .scheme import Gfmd
 
 STEP_COST = 1.2
 """Time of a step relative to that of two pairs (estimate.pair_seconds): its pair has all rows."""
@@ -29,7 +27,7 @@ WORTH_TELLING = 0.01
 """Share of the material's viscosity that the inertia may add without a remark."""
 
 
-def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Gfmd, FixedSteps]:
+def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepController]:
     """Scheme and controller of a scene. Collective."""
     # Not at the top: what a run costs is told without MPI.
     from pgfmd.assemble import heights_of

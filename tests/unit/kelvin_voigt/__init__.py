@@ -9,6 +9,7 @@ ENTRY = SchemeEntry(
     jumps=False,
     precisions=("double",),
     only_double="the scheme kelvin-voigt has no other",
+    periodic_only="the scheme kelvin-voigt knows the longest stable step of a cell alone",
     unread={"solver.order": "it is of order 1", "solver.coarse_grid": "it solves nothing"},
     build="kelvin_voigt.plugin:build",
     memory="kelvin_voigt.plugin:memory",
