@@ -19,10 +19,8 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
+    from pgfmd.schemes.base import Scheme, StepController
     from pgfmd.schemes.entry import Overrides
-
-    from .controller import FixedSteps
-    from .scheme import Gfmd
 
 STEP_COST = 1.2
 """Time of a step relative to that of two pairs (estimate.pair_seconds): its pair has all rows."""
@@ -30,7 +28,7 @@ WORTH_TELLING = 0.01
 """Additional viscosity due to inertia, relative to that of the material, above which there is a remark."""
 
 
-def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Gfmd, FixedSteps]:
+def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepController]:
     """Scheme and controller of a scene. Collective."""
     # Not at the top, because forecasts need no MPI.
     from pgfmd.assemble import heights_of
@@ -95,7 +93,7 @@ def warm_up(precision: str) -> tuple[Overrides, ...]:
 def problems(scene: Scene) -> list[Problem]:
     """Problems: a start within the range of adhesion, and steps that are too long."""
     found = []
-    law, clearance = law_of(scene.adhesion), scene.drive.clearance
+    law, clearance = law_of(scene.adhesion), parts.drive_of(scene).clearance
     if clearance < law.reach:
         cure = 'leave it out, or set solver.scheme = "inertialess"'
         expected = f"a start out of reach, at least {law.reach:.3g} m, as gfmd begins with a surface at rest"

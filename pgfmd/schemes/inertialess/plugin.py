@@ -12,13 +12,11 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
+    from pgfmd.schemes.base import Scheme, StepController
     from pgfmd.schemes.entry import Overrides
 
-    from .controller import Controller
-    from .scheme import Inertialess
 
-
-def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Inertialess, Controller]:
+def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepController]:
     """Scheme and controller of a scene. Collective."""
     # Not at the top, because forecasts need no MPI.
     from pgfmd.assemble import far_weights_of, newton_solver, tolerance_of
