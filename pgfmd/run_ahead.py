@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from . import parts
+from . import scene_objects
 from .errors import SceneError
 from .physics.adhesion.registry import clearance_of
 from .scene.precision import best_precision
@@ -74,13 +74,13 @@ def _on(scene: Scene, n: int) -> list:
     shortest = scene.adhesion.range
     if scene.adhesion.attractive:
         # The automatic range goes with the root of the spacing. A range that is longer than that needs no other.
-        spare = scene.adhesion.range / parts.automatic_range(scene)
+        spare = scene.adhesion.range / scene_objects.automatic_range(scene)
         shortest *= max(1.0, math.sqrt(scene.grid.n / n) / max(1.0, spare))
     ranges = [shortest] if shortest == scene.adhesion.range else [shortest, OTHER_RANGE * shortest]
     found = [_with(scene, n, reach) for reach in ranges]
     try:
         for coarse in found:
-            parts.confirm(coarse, "a coarse approach")
+            scene_objects.confirm(coarse, "a coarse approach")
     except SceneError:
         return []
     return found
@@ -130,6 +130,6 @@ def met_by(scene: Scene, coarse: list[Met]) -> Met:
 
 def moments(scene: Scene, met: Met) -> list[tuple[float, str]]:
     """Times [s] and labels of the snapshots that are wanted before the preload."""
-    start, speed = scene.drive.clearance, parts.drive_of(scene).phases[0].fastest
+    start, speed = scene.drive.clearance, scene_objects.drive_of(scene).phases[0].fastest
     contact, preload = ((start - place) / speed for place in (met.contact, met.preload))
     return [(contact + value * (preload - contact), f"{value:g} t_pl") for value in fractions_ahead(scene)]

@@ -25,10 +25,10 @@ from .output.outputs import Outputs
 from .output.record import record_of, versions
 from .physics.adhesion.registry import DEFAULT_LAW, LAWS
 from .restart import resume
+from .restart.checkpoint_policy import CheckpointPolicy, Timing
 from .restart.checkpoints import Checkpoints
 from .restart.disk_space import require_space
 from .restart.history import History
-from .restart.keeper import Keeper, Timing
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
 from .scene.model import toml_text
@@ -169,7 +169,9 @@ def _run(
                 "mirror": simulation.points.mirror,
             }  # fmt: skip
             checkpoints = Checkpoints(folder, comm, guard)
-            keeper = Keeper(comm, checkpoints, outputs, signals, options.timing, about, history, expected, say)
+            keeper = CheckpointPolicy(
+                comm, checkpoints, outputs, signals, options.timing, about, history, expected, say
+            )
             if plan.go_on:
                 _restore(checkpoints, simulation, outputs, history, scene, options.allow, keeper)
                 keeper.go_on(simulation)
@@ -189,7 +191,7 @@ def _run(
     return record
 
 
-def _to_the_end(simulation: Simulation, keeper: Keeper, scene: Scene, folder: Path, history: History) -> None:
+def _to_the_end(simulation: Simulation, keeper: CheckpointPolicy, scene: Scene, folder: Path, history: History) -> None:
     """Steps, checkpoints, and what is left behind where it ends early."""
     state, comm = simulation.state, keeper.comm
     try:
@@ -217,7 +219,7 @@ def _write_scene(folder: Path, text: bytes, guard: Callable[[], None]) -> None:
     write_atomically(folder / storage.SCENE_FILE, text)
 
 
-def _stopped_early(keeper: Keeper, folder: Path) -> PgfmdError:
+def _stopped_early(keeper: CheckpointPolicy, folder: Path) -> PgfmdError:
     """The end of a run that had to stop before a step of this process was made. Collective."""
     keeper.has_to_stop()
     if keeper.out_of_time:
@@ -228,7 +230,7 @@ def _stopped_early(keeper: Keeper, folder: Path) -> PgfmdError:
 
 def _restore(
     checkpoints: Checkpoints, simulation: Simulation, outputs: Outputs, history: History, scene: Scene,
-    allow: Sequence[str], keeper: Keeper,
+    allow: Sequence[str], keeper: CheckpointPolicy,
 ) -> None:  # fmt: skip
     """Puts the simulation and its outputs where a checkpoint left them."""
     comm, state, found = checkpoints.comm, simulation.state, {}

@@ -23,11 +23,11 @@ import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.files.storage import SCENE_FILE
-from pgfmd.parts import series_of
 from pgfmd.physics.adhesion.registry import law_of
 from pgfmd.results import Results
 from pgfmd.results.curve import Array, Dip, Loop, Measures, measure
 from pgfmd.scene import load_scene
+from pgfmd.scene_objects import series_of
 from pgfmd.units import parse_quantity
 
 from .asperity_laws import JkrAsperity, MeasuredAsperity, ViscoelasticAsperity

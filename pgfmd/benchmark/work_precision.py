@@ -62,8 +62,8 @@ class Laboratory:
 
         Raises SceneError for what the scene can't be, RunError for a run that did not come to its end.
         """
-        from pgfmd.parts import confirm
         from pgfmd.scene import load_scene
+        from pgfmd.scene_objects import confirm
 
         name = (scene, *overrides)
         if name not in self._known:

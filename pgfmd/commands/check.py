@@ -15,13 +15,13 @@ from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_poin
 from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
-from pgfmd.parts import automatic_range, confirm, series_of, topography_of
 from pgfmd.physics.adhesion.registry import law_of
 from pgfmd.reference import corrugation, maugis, tabor
 from pgfmd.scene import Scene
 from pgfmd.scene.fields import extra_of
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
+from pgfmd.scene_objects import automatic_range, confirm, series_of, topography_of
 from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pgfmd.parts import automatic_range, deepest_indentation, drive_of, relaxation_of
 from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import OVERSHOOT
 from pgfmd.reference import jkr
+from pgfmd.scene_objects import automatic_range, deepest_indentation, drive_of, relaxation_of
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
 

@@ -26,9 +26,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgfmd import coarsening
-from pgfmd.parts import automatic_range, quasistatic_compliance, relaxation_of
 from pgfmd.physics.adhesion.registry import law_of, length_of
 from pgfmd.run_ahead import coarse_scenes
+from pgfmd.scene_objects import automatic_range, quasistatic_compliance, relaxation_of
 from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
 

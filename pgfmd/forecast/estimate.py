@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgfmd import coarsening
-from pgfmd.parts import quasistatic_compliance, topography_of, transform_side
 from pgfmd.physics.heightfile import map_bytes
 from pgfmd.reference import flat_punch, hertz
+from pgfmd.scene_objects import quasistatic_compliance, topography_of, transform_side
 from pgfmd.schemes import registry
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.symmetry import expected, points_of

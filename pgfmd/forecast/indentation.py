@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.parts import deepest_indentation, topography_of
 from pgfmd.physics.adhesion.registry import clearance_of, law_of
 from pgfmd.reference import flat_punch, jkr
+from pgfmd.scene_objects import deepest_indentation, topography_of
 
 from .estimate import depth_of, modulus_of
 from .resolution import mean_kappa, softness_of_film

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.parts import topography_of
 from pgfmd.physics.adhesion.registry import clearance_of, range_by_rule
 from pgfmd.physics.heightfile import WHOLE as WHOLE_MAP
 from pgfmd.scene.model import SECTIONS, unused_keys
+from pgfmd.scene_objects import topography_of
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
 

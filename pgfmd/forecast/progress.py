@@ -18,8 +18,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pgfmd.parts import deepest_indentation
 from pgfmd.physics.adhesion.registry import clearance_of
+from pgfmd.scene_objects import deepest_indentation
 from pgfmd.schemes import registry
 
 from .effort import effort_of

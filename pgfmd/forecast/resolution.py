@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.parts import BONDED, compliance_of, relaxation_of, topography_of
 from pgfmd.physics.adhesion.registry import law_of, range_by_rule
 from pgfmd.physics.film import Film
 from pgfmd.physics.topography import layered
 from pgfmd.reference import hertz
+from pgfmd.scene_objects import BONDED, compliance_of, relaxation_of, topography_of
 from pgfmd.solver.grid import Grid
 
 from .estimate import depth_of, modulus_of

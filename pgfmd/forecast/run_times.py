@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pgfmd import coarsening
 from pgfmd.host.processes import cores
-from pgfmd.parts import transform_side
+from pgfmd.scene_objects import transform_side
 from pgfmd.schemes import registry
 from pgfmd.symmetry import expected, points_of
 

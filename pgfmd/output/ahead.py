@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, cast
 from pgfmd.assemble import assemble
 from pgfmd.errors import RunError
 from pgfmd.forecast.effort import told_of_ahead
-from pgfmd.parts import shared_out
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
+from pgfmd.scene_objects import shared_out
 from pgfmd.solver.interruption import Interrupted
 from pgfmd.solver.node import Node
 from pgfmd.symmetry import points_of

@@ -13,8 +13,8 @@ from pgfmd.files import storage
 from pgfmd.files.table_writing import TableFile
 from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES, Table
 from pgfmd.host import launch
-from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
+from pgfmd.scene_objects import topography_of
 from pgfmd.schemes import registry
 from pgfmd.solver.sites import SitePoints
 

@@ -47,7 +47,7 @@ def plot_rheology(source: Scene | PronySeries, title: str = "") -> Figure:
 
 
 def _series_of(scene: Scene) -> PronySeries:
-    from pgfmd.parts import series_of
+    from pgfmd.scene_objects import series_of
 
     return series_of(scene.rheology)
 

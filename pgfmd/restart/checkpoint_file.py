@@ -20,7 +20,7 @@ from pgfmd.files.hdf5 import open_serial
 from pgfmd.files.regular_files import bring_to_disk
 from pgfmd.files.row_pieces import write_together
 from pgfmd.files.storage import agree, attempt, on_root
-from pgfmd.solver.finite import lines_of, not_finite_on
+from pgfmd.solver.finite_check import lines_of, not_finite_on
 
 from . import checkpoint_layout
 from .checkpoint_layout import Damaged, Entry, compare_sums

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pgfmd.errors import Problem, SceneError
-from pgfmd.parts import drive_of
 from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import PRELOAD, automatic_turn
 from pgfmd.scene import parse_scene
 from pgfmd.scene.given import PATHS
 from pgfmd.scene.model import SECTIONS
+from pgfmd.scene_objects import drive_of
 
 if TYPE_CHECKING:
     from pgfmd.scene import Scene

@@ -17,9 +17,9 @@ from pgfmd.files import storage
 from pgfmd.files.table_reading import CurveTail, count_ends
 from pgfmd.files.tables import CurveRow
 from pgfmd.forecast.progress import Moment, outlook
-from pgfmd.parts import drive_of
 from pgfmd.restart.resume import OF_EARLIER
 from pgfmd.scene import Scene, parse_scene
+from pgfmd.scene_objects import drive_of
 from pgfmd.schemes import registry
 
 from .inventory import Checkpoint, Inventory, take_inventory

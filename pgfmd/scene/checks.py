@@ -1,7 +1,7 @@
 """The rules of a scene that involve several keys.
 
-Each rule is a generator of Problems for a `Draft`, which has all values that could be read. A rule that uses a missing
-or wrong value ends there, because that value has already been reported. So all problems of a scene are reported
+Each rule is a generator of Problems for a `PartialScene`, which has all values that could be read. A rule that uses a
+missing or wrong value ends there, because that value has already been reported. So all problems of a scene are reported
 together.
 """
 
@@ -16,9 +16,9 @@ from pgfmd.physics.adhesion.registry import LAWS
 from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
-from .draft import MISSING, Draft, Unread, example
 from .fields import expectation, extra_of
 from .model import ADHESION, LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from .partial_scene import MISSING, PartialScene, Unread, example
 from .path_checks import paths_can_be_used
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
@@ -33,7 +33,7 @@ FINEST_SINGLE = 1e-3
 _MIXED = 'set solver.precision = "mixed"'
 
 
-def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
+def _keys_of_choice(draft: PartialScene, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
     """Requires the keys that a choice (such as the pattern "flat") needs, and refuses unused ones."""
     choice = draft[f"{section}.{selector}"]
     required, optional = table[choice]
@@ -49,19 +49,19 @@ def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, 
             yield draft.problem(dotted, f"no such key for the {selector} '{choice}'", cure)
 
 
-def punch_keys(draft: Draft) -> Iterator[Problem]:
+def punch_keys(draft: PartialScene) -> Iterator[Problem]:
     yield from _keys_of_choice(draft, "punch", "pattern", PATTERNS)
 
 
-def rheology_keys(draft: Draft) -> Iterator[Problem]:
+def rheology_keys(draft: PartialScene) -> Iterator[Problem]:
     yield from _keys_of_choice(draft, "rheology", "model", RHEOLOGIES)
 
 
-def adhesion_keys(draft: Draft) -> Iterator[Problem]:
+def adhesion_keys(draft: PartialScene) -> Iterator[Problem]:
     yield from _keys_of_choice(draft, "adhesion", "law", ADHESION)
 
 
-def law_can_be_read(draft: Draft) -> Iterator[Problem]:
+def law_can_be_read(draft: PartialScene) -> Iterator[Problem]:
     """The file of a law; whether it is there is another rule's."""
     law, path = LAWS[draft["adhesion.law"]], draft.path("adhesion.file")
     if "file" in law.required and path is not None and path.is_file():
@@ -71,7 +71,7 @@ def law_can_be_read(draft: Draft) -> Iterator[Problem]:
             yield draft.problem("adhesion.file", "a law of adhesion", str(error))
 
 
-def punch_fits_the_cell(draft: Draft) -> Iterator[Problem]:
+def punch_fits_the_cell(draft: PartialScene) -> Iterator[Problem]:
     radius, length = draft["punch.radius"], draft["grid.length"]
     if radius is not None and 2 * radius > length * ROUNDING:
         most = format_quantity(length / 2, "length")
@@ -82,7 +82,7 @@ def punch_fits_the_cell(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def free_punch_has_room(draft: Draft) -> Iterator[Problem]:
+def free_punch_has_room(draft: PartialScene) -> Iterator[Problem]:
     if draft["substrate.boundary"] != "free":
         return
     radius, length = draft["punch.radius"], draft["grid.length"]
@@ -100,7 +100,7 @@ def free_punch_has_room(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def curvature_has_an_axis(draft: Draft) -> Iterator[Problem]:
+def curvature_has_an_axis(draft: PartialScene) -> Iterator[Problem]:
     bounded = draft["punch.radius"] is not None or "radius" in PATTERNS[draft["punch.pattern"]][0]
     if math.isfinite(draft["punch.curvature_radius"]) and not bounded:
         yield draft.problem(
@@ -110,7 +110,7 @@ def curvature_has_an_axis(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def punch_covers_grid_points(draft: Draft) -> Iterator[Problem]:
+def punch_covers_grid_points(draft: PartialScene) -> Iterator[Problem]:
     radius, n, length = draft["punch.radius"], draft["grid.n"], draft["grid.length"]
     if radius is not None and radius < length / n:
         yield draft.problem(
@@ -122,7 +122,7 @@ def _raise_n(least: float) -> str:
     return f"raise grid.n to {math.ceil(least / ROUNDING)} or more"
 
 
-def wavelength_is_resolved(draft: Draft) -> Iterator[Problem]:
+def wavelength_is_resolved(draft: PartialScene) -> Iterator[Problem]:
     wavelength, n, length = draft["punch.wavelength"], draft["grid.n"], draft["grid.length"]
     if wavelength is not None and wavelength * ROUNDING < 2 * length / n:
         yield draft.problem(
@@ -132,7 +132,7 @@ def wavelength_is_resolved(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def sinusoid_is_periodic(draft: Draft) -> Iterator[Problem]:
+def sinusoid_is_periodic(draft: PartialScene) -> Iterator[Problem]:
     if draft["punch.pattern"] != "sinusoid" or draft["punch.radius"] is not None:
         return
     length, wavelength = draft["grid.length"], draft["punch.wavelength"]
@@ -148,7 +148,7 @@ def sinusoid_is_periodic(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def substrate_is_of_one_kind(draft: Draft) -> Iterator[Problem]:
+def substrate_is_of_one_kind(draft: PartialScene) -> Iterator[Problem]:
     film = math.isfinite(draft["substrate.thickness"])
     own = draft["substrate.compliance_file"] is not None
     free = draft["substrate.boundary"] == "free"
@@ -170,7 +170,7 @@ def substrate_is_of_one_kind(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("substrate.boundary", '"periodic" with a compliance file', "delete one of the two")
 
 
-def prony_series_is_sound(draft: Draft) -> Iterator[Problem]:
+def prony_series_is_sound(draft: PartialScene) -> Iterator[Problem]:
     if draft["rheology.model"] != "prony":
         return
     kappa = draft["rheology.kappa"]
@@ -182,7 +182,7 @@ def prony_series_is_sound(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("rheology.tau", f"{len(kappa)} times, one for every weight in kappa", f"it has {len(tau)}")
 
 
-def geometric_times_are_finite(draft: Draft) -> Iterator[Problem]:
+def geometric_times_are_finite(draft: PartialScene) -> Iterator[Problem]:
     if draft["rheology.model"] != "geometric":
         return
     names = ("relaxation_time", "time_ratio", "elements")
@@ -197,7 +197,7 @@ def geometric_times_are_finite(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def inertia_is_given(draft: Draft) -> Iterator[Problem]:
+def inertia_is_given(draft: PartialScene) -> Iterator[Problem]:
     if registry.named(draft["solver.scheme"]).section != "solver.gfmd":
         return
     keys = ("omega", "dt")
@@ -215,21 +215,21 @@ def inertia_is_given(draft: Draft) -> Iterator[Problem]:
             yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
 
 
-def scheme_has_the_boundary(draft: Draft) -> Iterator[Problem]:
+def scheme_has_the_boundary(draft: PartialScene) -> Iterator[Problem]:
     why = registry.named(draft["solver.scheme"]).periodic_only
     if why and draft["substrate.boundary"] == "free":
         cure = f'set substrate.boundary = "periodic", or solver.scheme = "{registry.DEFAULT}"'
         yield draft.problem("substrate.boundary", f"a periodic cell, because {why}", cure)
 
 
-def scheme_has_the_precision(draft: Draft) -> Iterator[Problem]:
+def scheme_has_the_precision(draft: PartialScene) -> Iterator[Problem]:
     scheme = registry.named(draft["solver.scheme"])
     if draft["solver.precision"] not in ("auto", *scheme.precisions):
         words = " or ".join(f"'{precision}'" for precision in scheme.precisions)
         yield draft.problem("solver.precision", f"{words} with the scheme {scheme.name}", "delete it")
 
 
-def scheme_has_the_machine(draft: Draft) -> Iterator[Problem]:
+def scheme_has_the_machine(draft: PartialScene) -> Iterator[Problem]:
     control, stiffness = draft["drive.control"], draft["drive.machine_stiffness"]
     scheme = registry.named(draft["solver.scheme"])
     if scheme.has_machine:
@@ -253,7 +253,7 @@ def _only(names: list[str]) -> tuple[str, str]:
     return f"only the scheme {' or '.join(names)}", cure
 
 
-def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
+def single_precision_is_enough(draft: PartialScene) -> Iterator[Problem]:
     if draft["solver.precision"] != "single":
         return
     accuracy = draft["solver.accuracy"]
@@ -267,7 +267,7 @@ def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
+def springs_are_not_single(draft: PartialScene) -> Iterator[Problem]:
     precision = draft["solver.precision"]
     if not registry.named(draft["solver.scheme"]).has_machine or precision in ("auto", "double"):
         return
@@ -278,14 +278,14 @@ def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("solver.precision", "'double' or 'mixed' where the machine has a spring", _MIXED)
 
 
-def _modulus_ratio(draft: Draft) -> float:
+def _modulus_ratio(draft: PartialScene) -> float:
     model = draft["rheology.model"]
     if model == "elastic":
         return 1.0
     return 1.0 + sum(draft["rheology.kappa"] or ()) if model == "prony" else draft["rheology.modulus_ratio"] or 1.0
 
 
-RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
+RULES: tuple[Callable[[PartialScene], Iterator[Problem]], ...] = (
     punch_keys,
     rheology_keys,
     adhesion_keys,
@@ -308,7 +308,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
 )
 
 
-def check(draft: Draft, require_files: bool = True) -> list[Problem]:
+def check(draft: PartialScene, require_files: bool = True) -> list[Problem]:
     """All problems that the rules find in a draft; those about files only if `require_files`."""
     problems: list[Problem] = []
     for rule in (*RULES, paths_can_be_used) if require_files else RULES:

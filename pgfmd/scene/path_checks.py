@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 from pgfmd.errors import Problem
 
-from .draft import Draft, Unread, is_unicode
 from .given import PATHS
+from .partial_scene import PartialScene, Unread, is_unicode
 
 
-def paths_can_be_used(draft: Draft) -> Iterator[Problem]:
+def paths_can_be_used(draft: PartialScene) -> Iterator[Problem]:
     """Files must exist, and it must be possible to write paths into the resolved scene."""
     for dotted in (*PATHS, "output.directory"):
         try:

@@ -19,10 +19,10 @@ from pgfmd.physics.adhesion.registry import LAWS, clearance_of, length_of, range
 from pgfmd.physics.drive import automatic_turn
 
 from .checks import check
-from .draft import MISSING, Draft, example, is_unicode
 from .fields import expectation, extra_of, within_limits, written
 from .given import Given, did_you_mean, shipped_scenes, shipped_text
 from .model import SECTIONS, Adhesion, Scene
+from .partial_scene import MISSING, PartialScene, example, is_unicode
 from .precision import best_precision
 
 __all__ = ["Scene", "load_scene", "parse_scene", "scene_from_mapping", "shipped_scenes", "shipped_text"]
@@ -72,7 +72,7 @@ def scene_from_mapping(
 def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool = True) -> Scene:
     """The checked and resolved scene of what was given. Raises SceneError with every problem found."""
     given, problems = given.overridden(overrides)
-    mapping, draft = given.mapping, Draft(given.folder)
+    mapping, draft = given.mapping, PartialScene(given.folder)
     problems += _read_sections(mapping, draft)
     problems += check(draft, require_files)
     title = mapping.get("title", "")
@@ -94,7 +94,7 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
     return scene.remembering(given)
 
 
-def _read_sections(mapping: Mapping[str, Any], draft: Draft) -> list[Problem]:
+def _read_sections(mapping: Mapping[str, Any], draft: PartialScene) -> list[Problem]:
     """Fill the draft; returns what is wrong with single keys."""
     problems = []
     for name, value in mapping.items():
@@ -143,7 +143,7 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
     return [Problem(dotted, error["input"], expected)]
 
 
-def _resolve(title: str, draft: Draft) -> Scene:
+def _resolve(title: str, draft: PartialScene) -> Scene:
     """The scene with defaults, automatic values and absolute paths filled in; the draft is free of problems."""
     # Of these, words are still words.
     parts: dict[str, Any] = {name: model.model_construct(**draft.values[name]) for name, model in SECTIONS.items()}
@@ -183,7 +183,7 @@ def _resolve(title: str, draft: Draft) -> Scene:
     return scene.model_copy(update={"solver": scene.solver.chosen(best_precision(scene).precision)})
 
 
-def _with_own_values(draft: Draft, adhesion: Adhesion) -> Adhesion:
+def _with_own_values(draft: PartialScene, adhesion: Adhesion) -> Adhesion:
     """The section with the path of its file, and with what its law knows by itself of keys that are not given."""
     law = LAWS[adhesion.law]
     adhesion = adhesion.model_copy(update={"file": _text(draft.path("adhesion.file"))})

@@ -17,7 +17,7 @@ from pgfmd.physics.adhesion.base import CohesiveLaw
 from pgfmd.physics.drive import Phase
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.solver.state import State
-from pgfmd.solver.trial import Change
+from pgfmd.solver.trial_step import Change
 
 Vector = NDArray[np.floating[Any]]
 """A field at this rank's points under the punch, (size,)."""
@@ -124,7 +124,7 @@ class Taken(Protocol):
 
 
 class Trial(Protocol):
-    """A trial step, as a controller uses it; solver.trial.Trial is one.
+    """A trial step, as a controller uses it; solver.trial_step.Trial is one.
 
     step [s]; position [m] of the machine and force [N] on the punch at its end. converged: whether it was solved.
     error: in ranges of adhesion, or relative to the largest force. is_jump: whether the surface jumps in it, which

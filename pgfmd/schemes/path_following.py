@@ -16,7 +16,7 @@ from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.solver.extrapolation import lagrange_weights
 from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.state import State
-from pgfmd.solver.trial import Change, Trial
+from pgfmd.solver.trial_step import Change, Trial
 
 EVENT_TOLERANCE = 2.5e-4
 """Largest tolerance of solves that locate an event."""

@@ -24,7 +24,8 @@ class Interrupted(Exception):
 
 
 class Impatient(Protocol):
-    """Who may want a run to end: on a signal, at a limit of time (restart/keeper.py), on Ctrl-C (in_memory.py)."""
+    """Who may want a run to end: on a signal, at a limit of time (restart/checkpoint_policy.py), on Ctrl-C
+    (in_memory.py)."""
 
     def interrupts(self) -> bool:
         """Whether this rank wants a step given up that has begun."""

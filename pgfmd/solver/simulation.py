@@ -12,7 +12,7 @@ from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
 from pgfmd.physics.drive import DETACHED, Drive, Phase
 
-from .finite import not_finite_on
+from .finite_check import not_finite_on
 from .interruption import Interrupted, Question
 from .preload_search import PRELOAD_TOLERANCE
 from .state import State

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from pgfmd.errors import Problem, SceneError
 from pgfmd.forecast.estimate import memory_of
-from pgfmd.parts import confirm
 from pgfmd.scene import Scene, load_scene
+from pgfmd.scene_objects import confirm
 from pgfmd.schemes import registry
 
 from .cases import Case

@@ -11,9 +11,9 @@ import pytest
 
 from pgfmd.errors import SceneError
 from pgfmd.scene import load_scene, parse_scene, scene_from_mapping, shipped_scenes, shipped_text
-from pgfmd.scene.draft import MISSING
 from pgfmd.scene.fields import snapshot_time
 from pgfmd.scene.model import PATTERNS, RHEOLOGIES, SECTIONS, Output, Solver
+from pgfmd.scene.partial_scene import MISSING
 from pgfmd.scene.solver_section import PRECISIONS
 
 PUNCH_VALUES = {

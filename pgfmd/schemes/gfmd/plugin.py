@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from pgfmd import parts
+from pgfmd import scene_objects
 from pgfmd.errors import Problem
 from pgfmd.forecast.effort import Effort, effort_of_steps
 from pgfmd.forecast.estimate import Memory, map_bytes_of, output_bytes, punch_points
@@ -41,16 +41,16 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     plane = Plane(comm, scene.grid.n)
     slab = (plane.row_start, plane.real.shape[0])
     points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm, slab)
-    law, series, inertia = law_of(scene.adhesion), parts.series_of(scene.rheology), inertia_of_scene(scene)
-    compliance, height, output = parts.compliance_of(scene), heights_of(scene, points), scene.output
+    law, series, inertia = law_of(scene.adhesion), scene_objects.series_of(scene.rheology), inertia_of_scene(scene)
+    compliance, height, output = scene_objects.compliance_of(scene), heights_of(scene, points), scene.output
     scheme = Gfmd(points, plane, compliance, height, law, series, inertia, output.energy, output.near_gap)
     return scheme, FixedSteps(scheme, inertia.step, scene.drive.preload)
 
 
 def inertia_of_scene(scene: Scene) -> Inertia:
     """The auxiliary inertia of a scene."""
-    series, law = parts.series_of(scene.rheology), law_of(scene.adhesion)
-    return inertia_of(scene.solver_gfmd, series, law, parts.drive_of(scene))
+    series, law = scene_objects.series_of(scene.rheology), law_of(scene.adhesion)
+    return inertia_of(scene.solver_gfmd, series, law, scene_objects.drive_of(scene))
 
 
 def memory(scene: Scene, ranks: int) -> Memory:
@@ -60,7 +60,7 @@ def memory(scene: Scene, ranks: int) -> Memory:
     n, points = scene.grid.n, punch_points(scene)
     columns, rows = math.ceil((n // 2 + 1) / ranks), math.ceil(n / ranks)
     spectral = 16.0 * n * columns
-    state = (2 + parts.series_of(scene.rheology).elements) * spectral
+    state = (2 + scene_objects.series_of(scene.rheology).elements) * spectral
     mine = 8.0 * min(points.total, rows * points.nb)
     modes = state + 16.0 * (n // 2 + 1) * columns
     transform = 8.0 * rows * n + 16.0 * rows * (n // 2 + 1) + 2.0 * spectral
@@ -99,7 +99,7 @@ def problems(scene: Scene) -> list[Problem]:
         expected = f"a start out of reach, at least {law.reach:.3g} m, as gfmd begins with a surface at rest"
         found.append(Problem("drive.clearance", f"{clearance:.3g} m", expected, cure))
     inertia = inertia_of_scene(scene)
-    cure = instability(inertia, _contact_stiffness(scene), parts.series_of(scene.rheology).kappa_inf)
+    cure = instability(inertia, _contact_stiffness(scene), scene_objects.series_of(scene.rheology).kappa_inf)
     if cure:
         found.append(Problem("solver.gfmd.dt", f"{inertia.step:.3g} s", "a stable time step", cure))
     return found
@@ -107,7 +107,7 @@ def problems(scene: Scene) -> list[Problem]:
 
 def lines(scene: Scene) -> Iterator[tuple[str, float, str, str]]:
     """Inertia, step, stability, and additional viscosity."""
-    inertia, series = inertia_of_scene(scene), parts.series_of(scene.rheology)
+    inertia, series = inertia_of_scene(scene), scene_objects.series_of(scene.rheology)
     yield "frequency omega of the inertia", inertia.frequency, "rad/s", ""
     yield "time step", inertia.step, "s", f"set by the {inertia.limited_by}"
     note = "omega dt sqrt(1 + K_0 G0/kappa_inf), below 2 where stable"
@@ -119,7 +119,7 @@ def lines(scene: Scene) -> Iterator[tuple[str, float, str, str]]:
 
 def remarks(scene: Scene) -> Iterator[str]:
     """The additional viscosity due to inertia, which the paper neglects but is known exactly."""
-    series = parts.series_of(scene.rheology)
+    series = scene_objects.series_of(scene.rheology)
     if not series.elements:
         return
     share = inertia_of_scene(scene).added_viscosity(series)
@@ -132,4 +132,4 @@ def remarks(scene: Scene) -> Iterator[str]:
 
 def _contact_stiffness(scene: Scene) -> float:
     law = law_of(scene.adhesion)
-    return contact_stiffness(parts.compliance_of(scene), law, scene.grid.n, scene.grid.length)
+    return contact_stiffness(scene_objects.compliance_of(scene), law, scene.grid.n, scene.grid.length)

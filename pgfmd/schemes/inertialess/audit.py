@@ -16,7 +16,7 @@ from pgfmd.physics.rheology import CreepSeries
 from pgfmd.schemes.path_following import SINGLE_NOISE
 from pgfmd.solver.extrapolation import integral
 from pgfmd.solver.state import Energies, State
-from pgfmd.solver.trial import Trial
+from pgfmd.solver.trial_step import Trial
 
 from . import retardation_kernels
 from .retardation import StagedTrial, StepWeights, Tableau

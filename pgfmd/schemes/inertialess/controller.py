@@ -16,7 +16,7 @@ from pgfmd.physics.drive import Phase
 from pgfmd.schemes.base import ImplicitScheme, Trial
 from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
 from pgfmd.solver.state import State
-from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
+from pgfmd.solver.trial_step import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
 
 CUT_ON_FAILURE = 0.25
 TELLING = 2.0

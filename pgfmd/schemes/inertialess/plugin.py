@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from pgfmd import coarsening, parts
+from pgfmd import coarsening, scene_objects
 from pgfmd.forecast.estimate import Memory, memory_of_vectors, rough_share
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     from .scheme import Inertialess
 
     solver, output = newton_solver(scene, comm, mirror), scene.output
-    law, series, tolerance = solver.law, parts.series_of(scene.rheology), tolerance_of(scene)
+    law, series, tolerance = solver.law, scene_objects.series_of(scene.rheology), tolerance_of(scene)
     weights = far_weights_of(scene, solver)
     scheme = Inertialess(
         solver, series.to_creep(), tolerance, output.energy, weights, output.near_gap, scene.solver.order
@@ -42,7 +42,7 @@ def memory(scene: Scene, ranks: int) -> Memory:
     history per stage; two stages, one if elastic or of first order. Newton: heights and f, and K, r, s, t, p, y, z with
     the precision of `rough`; with a coarse grid, other work vectors (two_grid.py). Weights of the far field.
     """
-    elements, rough = parts.series_of(scene.rheology).elements, rough_share(scene)
+    elements, rough = scene_objects.series_of(scene.rheology).elements, rough_share(scene)
     stages, periodic = scene.solver.order if elements else 1, scene.substrate.boundary == "periodic"
     more = 3.0 * rough if coarsening.expected(scene).factor else 0.0
     counts = 7 + elements * (1 + scene.output.energy), stages * 4 + 2 + 7 * rough + periodic + more

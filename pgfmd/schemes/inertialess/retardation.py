@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from pgfmd.physics.rheology import CreepSeries
-from pgfmd.solver.trial import Trial
+from pgfmd.solver.trial_step import Trial
 
 from .retardation_kernels import weights_of
 

@@ -18,7 +18,7 @@ from pgfmd.schemes.path_following import EVENT_TOLERANCE, PathFollowing
 from pgfmd.solver import kernels
 from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.state import State
-from pgfmd.solver.trial import Trial
+from pgfmd.solver.trial_step import Trial
 
 from . import retardation_kernels
 from .audit import EnergyAudit, tension_of, work_of

@@ -13,7 +13,7 @@ from pgfmd.errors import WRITTEN_IS_VALID, RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
 from pgfmd.solver.state import State
-from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT, Trial
+from pgfmd.solver.trial_step import LARGEST_GROWTH, SAFETY, STRONGEST_CUT, Trial
 
 from .scheme import Quasistatic
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pgfmd import parts
+from pgfmd import scene_objects
 from pgfmd.forecast.estimate import Memory, memory_of_vectors, rough_share
 
 if TYPE_CHECKING:
@@ -24,10 +24,10 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     from .machine import sprung
     from .scheme import Quasistatic
 
-    compliance, spring = parts.quasistatic_compliance(scene), parts.machine_compliance(scene)
+    compliance, spring = scene_objects.quasistatic_compliance(scene), scene_objects.machine_compliance(scene)
     solver = newton_solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, compliance))
     law, tolerance = solver.law, tolerance_of(scene)
-    stiffness = parts.punch_stiffness(scene) / compliance
+    stiffness = scene_objects.punch_stiffness(scene) / compliance
     dead = scene.drive.control == "load"
     weights, near = far_weights_of(scene, solver), scene.output.near_gap
     scheme = Quasistatic(solver, compliance, tolerance, weights, near, spring, stiffness, dead)

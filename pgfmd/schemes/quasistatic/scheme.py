@@ -8,7 +8,7 @@ Each step of the machine ends in a minimum of the potential
 
 that is reached downhill from the last one. A step without an instability is reversible: its work is stored. In a step
 with an instability, the work minus the change of stored energy is the energy released by the jump. Each minimum is
-confirmed by a search for its lowest curvature (soft_mode.py). Time is only a measure of the travel of the machine.
+confirmed by a search for its lowest curvature (lobpcg.py). Time is only a measure of the travel of the machine.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from pgfmd.solver.descent import Descent
 from pgfmd.solver.drift import Drift
 from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.state import State
-from pgfmd.solver.trial import Trial
+from pgfmd.solver.trial_step import Trial
 
+from .lobpcg import SoftMode
 from .machine import total
-from .soft_mode import SoftMode
 from .spring_work import SpringWork
 
 SHARPNESS = 0.25

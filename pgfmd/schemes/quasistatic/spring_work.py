@@ -12,7 +12,7 @@ import numpy as np
 
 from pgfmd.solver.extrapolation import integral
 from pgfmd.solver.state import State
-from pgfmd.solver.trial import Trial
+from pgfmd.solver.trial_step import Trial
 
 NEAREST_PAST = 0.2
 """Starts of earlier steps are used for the work of a step if those steps were at least this fraction of it: closer

@@ -1,4 +1,4 @@
-"""Compiled kernels of LOBPCG (soft_mode.py). As in kernels.py, sums are returned as one partial sum per row."""
+"""Compiled kernels of LOBPCG (lobpcg.py). As in kernels.py, sums are returned as one partial sum per row."""
 
 from __future__ import annotations
 

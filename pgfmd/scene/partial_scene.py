@@ -28,7 +28,7 @@ class Unread(Exception):
 
 
 @dataclass
-class Draft:
+class PartialScene:
     """A scene during validation: `raw` as written, `values` in SI as far as they could be read, by section and key."""
 
     folder: Path

@@ -54,7 +54,7 @@ class Timing:
     whose: str = ""
 
 
-class Keeper:
+class CheckpointPolicy:
     """Writes the checkpoints of a run and decides when it stops. `attend` is called at the start, between steps, and at
     the end.
 
