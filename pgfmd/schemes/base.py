@@ -97,6 +97,10 @@ class ImplicitScheme(Scheme, Protocol):
     def order(self) -> int:
         """Order of the method in time."""
 
+    def machine_share(self, state: State) -> float:
+        """How many times farther what is driven goes than the punch, because of a machine's spring. Collective if there is
+        one."""
+
     def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> Trial:
         """Solves a step of `step` [s] without changing the state. sharp: with a smaller tolerance, to locate an event;
         jump: follow an instability to its end."""

@@ -74,6 +74,10 @@ class PathFollowing:
         """Position D [m] of what is driven: the punch, or the machine's end of its spring."""
         return state.position
 
+    def machine_share(self, state: State) -> float:
+        """How many times farther what is driven goes than the punch."""
+        return 1.0
+
     def advice(self, state: State, trial: Trial) -> str:
         """Advice for a step without an equilibrium, from its last trial."""
         scale, least = self.solver.force_scale, self._least_preload(state, trial)

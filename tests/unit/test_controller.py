@@ -36,6 +36,9 @@ class Surface:
             change=Change(moved, moved, 0.0, 0.0, (0.0,), step) if math.isfinite(moved) else None,
         )  # fmt: skip
 
+    def machine_share(self, state):
+        return 1.0
+
     def accept(self, state, trial):
         self.accepted.append(trial)
 

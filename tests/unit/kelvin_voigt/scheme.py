@@ -31,6 +31,9 @@ class KelvinVoigt:
     def place(self, state):
         return state.position
 
+    def drive_at(self, state):
+        return state.position
+
     def surface_of(self, state):
         return state.load
 
