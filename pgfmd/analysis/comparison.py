@@ -233,10 +233,13 @@ def load_loops(
         ResultError: without a folder, with several files, or if a folder can't be read. MeasurementError: if the file
             can't.
     """
-    files, folders = [], []
+    files: list[Path] = []
+    folders: list[Run] = []
     for source in sources:
-        is_file = not isinstance(source, Results) and not Path(source).is_dir() and Path(source).suffix
-        files.append(Path(source)) if is_file else folders.append(source)
+        if not isinstance(source, Results) and not Path(source).is_dir() and Path(source).suffix:
+            files.append(Path(source))
+        else:
+            folders.append(source)
     if not folders:
         raise ResultError("expected at least one folder of results to compare with; name it before the measured curve")
     if len(files) > 1:

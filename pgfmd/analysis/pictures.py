@@ -52,38 +52,42 @@ def plot_comparison(found: Comparison) -> Figure:
 
 def plot_bulges(analysis: Analysis) -> Figure:
     """The retraction with its minima and inflections. ResultError where there are none."""
-    _require(analysis.bulges, analysis, "bulges")
+    if not analysis.bulges:
+        raise _lacking(analysis, "bulges")
     return _with_footer(bulge_figure(analysis.loop, analysis.bulges), analysis.about)
 
 
 def plot_compliance(analysis: Analysis) -> Figure:
     """u_inf against force, and k_cc. ResultError where it can't be fitted."""
-    _require(analysis.cell, analysis, "compliance of its cell")
+    if analysis.cell is None:
+        raise _lacking(analysis, "compliance of its cell")
     return _with_footer(compliance_figure(analysis.loop, analysis.cell), analysis.about)
 
 
 def plot_hysteresis(analysis: Analysis) -> Figure:
     """Where the work of the loop went, by the audit and against the twin. ResultError without either."""
-    _require(analysis.audit or analysis.twin, analysis, "audit and no twin")
+    if analysis.audit is None and analysis.twin is None:
+        raise _lacking(analysis, "audit and no twin")
     return _with_footer(hysteresis_figure(analysis.audit, analysis.twin), analysis.about)
 
 
 def plot_twin(analysis: Analysis) -> Figure:
     """The loop over that of its quasi-static twin. ResultError without one."""
-    _require(analysis.twin_loop, analysis, "twin; name its folder to `analyse`")
+    if analysis.twin_loop is None:
+        raise _lacking(analysis, "twin; name its folder to `analyse`")
     return _with_footer(overlay_figure([analysis.loop, analysis.twin_loop]), analysis.about)
 
 
 def plot_bearing_area(analysis: Analysis) -> Figure:
     """The loop over what independent asperities would do. ResultError where that was not asked for."""
-    _require(analysis.predictions, analysis, "bearing-area model; ask `analyse` for it")
+    if not analysis.predictions:
+        raise _lacking(analysis, "bearing-area model; ask `analyse` for it")
     loops = [analysis.loop, *(prediction.loop for prediction in analysis.predictions)]
     return _with_footer(overlay_figure(loops), analysis.about)
 
 
-def _require(part: object, analysis: Analysis, name: str) -> None:
-    if not part:
-        raise ResultError(f"{analysis.directory}: this analysis has no {name}")
+def _lacking(analysis: Analysis, name: str) -> ResultError:
+    return ResultError(f"{analysis.directory}: this analysis has no {name}")
 
 
 def _with_footer(figure: Figure, text: str) -> Figure:

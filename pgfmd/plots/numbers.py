@@ -49,8 +49,8 @@ def _area(moment: str) -> Callable[[Measures], float | None]:
 
 NUMBERS: dict[str, Number] = {
     "pull-off": Number(
-        "pull-off force", "N", lambda found: found.pull_off and found.pull_off.tension,
-        lambda found: found.pull_off and found.pull_off.uncertainty,
+        "pull-off force", "N", lambda found: found.pull_off.tension if found.pull_off else None,
+        lambda found: found.pull_off.uncertainty if found.pull_off else None,
     ),
     "snap-in": Number(
         "snap-in force", "N", lambda found: found.snap_in.tension, lambda found: found.snap_in.uncertainty
@@ -92,7 +92,7 @@ def plot_numbers(*runs: Run, x: str = "", y: str = "pull-off", log: str = "") ->
         scenes = [flat(run) for run in results]
         x = key_of(x, scenes)
         measures = [measure(loop) for loop in loops]
-        across = [_place(x, scene, found) for scene, found in zip(scenes, measures, strict=True)]
+        across: list[Any] = [_place(x, scene, found) for scene, found in zip(scenes, measures, strict=True)]
         if any(isinstance(place, str) for place in across):
             across = [None if place is None else str(scene[x]) for place, scene in zip(across, scenes, strict=True)]
         kept = [k for k, found in enumerate(measures) if NUMBERS[y].of(found) is not None and across[k] is not None]
@@ -100,14 +100,14 @@ def plot_numbers(*runs: Run, x: str = "", y: str = "pull-off", log: str = "") ->
             raise ResultError(f"no run has both {x} and {NUMBERS[y].name}")
         figure = new_figure(5.2, 4.0)
         axis = figure.subplots()
-        along = handy([NUMBERS[y].of(measures[k]) for k in kept], NUMBERS[y].unit)
+        along = handy([NUMBERS[y].of(measures[k]) or 0.0 for k in kept], NUMBERS[y].unit)
         texts = sorted({across[k] for k in kept if isinstance(across[k], str)})
         wide = (1.0, "") if texts else handy([across[k] for k in kept], unit_of(x, scenes))
         for number, (label, members) in enumerate(groups(scenes, x, across, kept)):
             points = sorted((texts.index(across[k]) if texts else across[k] / wide[0], *_value(y, measures[k], along[0]))
                             for k in members)  # fmt: skip
             places, values, spreads = zip(*points, strict=True)
-            look = {"color": PALETTE[number % len(PALETTE)], "linestyle": LINES[number % len(LINES)]}
+            look: dict[str, Any] = {"color": PALETTE[number % len(PALETTE)], "linestyle": LINES[number % len(LINES)]}
             axis.errorbar(
                 places, values, yerr=spreads, marker=MARKERS[number % len(MARKERS)], markersize=4, capsize=2.5,
                 elinewidth=0.8, label=literal(label), **look,
@@ -136,7 +136,7 @@ def _scale(axis: Any, log: str) -> None:
 def _value(y: str, found: Measures, factor: float) -> tuple[float, float]:
     """A number and its uncertainty, NaN where it is not known, in the unit of the axis."""
     spread = NUMBERS[y].uncertainty(found)
-    return NUMBERS[y].of(found) / factor, np.nan if spread is None else spread / factor
+    return (NUMBERS[y].of(found) or 0.0) / factor, np.nan if spread is None else spread / factor
 
 
 def flat(results: Results) -> dict[str, Any]:

@@ -210,7 +210,7 @@ def measures_figure(plan: Plan, title: str) -> Figure | None:
     lines = list(_lines(plan, done, others))
     shades = colours(len(lines))
     for panel, (name, (measure, unit)) in zip(panels, shown.items(), strict=True):
-        factor, unit = handy([row.measured[measure] for row in done if row.measured[measure] is not None], unit)
+        factor, unit = handy([value for row in done if (value := row.measured[measure]) is not None], unit)
         panel.set_ylabel(f"{name} ({unit})")
         for number, (label, rows) in enumerate(lines):
             points = sorted(_points(plan, rows, across, bool(numeric), measure))
