@@ -93,7 +93,7 @@ def warm_up(precision: str) -> tuple[Overrides, ...]:
 def problems(scene: Scene) -> list[Problem]:
     """Problems: a start within the range of adhesion, and steps that are too long."""
     found = []
-    law, clearance = law_of(scene.adhesion), parts.drive_of(scene).clearance
+    law, clearance = law_of(scene.adhesion), scene_objects.drive_of(scene).clearance
     if clearance < law.reach:
         cure = 'leave it out, or set solver.scheme = "inertialess"'
         expected = f"a start out of reach, at least {law.reach:.3g} m, as gfmd begins with a surface at rest"
