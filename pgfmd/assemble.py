@@ -1,4 +1,4 @@
-"""From a scene to a simulation: the nouns of parts.py put on a grid that is shared out over the ranks."""
+"""From a scene to a simulation: the nouns of scene_objects.py put on a grid that is shared out over the ranks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import coarsening, parts, symmetry
+from . import coarsening, scene_objects, symmetry
+from .physics.adhesion.registry import law_of
 from .schemes import registry
 from .solver.conjugate_gradients import ConjugateGradients
 from .solver.far_field import far_weights
@@ -33,7 +34,7 @@ STEP_SHARE = 0.7
 tri-tack at n = 512 takes 9 % more transforms at the default accuracy, and its audit closes to 0.4 instead of 0.55 %."""
 
 
-def tolerance_of(scene) -> float:
+def tolerance_of(scene: Scene) -> float:
     """Tolerance of a step's error, in ranges of adhesion or as a share of the largest force."""
     return STEP_SHARE * scene.solver.accuracy
 
@@ -42,20 +43,19 @@ def convolution_of(
     scene: Scene, points: PunchPoints, whole_cell: bool = False, dtype: DTypeLike = np.float64
 ) -> Convolution | MirroredConvolution:  # fmt: skip
     """The operator G0 on the scene's grid, or a coarser one; `whole_cell`: fit for `Convolution.whole_cell` too; dtype: its precision."""
-    compliance = parts.compliance_of(scene)
     if scene.substrate.boundary == "periodic":
         # The cell's, or that of a coarser grid.
-        make, side = periodic_multiplier(compliance, scene.grid.length), points.grid.n
+        make, side = periodic_multiplier(scene_objects.compliance_of(scene), scene.grid.length), points.grid.n
     else:
-        make = free_multiplier(compliance, points.grid.spacing)
-        side = parts.transform_side(scene, points.nb, whole_cell, points.mirror)
+        make = free_multiplier(scene_objects.free_compliance_of(scene), points.grid.spacing)
+        side = scene_objects.transform_side(scene, points.nb, whole_cell, points.mirror)
     kind = MirroredConvolution if points.mirror else Convolution
     return kind(points, side, make, dtype=dtype)
 
 
 def heights_of(scene: Scene, points: PunchPoints) -> np.ndarray:
     """Height z [m] of the punch's lower face at the local points, its minimum over all ranks zero."""
-    topography, heights = parts.topography_of(scene.punch), points.zeros()
+    topography, heights = scene_objects.topography_of(scene.punch), points.zeros()
     # A few points at a time: formulas need many arrays.
     for start in range(0, points.size, FEW):
         heights[start : start + FEW] = topography.heights(*points.coordinates(start, start + FEW))
@@ -69,7 +69,7 @@ def mirror_of(scene: Scene, comm: Intracomm) -> str:
 
     def holds(axes: str) -> bool:
         points = symmetry.points_of(scene, axes, comm)
-        return not points.maximum_of(float(not symmetry.has_images(parts.topography_of(scene.punch), points)))
+        return not points.maximum_of(float(not symmetry.has_images(scene_objects.topography_of(scene.punch), points)))
 
     return "" if symmetry.obstacle(scene) else symmetry.largest(holds)
 
@@ -81,8 +81,8 @@ def assemble(scene: Scene, comm: Intracomm, mirror: str | None = None) -> Simula
     """
     mirror = mirror_of(scene, comm) if mirror is None else mirror
     scheme, controller = registry.scheme_of(scene).new(scene, comm, mirror)
-    drive = parts.drive_of(scene)
-    return Simulation(scheme, controller, drive, parts.deepest_indentation(scene), scene.solver.max_steps)
+    drive = scene_objects.drive_of(scene)
+    return Simulation(scheme, controller, drive, scene_objects.deepest_indentation(scene), scene.solver.max_steps)
 
 
 def newton_solver(
@@ -94,10 +94,11 @@ def newton_solver(
     convolve = wrap(convolution_of(scene, points, dtype=dtype))
     rough = wrap(convolution_of(scene, points, dtype=np.float32)) if scene.solver.precision == "mixed" else None
     height = heights_of(scene, points).astype(dtype, copy=False)
-    corrections, m = ConjugateGradients, coarsening.expected(scene).factor
+    corrections: MakeCorrections = ConjugateGradients
+    m = coarsening.expected(scene).factor
     if m:
         corrections = _corrections_on_two_grids(scene, points, m, (rough or convolve).dtype)
-    return NewtonSolver(points, convolve, height, parts.law_of(scene.adhesion), scene.drive.preload, rough, corrections)
+    return NewtonSolver(points, convolve, height, law_of(scene.adhesion), scene.drive.preload, rough, corrections)
 
 
 def _corrections_on_two_grids(scene: Scene, points: PunchPoints, m: int, dtype: DTypeLike) -> MakeCorrections:
@@ -112,8 +113,7 @@ def _corrections_on_two_grids(scene: Scene, points: PunchPoints, m: int, dtype: 
         comm = MPI.COMM_SELF
     coarse = coarse_points_of(points, m, comm)
     # As of a periodic cell: a free solid answers to short waves like that.
-    periodic = scene.substrate.model_copy(update={"boundary": "periodic"})
-    waves = parts.compliance_of(scene.model_copy(update={"substrate": periodic}))
+    waves = scene_objects.compliance_of(scene)
     shortest = np.pi / coarse.grid.spacing * np.eye(2)
     return partial(
         TwoGrid, coarse=CoarseGrid(coarse, convolution_of(scene, coarse, dtype=dtype), float(waves(*shortest).max()))
@@ -123,5 +123,5 @@ def _corrections_on_two_grids(scene: Scene, points: PunchPoints, m: int, dtype: 
 def far_weights_of(scene: Scene, solver: NewtonSolver) -> np.ndarray:
     """Weights of the far displacement, none without a periodic cell."""
     periodic = scene.substrate.boundary == "periodic"
-    weights = far_weights(parts.compliance_of(scene), solver.points) if periodic else np.zeros(0)
+    weights = far_weights(scene_objects.compliance_of(scene), solver.points) if periodic else np.zeros(0)
     return weights.astype(solver.dtype, copy=False)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from . import parts
+from . import scene_objects
 from .scene.precision import transform_side_about
 from .schemes import registry
 from .symmetry import MOST_INSTANTANEOUS
@@ -37,14 +37,14 @@ class Coarsening:
 def expected(scene: Scene) -> Coarsening:
     """The coarser grid that a run of the scene uses. A pure function of the resolved scene, its mirror symmetry left out: a
     part of the punch and the whole are solved alike."""
-    solver, series, n = scene.solver, parts.series_of(scene.rheology), scene.grid.n
+    solver, series, n = scene.solver, scene_objects.series_of(scene.rheology), scene.grid.n
     if solver.coarse_grid == "none":
         return Coarsening(0, 'solver.coarse_grid = "none"')
     if not registry.scheme_of(scene).coarse_grid:
         return Coarsening(0, f"the scheme {solver.scheme} does without")
     if not series.elements or series.to_creep().J_inf > MOST_INSTANTANEOUS:
         return Coarsening(0, "(nearly) elastic surfaces, whose waves are all alike soft, have not been measured")
-    if scene.adhesion.law == "repulsive":
+    if not scene.adhesion.attractive:
         return Coarsening(0, "without adhesion steps are long, and as long as solves are more exact than asked for")
     if scene.punch.radius is None:
         return Coarsening(0, "a punch that fills the cell has not been measured")

@@ -55,7 +55,7 @@ def run(
     if comm is None and ranks > 1:
         _on_ranks(scene, Path(directory), ranks, fresh, allow, checkpoint_every, say)
     else:
-        from .restart.keeper import Timing
+        from .restart.checkpoint_policy import Timing
         from .runner import Options, run_scene
 
         every = math.inf if checkpoint_every == OFF else seconds_of(checkpoint_every)

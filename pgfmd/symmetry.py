@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import takewhile
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from . import parts
+from . import scene_objects
 from .schemes import registry
 from .solver.grid import Grid, PunchPoints
 
@@ -47,7 +47,7 @@ class Symmetry:
 
 def obstacle(scene: Scene) -> str:
     """Why a scene is stepped whole, whatever its face; empty where nothing speaks against a part of it."""
-    solver, series = scene.solver, parts.series_of(scene.rheology)
+    solver, series = scene.solver, scene_objects.series_of(scene.rheology)
     if solver.symmetry == "none":
         return 'solver.symmetry = "none"'
     whole_only = registry.scheme_of(scene).whole_only
@@ -87,7 +87,7 @@ def expected(scene: Scene) -> Symmetry:
     reason = obstacle(scene)
     if reason:
         return Symmetry("", reason)
-    topography = parts.topography_of(scene.punch)
+    topography = scene_objects.topography_of(scene.punch)
 
     def holds(axes: str) -> bool:
         points = points_of(scene, axes)
@@ -98,7 +98,7 @@ def expected(scene: Scene) -> Symmetry:
     return Symmetry(found, "" if found else "the punch's face is not its own mirror image in x")
 
 
-ALONE = SimpleNamespace(size=1, rank=0)
+ALONE = cast("Intracomm", SimpleNamespace(size=1, rank=0))
 """What a grid asks of a communicator, told of a single rank."""
 
 

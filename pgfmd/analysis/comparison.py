@@ -177,13 +177,13 @@ def fitted_offset(run: Loop, measured: Loop) -> float:
     """
     top = min(float(np.max(run.force)), float(np.max(measured.force)))
     levels = np.linspace(*FIT_LEVELS, 15) * top
-    places = [_first_passage(loop, levels) for loop in (run, measured)]
-    if top <= 0.0 or any(place is None for place in places):
+    there, here = (_first_passage(loop, levels) for loop in (run, measured))
+    if top <= 0.0 or there is None or here is None:
         raise ValueError(
             f"{measured.name}: an offset can only be fitted on a loading branch that passes "
             f"{FIT_LEVELS[0] * top:.3g} to {FIT_LEVELS[1] * top:.3g} N; give the offset itself"
         )
-    return float(np.mean(places[0] - places[1]))
+    return float(np.mean(there - here))
 
 
 def _first_passage(loop: Loop, levels: np.ndarray) -> np.ndarray | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -135,9 +135,9 @@ def bulge_figure(loop: Loop, found: list[Bulge]) -> Figure:
     for kind, marker in (("minimum", "v"), ("inflection", "d")):
         own = [bulge for bulge in found if bulge.kind == kind]
         if own:
-            x = [1e6 * (-bulge.displacement - loop.offset) for bulge in own]
+            places = [1e6 * (-bulge.displacement - loop.offset) for bulge in own]
             y = [1e3 * bulge.force for bulge in own]
-            axis.plot(x, y, marker, color=RED, markersize=5, linestyle="none", label=kind)
+            axis.plot(places, y, marker, color=RED, markersize=5, linestyle="none", label=kind)
     axis.legend(loc="upper left")
     axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
     return figure
@@ -150,7 +150,7 @@ def compliance_figure(loop: Loop, cell: CellCompliance) -> Figure:
     axis = figure.subplots()
     for name, rows in loop.branches.items():
         colour = GREY if name == "approach" else TURQUOISE
-        style = {"linestyle": DASHES if name == "approach" else "-", "label": name}
+        style: dict[str, Any] = {"linestyle": DASHES if name == "approach" else "-", "label": name}
         axis.plot(*seen(1e3 * loop.force[rows], 1e6 * loop.u_inf[rows]), color=colour, **style)
     ends = np.array([loop.force.min(), loop.force.max()])
     label = f"F/k_cc,  k_cc = {cell.stiffness / 1e3:.4g} kN/m"
@@ -169,8 +169,8 @@ def hysteresis_figure(audit: Audit | None, twin: Twin | None) -> Figure:
         values = (audit.viscous, audit.released, audit.work - audit.viscous - audit.released)
         bars.append(("energy audit", [(name, colour, v) for (name, colour), v in zip(PARTS, values, strict=True)]))
     if twin is not None:
-        values = (twin.twin_loop, twin.rest)
-        parts = [(name, colour, v) for (name, colour), v in zip(TWIN_PARTS, values, strict=True)]
+        of_twin = (twin.twin_loop, twin.rest)
+        parts = [(name, colour, v) for (name, colour), v in zip(TWIN_PARTS, of_twin, strict=True)]
         bars.append(("against the\nquasi-static twin", parts))
     largest = max(abs(value) for _, parts in bars for _, _, value in parts)
     factor, unit = energy_unit(largest)

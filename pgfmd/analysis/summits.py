@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, SUMMIT, contact_sites
 from pgfmd.physics.topography import Topography
 from pgfmd.results.curve import Array
+from pgfmd.scene_objects import topography_of
 from pgfmd.solver.grid import Grid
 
 FINE = 400

@@ -59,6 +59,12 @@ class Sweep:
     loss: NDArray
     temperature: float | None = None
 
+    @property
+    def kelvin(self) -> float:
+        """The temperature [K], of a sweep that has one."""
+        assert self.temperature is not None, "asked for without a temperature"
+        return self.temperature
+
 
 def read_dma(path: str | Path) -> list[Sweep]:
     """The sweeps of a file, one for each temperature, coldest first; one without temperature if it names none.
@@ -209,7 +215,9 @@ def _factor(where: str, quantity: str, unit: str) -> float:
     raise MeasurementError(f"{where}: expected {expected}, {found}; write for instance {example}")
 
 
-def _values(path, rows, columns, delimiter) -> dict[str, NDArray]:
+def _values(
+    path: str | Path, rows: list[tuple[int, list[str]]], columns: dict[str, tuple[int, float]], delimiter: str
+) -> dict[str, NDArray]:
     """The columns in SI units, checked; every wrong line is reported, up to a few."""
     values: dict[str, list[float]] = {quantity: [] for quantity in columns}
     problems = []
@@ -237,7 +245,7 @@ def _values(path, rows, columns, delimiter) -> dict[str, NDArray]:
     return arrays
 
 
-def _isotherms(path, values: dict[str, NDArray]) -> list[Sweep]:
+def _isotherms(path: str | Path, values: dict[str, NDArray]) -> list[Sweep]:
     """Rows of the same temperature, put together and sorted by frequency."""
     temperature = values.get("temperature")
     if temperature is None:

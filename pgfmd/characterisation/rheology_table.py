@@ -37,7 +37,7 @@ class Material:
 
     def shifts(self) -> list[float]:
         """log10 a_T of every sweep; 0 without a shift."""
-        return [0.0 if self.wlf is None else float(self.wlf.log_shift(sweep.temperature)) for sweep in self.sweeps]
+        return [0.0 if self.wlf is None else float(self.wlf.log_shift(sweep.kelvin)) for sweep in self.sweeps]
 
     @property
     def rheology(self) -> dict[str, Any]:
@@ -56,9 +56,9 @@ class Material:
             how = "fitted" if self.wlf_is_fitted else "given"
             yield f"WLF, {how}: C1 = {wlf.C1:.4g}, C2 = {wlf.C2:.4g} K at {_celsius(wlf.reference_temperature)}"
             for sweep, shift in zip(self.sweeps, self.shifts(), strict=True):
-                factor = sweep.temperature / wlf.reference_temperature
+                factor = sweep.kelvin / wlf.reference_temperature
                 vertical = f", b_T = {factor:.4f}" if self.vertical else ""
-                yield f"  {_celsius(sweep.temperature)}: a_T = {10**shift:.4g}{vertical}"
+                yield f"  {_celsius(sweep.kelvin)}: a_T = {10**shift:.4g}{vertical}"
         what = "master curve" if wlf is not None else "frequencies"
         yield f"{what}: {fit.omega[0]:.3g} to {fit.omega[-1]:.3g} rad/s, {fit.decades:.1f} decades"
         size, modulus, omega = fit.largest
@@ -72,7 +72,7 @@ class Material:
         """What a user should know before trusting the table."""
         texts = self.fit.warnings()
         if self.wlf is not None:
-            temperatures, reference = [sweep.temperature for sweep in self.sweeps], self.wlf.reference_temperature
+            temperatures, reference = [sweep.kelvin for sweep in self.sweeps], self.wlf.reference_temperature
             if not min(temperatures) <= reference <= max(temperatures) and self.wlf_is_fitted:
                 texts.append(
                     f"the reference temperature {_celsius(reference)} lies outside the measured ones: "
@@ -115,10 +115,12 @@ def characterise(
         )
     try:
         shift = None
+        # Where there is a shift, `_confirm_temperatures` has seen that there is a reference.
+        reference = reference_temperature or 0.0
         if wlf is not None:
-            shift = WLF(*wlf, reference_temperature)
+            shift = WLF(*wlf, reference)
         elif len(sweeps) > 1:
-            shift = fit_wlf(sweeps, reference_temperature, vertical)
+            shift = fit_wlf(sweeps, reference, vertical)
         data = sweeps[0] if shift is None else master_curve(sweeps, shift, vertical)
         fit = fit_series(data.omega, data.storage, data.loss, elements)
     except ValueError as error:
@@ -164,7 +166,7 @@ def _confirm_temperatures(
             cure = "add a column such as temperature (C), or leave out --reference-temperature and --wlf"
             raise MeasurementError(f"{path}: expected temperatures for a shift, found no such column; {cure}")
         return
-    found = ", ".join(_celsius(sweep.temperature) for sweep in sweeps)
+    found = ", ".join(_celsius(sweep.kelvin) for sweep in sweeps)
     if reference is None and (len(sweeps) > 1 or wlf is not None):
         raise MeasurementError(
             f"{path}: expected --reference-temperature, that of the elastomer in the tack test, for sweeps at {found}"
@@ -185,7 +187,7 @@ def _sweeps(sweeps: list[Sweep]) -> str:
         return "one sweep"
     if len(sweeps) == 1:
         return f"one sweep at {_celsius(sweeps[0].temperature)}"
-    lowest, highest = _celsius(sweeps[0].temperature), _celsius(sweeps[-1].temperature)
+    lowest, highest = _celsius(sweeps[0].kelvin), _celsius(sweeps[-1].kelvin)
     return f"{len(sweeps)} sweeps at {lowest} to {highest}"
 
 

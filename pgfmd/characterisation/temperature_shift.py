@@ -75,7 +75,7 @@ def fit_wlf(sweeps: Sequence[Sweep], reference_temperature: float, vertical: boo
     dense Prony series fits all sweeps best. reference_temperature: K.
     Raises ValueError for less than three temperatures, or if neighbours don't overlap.
     """
-    sweeps = sorted(sweeps, key=lambda sweep: sweep.temperature)
+    sweeps = sorted(sweeps, key=lambda sweep: sweep.kelvin)
     temperatures = np.array([sweep.temperature for sweep in sweeps], dtype=float)
     if temperatures.size < FEWEST_TEMPERATURES:
         raise ValueError(
@@ -108,7 +108,7 @@ def fit_wlf(sweeps: Sequence[Sweep], reference_temperature: float, vertical: boo
 
 def _shifted(sweeps: Sequence[Sweep], shifts: NDArray, reference: float | None) -> tuple[NDArray, NDArray, NDArray]:
     """omega a_T, E' and E'' of all sweeps, sorted; the moduli are divided by T/reference where one is given."""
-    factor = [1.0 if reference is None else reference / sweep.temperature for sweep in sweeps]
+    factor = [1.0 if reference is None else reference / sweep.kelvin for sweep in sweeps]
     omega = np.concatenate([sweep.omega * 10.0**shift for sweep, shift in zip(sweeps, shifts, strict=True)])
     storage = np.concatenate([sweep.storage * b for sweep, b in zip(sweeps, factor, strict=True)])
     loss = np.concatenate([sweep.loss * b for sweep, b in zip(sweeps, factor, strict=True)])

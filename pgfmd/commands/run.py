@@ -75,7 +75,7 @@ def run(
 
     def work(comm: Intracomm) -> None:
         loaded, directory = launch.on_first(comm, lambda: _prepared(scene, changed, out, comm.size))
-        from pgfmd.restart.keeper import Timing
+        from pgfmd.restart.checkpoint_policy import Timing
         from pgfmd.runner import Options, run_scene
 
         job_ends = _end_of_job() if comm.rank == 0 else None
@@ -123,8 +123,8 @@ def _moment(seconds: float) -> str:
 
 def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -> tuple[Any, Path]:
     """The checked scene and the folder for its results."""
-    from pgfmd.parts import confirm
     from pgfmd.scene import load_scene
+    from pgfmd.scene_objects import confirm
 
     scene = load_scene(source, overrides)
     confirm(scene, source, ranks)

@@ -184,7 +184,8 @@ def footer(figure: Figure, text: str) -> None:
         box = legend.get_window_extent(renderer).transformed(figure.transFigure.inverted())
         legend.set_bbox_to_anchor((0, share, 1, 1 - share), transform=figure.transFigure)
         pad = 2 * legend.borderaxespad * FOOTER_FONT / 72
-        place = legend._outside_loc
+        # What matplotlib keeps to itself, and may call otherwise some day.
+        place = getattr(legend, "_outside_loc", None)
         bottom += (box.height + pad / height) * (place == "lower")
         top -= (box.height + pad / height) * (place == "upper")
         right -= (box.width + pad / width) * (place == "right")

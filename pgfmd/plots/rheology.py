@@ -47,7 +47,7 @@ def plot_rheology(source: Scene | PronySeries, title: str = "") -> Figure:
 
 
 def _series_of(scene: Scene) -> PronySeries:
-    from pgfmd.parts import series_of
+    from pgfmd.scene_objects import series_of
 
     return series_of(scene.rheology)
 
@@ -104,7 +104,8 @@ def plot_fit(material: Material) -> Figure:
     colours = _colours(len(material.sweeps))
     for sweep, shift, colour in zip(material.sweeps, material.shifts(), colours, strict=True):
         omega = sweep.omega * 10**shift
-        scale = sweep.temperature / material.wlf.reference_temperature if material.vertical else 1.0
+        wlf = material.wlf
+        scale = sweep.kelvin / wlf.reference_temperature if material.vertical and wlf else 1.0
         label = f"{signed(sweep.temperature + ABSOLUTE_ZERO)} °C" if sweep.temperature is not None else "measured"
         upper.plot(omega, sweep.storage / scale / 1e6, "o", color=colour, markersize=3.5, label=label)
         viscous = sweep.loss > 0

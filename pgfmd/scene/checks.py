@@ -1,7 +1,7 @@
-"""The rules of a scene that look at several keys at once.
+"""The rules of a scene that involve several keys.
 
-Each rule is a generator of Problems over a `Draft`: the values that could be read so far. A rule that asks for a value
-which is missing or wrong ends there, because that value has been reported already; so all problems of a scene come out
+Each rule is a generator of Problems for a `PartialScene`, which has all values that could be read. A rule that uses a
+missing or wrong value ends there, because that value has already been reported. So all problems of a scene are reported
 together.
 """
 
@@ -9,33 +9,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 
 from pgfmd.errors import Problem
+from pgfmd.physics.adhesion.registry import LAWS
 from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
-from .draft import MISSING, Draft, Unread, example
-from .fields import expectation
-from .model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from .fields import expectation, extra_of
+from .model import ADHESION, LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from .partial_scene import MISSING, PartialScene, Unread, example
 from .path_checks import paths_can_be_used
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
 ROUNDING = 1.0 + 1e-9
 LONGEST_TIME = 1e15
-SINGLE_ROUNDING, SINGLE_SHARE, FINEST_SINGLE = 6e-8, 0.02, 1e-3
-"""Single precision: its rounding, which the traction f = (w - w_hist)/J carries times E(inf)/E(0); what share of the
-accuracy that may be; and the finest accuracy."""
+SINGLE_ROUNDING = 6e-8
+"""Rounding error of single precision. The traction f = (w - w_hist)/J has this error times E(inf)/E(0)."""
+SINGLE_SHARE = 0.02
+"""Largest allowed error of the traction in single precision, as a fraction of the accuracy."""
+FINEST_SINGLE = 1e-3
+"""Finest accuracy in single precision."""
 _MIXED = 'set solver.precision = "mixed"'
 
 
-def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
-    """Demand the keys that a choice (such as the pattern "flat") needs; refuse those it has no use for."""
+def _keys_of_choice(draft: PartialScene, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
+    """Requires the keys that a choice (such as the pattern "flat") needs, and refuses unused ones."""
     choice = draft[f"{section}.{selector}"]
     required, optional = table[choice]
     for name, model_field in SECTIONS[section].model_fields.items():
         dotted = f"{section}.{name}"
         if name in required and not draft.given(dotted):
-            extra = model_field.json_schema_extra
+            extra = extra_of(model_field)
             expected = f"{expectation(extra)}, for the {selector} '{choice}'" if extra else f"a value for '{choice}'"
             yield Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")
         elif draft.given(dotted) and name != selector and name not in required | optional:
@@ -44,15 +49,29 @@ def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, 
             yield draft.problem(dotted, f"no such key for the {selector} '{choice}'", cure)
 
 
-def punch_keys(draft: Draft) -> Iterator[Problem]:
+def punch_keys(draft: PartialScene) -> Iterator[Problem]:
     yield from _keys_of_choice(draft, "punch", "pattern", PATTERNS)
 
 
-def rheology_keys(draft: Draft) -> Iterator[Problem]:
+def rheology_keys(draft: PartialScene) -> Iterator[Problem]:
     yield from _keys_of_choice(draft, "rheology", "model", RHEOLOGIES)
 
 
-def punch_fits_the_cell(draft: Draft) -> Iterator[Problem]:
+def adhesion_keys(draft: PartialScene) -> Iterator[Problem]:
+    yield from _keys_of_choice(draft, "adhesion", "law", ADHESION)
+
+
+def law_can_be_read(draft: PartialScene) -> Iterator[Problem]:
+    """The file of a law; whether it is there is another rule's."""
+    law, path = LAWS[draft["adhesion.law"]], draft.path("adhesion.file")
+    if "file" in law.required and path is not None and path.is_file():
+        try:
+            law.own_values(SimpleNamespace(file=str(path)))
+        except (OSError, ValueError) as error:
+            yield draft.problem("adhesion.file", "a law of adhesion", str(error))
+
+
+def punch_fits_the_cell(draft: PartialScene) -> Iterator[Problem]:
     radius, length = draft["punch.radius"], draft["grid.length"]
     if radius is not None and 2 * radius > length * ROUNDING:
         most = format_quantity(length / 2, "length")
@@ -63,7 +82,7 @@ def punch_fits_the_cell(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def free_punch_has_room(draft: Draft) -> Iterator[Problem]:
+def free_punch_has_room(draft: PartialScene) -> Iterator[Problem]:
     if draft["substrate.boundary"] != "free":
         return
     radius, length = draft["punch.radius"], draft["grid.length"]
@@ -81,7 +100,7 @@ def free_punch_has_room(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def curvature_has_an_axis(draft: Draft) -> Iterator[Problem]:
+def curvature_has_an_axis(draft: PartialScene) -> Iterator[Problem]:
     bounded = draft["punch.radius"] is not None or "radius" in PATTERNS[draft["punch.pattern"]][0]
     if math.isfinite(draft["punch.curvature_radius"]) and not bounded:
         yield draft.problem(
@@ -91,7 +110,7 @@ def curvature_has_an_axis(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def punch_covers_grid_points(draft: Draft) -> Iterator[Problem]:
+def punch_covers_grid_points(draft: PartialScene) -> Iterator[Problem]:
     radius, n, length = draft["punch.radius"], draft["grid.n"], draft["grid.length"]
     if radius is not None and radius < length / n:
         yield draft.problem(
@@ -103,7 +122,7 @@ def _raise_n(least: float) -> str:
     return f"raise grid.n to {math.ceil(least / ROUNDING)} or more"
 
 
-def wavelength_is_resolved(draft: Draft) -> Iterator[Problem]:
+def wavelength_is_resolved(draft: PartialScene) -> Iterator[Problem]:
     wavelength, n, length = draft["punch.wavelength"], draft["grid.n"], draft["grid.length"]
     if wavelength is not None and wavelength * ROUNDING < 2 * length / n:
         yield draft.problem(
@@ -113,7 +132,7 @@ def wavelength_is_resolved(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def sinusoid_is_periodic(draft: Draft) -> Iterator[Problem]:
+def sinusoid_is_periodic(draft: PartialScene) -> Iterator[Problem]:
     if draft["punch.pattern"] != "sinusoid" or draft["punch.radius"] is not None:
         return
     length, wavelength = draft["grid.length"], draft["punch.wavelength"]
@@ -129,7 +148,7 @@ def sinusoid_is_periodic(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def substrate_is_of_one_kind(draft: Draft) -> Iterator[Problem]:
+def substrate_is_of_one_kind(draft: PartialScene) -> Iterator[Problem]:
     film = math.isfinite(draft["substrate.thickness"])
     own = draft["substrate.compliance_file"] is not None
     free = draft["substrate.boundary"] == "free"
@@ -151,7 +170,7 @@ def substrate_is_of_one_kind(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("substrate.boundary", '"periodic" with a compliance file', "delete one of the two")
 
 
-def prony_series_is_sound(draft: Draft) -> Iterator[Problem]:
+def prony_series_is_sound(draft: PartialScene) -> Iterator[Problem]:
     if draft["rheology.model"] != "prony":
         return
     kappa = draft["rheology.kappa"]
@@ -163,7 +182,7 @@ def prony_series_is_sound(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("rheology.tau", f"{len(kappa)} times, one for every weight in kappa", f"it has {len(tau)}")
 
 
-def geometric_times_are_finite(draft: Draft) -> Iterator[Problem]:
+def geometric_times_are_finite(draft: PartialScene) -> Iterator[Problem]:
     if draft["rheology.model"] != "geometric":
         return
     names = ("relaxation_time", "time_ratio", "elements")
@@ -178,7 +197,7 @@ def geometric_times_are_finite(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def inertia_is_given(draft: Draft) -> Iterator[Problem]:
+def inertia_is_given(draft: PartialScene) -> Iterator[Problem]:
     if registry.named(draft["solver.scheme"]).section != "solver.gfmd":
         return
     keys = ("omega", "dt")
@@ -191,26 +210,26 @@ def inertia_is_given(draft: Draft) -> Iterator[Problem]:
             cure = 'add both, such as omega = "15700 rad/s" and dt = "20 us", to [solver.gfmd]'
             yield draft.problem(f"solver.gfmd.{name}", f"both omega and dt, because of {why}", cure)
     for name in INSTEAD_OF_OMEGA_AND_DT:
-        # Resolved scenes of old runs have their defaults there.
+        # Resolved scenes of old runs contain these keys with their defaults.
         if all(given) and draft[f"solver.gfmd.{name}"] != GfmdKeys.model_fields[name].default:
             yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
 
 
-def scheme_has_the_boundary(draft: Draft) -> Iterator[Problem]:
+def scheme_has_the_boundary(draft: PartialScene) -> Iterator[Problem]:
     why = registry.named(draft["solver.scheme"]).periodic_only
     if why and draft["substrate.boundary"] == "free":
         cure = f'set substrate.boundary = "periodic", or solver.scheme = "{registry.DEFAULT}"'
         yield draft.problem("substrate.boundary", f"a periodic cell, because {why}", cure)
 
 
-def scheme_has_the_precision(draft: Draft) -> Iterator[Problem]:
+def scheme_has_the_precision(draft: PartialScene) -> Iterator[Problem]:
     scheme = registry.named(draft["solver.scheme"])
     if draft["solver.precision"] not in ("auto", *scheme.precisions):
         words = " or ".join(f"'{precision}'" for precision in scheme.precisions)
         yield draft.problem("solver.precision", f"{words} with the scheme {scheme.name}", "delete it")
 
 
-def scheme_has_the_machine(draft: Draft) -> Iterator[Problem]:
+def scheme_has_the_machine(draft: PartialScene) -> Iterator[Problem]:
     control, stiffness = draft["drive.control"], draft["drive.machine_stiffness"]
     scheme = registry.named(draft["solver.scheme"])
     if scheme.has_machine:
@@ -229,12 +248,12 @@ def scheme_has_the_machine(draft: Draft) -> Iterator[Problem]:
 
 
 def _only(names: list[str]) -> tuple[str, str]:
-    """Which schemes alone have something, and how to have it, or do without."""
+    """Which schemes support a feature, and how to use one of them, or do without."""
     cure = "delete it, or set solver.scheme = " + " or ".join(f'"{name}"' for name in names)
     return f"only the scheme {' or '.join(names)}", cure
 
 
-def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
+def single_precision_is_enough(draft: PartialScene) -> Iterator[Problem]:
     if draft["solver.precision"] != "single":
         return
     accuracy = draft["solver.accuracy"]
@@ -248,27 +267,29 @@ def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
+def springs_are_not_single(draft: PartialScene) -> Iterator[Problem]:
     precision = draft["solver.precision"]
     if not registry.named(draft["solver.scheme"]).has_machine or precision in ("auto", "double"):
         return
     if draft["drive.control"] == "load":
-        # The soft spring is a thousand times longer than the punch goes.
+        # The elongation of the soft spring is a thousand times the travel of the punch.
         yield draft.problem("solver.precision", "'double' under load control", "delete it")
     elif precision == "single" and math.isfinite(draft["drive.machine_stiffness"]):
         yield draft.problem("solver.precision", "'double' or 'mixed' where the machine has a spring", _MIXED)
 
 
-def _modulus_ratio(draft: Draft) -> float:
+def _modulus_ratio(draft: PartialScene) -> float:
     model = draft["rheology.model"]
     if model == "elastic":
         return 1.0
     return 1.0 + sum(draft["rheology.kappa"] or ()) if model == "prony" else draft["rheology.modulus_ratio"] or 1.0
 
 
-RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
+RULES: tuple[Callable[[PartialScene], Iterator[Problem]], ...] = (
     punch_keys,
     rheology_keys,
+    adhesion_keys,
+    law_can_be_read,
     punch_fits_the_cell,
     free_punch_has_room,
     curvature_has_an_axis,
@@ -287,8 +308,8 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
 )
 
 
-def check(draft: Draft, require_files: bool = True) -> list[Problem]:
-    """All problems that the rules find in what could be read of a scene; those about its files only if asked for."""
+def check(draft: PartialScene, require_files: bool = True) -> list[Problem]:
+    """All problems that the rules find in a draft; those about files only if `require_files`."""
     problems: list[Problem] = []
     for rule in (*RULES, paths_can_be_used) if require_files else RULES:
         try:

@@ -8,15 +8,16 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pgfmd.errors import PgfmdError, ResultError, RunError, Stopped
 from pgfmd.files import storage
 
+from .case_state import CHANGED, DAMAGED, FAILED, FINISHED, RUNNING, CaseState, standing_of
 from .cases import Case
 from .pool import Ending, Pool, Task
-from .standing import CHANGED, DAMAGED, FAILED, FINISHED, RUNNING, Standing, standing_of
 from .study_file import StudyError, did_you_mean
 
 CURES = {
@@ -73,7 +74,7 @@ class Campaign:
         """Where a case's results go."""
         return self.out / case.name
 
-    def standings(self) -> dict[str, Standing]:
+    def standings(self) -> dict[str, CaseState]:
         """The standing of every case, by name."""
         return {case.name: standing_of(case, self.folder(case), self.wishes.allow) for case in self.cases}
 
@@ -93,13 +94,13 @@ class Campaign:
         kept = [case for case in self.cases if any(fnmatch.fnmatch(case.name, pattern) for pattern in patterns)]
         return replace(self, cases=kept) if patterns else self
 
-    def agenda(self, standings: dict[str, Standing]) -> list[Case]:
+    def agenda(self, standings: dict[str, CaseState]) -> list[Case]:
         """The cases that a job is to be started for."""
         anew = (CHANGED, DAMAGED) if self.wishes.fresh else ()
         never = {FINISHED, RUNNING, CHANGED, DAMAGED, *(() if self.wishes.retry else (FAILED,))} - set(anew)
         return [case for case in self.cases if standings[case.name].state not in never]
 
-    def make_way(self, cases: Sequence[Case], standings: dict[str, Standing]) -> None:
+    def make_way(self, cases: Sequence[Case], standings: dict[str, CaseState]) -> None:
         """Moves aside what is in the folders of changed and damaged cases that are to begin anew. ResultError."""
         from pgfmd.host.run_lock import RunLock
 
@@ -108,7 +109,7 @@ class Campaign:
                 folder = self.folder(case)
                 lock = RunLock.acquire(folder, 1)
                 try:
-                    aside, error = storage.attempt(f"{folder}", lambda folder=folder: storage.set_aside(folder))
+                    aside, error = storage.attempt(f"{folder}", partial(storage.set_aside, folder))
                 finally:
                     lock.release()
                 if error is not None:
@@ -131,7 +132,7 @@ class Campaign:
         self.tell(standings)
         make_folder(self.out)
         self.make_way(chosen, standings)
-        counted = Counter()
+        counted: Counter[str] = Counter()
 
         def on_end(task: Task, ending: Ending) -> None:
             counted["ended"] += 1
@@ -153,7 +154,7 @@ class Campaign:
         folder = self.folder(case)
         return Task(case.name, (*self.arguments(case), "--out", str(folder)), folder, self.out / f"{case.name}.log")
 
-    def tell(self, standings: dict[str, Standing]) -> None:
+    def tell(self, standings: dict[str, CaseState]) -> None:
         """Says what is there already."""
         counts = Counter(standing.state for standing in standings.values())
         count = "1 case" if len(self.cases) == 1 else f"{len(self.cases)} cases"

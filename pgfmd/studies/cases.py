@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pgfmd.errors import Problem, SceneError
-from pgfmd.parts import confirm
 from pgfmd.scene import Scene, load_scene
+from pgfmd.scene_objects import confirm
 
 from .study_file import Axis, Study, StudyError, is_settable
 from .values import override_of, slug

@@ -21,8 +21,8 @@ from pgfmd.physics.drive import DETACHED
 from pgfmd.results import load
 from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 
+from .case_state import CaseState
 from .cases import Case
-from .standing import Standing
 from .study_file import Axis
 from .values import header, label_of_value, unit_of
 
@@ -78,14 +78,14 @@ class Row:
     has run can't be read."""
 
     case: Case
-    standing: Standing
+    standing: CaseState
     places: dict[str, Any]
     measured: dict[str, float | None]
     trouble: str = ""
 
 
 def rows_of(
-    cases: Sequence[Case], axes: Sequence[Axis], standings: dict[str, Standing], out: Path | None = None
+    cases: Sequence[Case], axes: Sequence[Axis], standings: dict[str, CaseState], out: Path | None = None
 ) -> list[Row]:
     """The rows of a study, in the order of its cases. out: the folder of their folders; without it, without areas."""
     rows = []

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from pgfmd.host import launch
+from pgfmd.restart.bitwise_comparison import differences
 from pgfmd.restart.checkpoint_layout import examine
-from pgfmd.restart.sameness import differences
 from pgfmd.results import load
 
 pytestmark = [

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from pgfmd.host import launch
+from pgfmd.restart.bitwise_comparison import differences
 from pgfmd.restart.checkpoint_layout import read_head
-from pgfmd.restart.sameness import differences
 from tests.faults.launching import ENVIRONMENT, held_at, wait_for_rows
 
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")

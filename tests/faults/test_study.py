@@ -8,7 +8,7 @@ import time
 import pytest
 
 from pgfmd.host import launch
-from pgfmd.restart.sameness import differences
+from pgfmd.restart.bitwise_comparison import differences
 from tests.faults import launching
 
 # Ranks that wait leave their core to others: cores are few where tests run.

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pgfmd.errors import RunError, SceneError
-from pgfmd.parts import confirm
 from pgfmd.scene.model import Scene
 from pgfmd.scene.reading import parse_scene
+from pgfmd.scene_objects import confirm
 
 from .draw import Draw
 from .faults import Fault

@@ -16,9 +16,9 @@ from typing import Any
 
 from pgfmd.commands.check import report
 from pgfmd.errors import Problem, SceneError
-from pgfmd.parts import confirm
 from pgfmd.scene.model import SECTIONS, Scene, unused_keys
 from pgfmd.scene.reading import parse_scene
+from pgfmd.scene_objects import confirm
 
 from .declarations import KEYS
 from .draw import Draw, Mapping, as_toml

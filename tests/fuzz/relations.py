@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from pgfmd.parts import series_of
 from pgfmd.physics.heightfile import read_heights
 from pgfmd.scene.output_section import NEAR_GAP
 from pgfmd.scene.precision import best_precision
 from pgfmd.scene.reading import scene_from_mapping
+from pgfmd.scene_objects import series_of
 from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, UnitError, parse_quantity
 

@@ -15,7 +15,7 @@ from pgfmd.physics.contact_sites import ContactSites
 from pgfmd.physics.film import Film
 from pgfmd.physics.free_kernel import FreeHalfSpace
 from pgfmd.physics.halfspace import HalfSpace
-from pgfmd.restart.sameness import differences
+from pgfmd.restart.bitwise_comparison import differences
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 from pgfmd.solver.far_field import far_weights

@@ -12,7 +12,7 @@ import pgfmd.runner
 from pgfmd.errors import Stopped
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
 from pgfmd.physics.topography import Topography
-from pgfmd.restart.sameness import differences
+from pgfmd.restart.bitwise_comparison import differences
 from pgfmd.results import load
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene

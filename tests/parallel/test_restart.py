@@ -18,10 +18,10 @@ from pgfmd.errors import ResultError, RunError, SceneError, Stopped
 from pgfmd.files.packing import arrays_of
 from pgfmd.host.launch import RelayedError
 from pgfmd.restart import checkpoint_file
+from pgfmd.restart.bitwise_comparison import differences
 from pgfmd.restart.checkpoint_layout import Damaged, examine, read_head
+from pgfmd.restart.checkpoint_policy import Timing
 from pgfmd.restart.checkpoints import Checkpoints
-from pgfmd.restart.keeper import Timing
-from pgfmd.restart.sameness import differences
 from pgfmd.results import load
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, precision

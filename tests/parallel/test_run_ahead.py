@@ -12,7 +12,7 @@ COMM = MPI.COMM_WORLD
 SCENE = ["grid.n=32", "drive.speed=25 um/s", "solver.accuracy=0.1", 'output.snapshots=["0.25 t_pl", "0.5 t_pl"]']
 
 
-class Keeper:
+class CheckpointPolicy:
     """Wants to stop, or not."""
 
     def __init__(self, wanted):
@@ -27,7 +27,7 @@ def test_the_moments_are_the_same_on_all_and_on_a_part_of_the_ranks(monkeypatch,
     scene, said = load_scene("hex-tack", SCENE), []
     alone = run_ahead(scene, MPI.COMM_SELF, lambda line: None)
     monkeypatch.setattr(ahead, "_most_ranks", lambda scene: most)
-    together = run_ahead(scene, COMM, said.append, Keeper(False))
+    together = run_ahead(scene, COMM, said.append, CheckpointPolicy(False))
     assert together == alone and [label for _, label in alone] == ["0.25 t_pl", "0.5 t_pl"]
     assert bool(said) == (COMM.rank == 0)
 
@@ -36,4 +36,4 @@ def test_the_moments_are_the_same_on_all_and_on_a_part_of_the_ranks(monkeypatch,
 def test_a_stop_is_heard_on_all_ranks(monkeypatch, most):
     monkeypatch.setattr(ahead, "_most_ranks", lambda scene: most)
     with pytest.raises(Interrupted):
-        run_ahead(load_scene("hex-tack", SCENE), COMM, lambda line: None, Keeper(COMM.rank == 0))
+        run_ahead(load_scene("hex-tack", SCENE), COMM, lambda line: None, CheckpointPolicy(COMM.rank == 0))

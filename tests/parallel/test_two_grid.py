@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import pgfmd.runner
 from pgfmd.errors import Stopped
-from pgfmd.restart.sameness import differences
+from pgfmd.restart.bitwise_comparison import differences
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 from pgfmd.solver.grid import Grid, PunchPoints

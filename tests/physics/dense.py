@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigvalsh
 
-from pgfmd import parts
+from pgfmd import scene_objects
 from pgfmd.physics.drive import PRELOAD
 from pgfmd.schemes.gfmd.plugin import inertia_of_scene
 from pgfmd.solver.simulation import Observer
@@ -36,9 +36,9 @@ def punch_of(scene) -> Punch:
     position = (np.arange(n) + 0.5) * length / n - 0.5 * length
     y, x = (values.ravel() for values in np.meshgrid(position, position, indexing="ij"))
     inside = np.hypot(x, y) <= scene.punch.radius * (1 + 1e-12)
-    height = parts.topography_of(scene.punch).heights(x[inside], y[inside])
+    height = scene_objects.topography_of(scene.punch).heights(x[inside], y[inside])
     q = 2.0 * np.pi * np.fft.fftfreq(n, length / n)
-    kernel = np.fft.ifft2(parts.compliance_of(scene)(q[None, :], q[:, None])).real
+    kernel = np.fft.ifft2(scene_objects.compliance_of(scene)(q[None, :], q[:, None])).real
     row, column = np.divmod(np.flatnonzero(inside), n)
     matrix = kernel[row[:, None] - row[None, :], column[:, None] - column[None, :]]
     return Punch(height - height.min(), matrix, (length / n) ** 2)
@@ -50,13 +50,13 @@ class _Programme:
     def __init__(self, scene, size: int):
         self.punch, self.law, self.series = (
             punch_of(scene),
-            parts.law_of(scene.adhesion),
-            parts.series_of(scene.rheology),
+            scene_objects.law_of(scene.adhesion),
+            scene_objects.series_of(scene.rheology),
         )
         self.preload = scene.drive.preload
         self.pieces = []
         self.preload_time = math.nan
-        drive = parts.drive_of(scene)
+        drive = scene_objects.drive_of(scene)
         time, position, state = 0.0, drive.clearance, np.zeros(size * self.punch.height.size)
         for phase in drive.phases:
             end, state = self._run(phase, time, position, state)
@@ -104,8 +104,8 @@ class WithInertia(_Programme):
 
     def __init__(self, scene):
         self.frequency = inertia_of_scene(scene).frequency
-        elements = parts.series_of(scene.rheology).elements
-        law = parts.law_of(scene.adhesion)
+        elements = scene_objects.series_of(scene.rheology).elements
+        law = scene_objects.law_of(scene.adhesion)
         # Of w [Pa], of w' [Pa/s], of the branches.
         points = punch_of(scene).height.size
         sizes = [1.0, self.frequency, *[1.0] * elements]
@@ -131,8 +131,8 @@ class Massless(_Programme):
     method = "LSODA"
 
     def __init__(self, scene):
-        self.creep = parts.series_of(scene.rheology).to_creep()
-        self.scale = parts.law_of(scene.adhesion).strength
+        self.creep = scene_objects.series_of(scene.rheology).to_creep()
+        self.scale = scene_objects.law_of(scene.adhesion).strength
         self.guess = None
         super().__init__(scene, self.creep.elements)
 

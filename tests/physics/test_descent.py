@@ -8,7 +8,7 @@ from mpi4py import MPI
 from pgfmd.assemble import assemble
 from pgfmd.output.recorder import Recorder
 from pgfmd.scene import load_scene
-from pgfmd.schemes.quasistatic.soft_mode import SoftMode
+from pgfmd.schemes.quasistatic.lobpcg import SoftMode
 from pgfmd.solver import contact_kernels, descent_kernels
 from pgfmd.solver.descent import FLAT, Descent, newton_step
 from tests.physics.dense import LowestCurvatures

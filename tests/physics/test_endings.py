@@ -5,12 +5,12 @@ import re
 import pytest
 from mpi4py import MPI
 
-from pgfmd import parts
+from pgfmd import scene_objects
 from pgfmd.assemble import assemble
 from pgfmd.errors import RunError, SceneError
 from pgfmd.runner import warm_up
 from pgfmd.scene import load_scene, scene_from_mapping
-from pgfmd.solver.trial import Change, Trial
+from pgfmd.solver.trial_step import Change, Trial
 
 QUASISTATIC, LOAD = "solver.scheme=quasistatic", "drive.control=load"
 
@@ -124,9 +124,9 @@ def test_steps_that_vanish_in_the_time_end_the_run():
 def test_scenes_whose_times_and_places_rounding_hides_are_refused():
     for key, cure in (("drive.dwell", "s"), ("drive.clearance", "m")):
         with pytest.raises(SceneError, match=f"{key}.*expected at most") as caught:
-            parts.confirm(load_scene("tri-tack", [f"{key}=1e20 {cure}"]), "tri-tack")
+            scene_objects.confirm(load_scene("tri-tack", [f"{key}=1e20 {cure}"]), "tri-tack")
         most = re.search(r"expected at most (\S+) ", str(caught.value))[1]
-        parts.confirm(load_scene("tri-tack", [f"{key}={0.9 * float(most)!r} {cure}"]), "tri-tack")
+        scene_objects.confirm(load_scene("tri-tack", [f"{key}={0.9 * float(most)!r} {cure}"]), "tri-tack")
 
 
 def test_kernels_of_quasistatic_runs_in_single_precision_can_be_compiled_beforehand():

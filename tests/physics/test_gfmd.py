@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pgfmd import parts
+from pgfmd import scene_objects
 from pgfmd.assemble import assemble
 from pgfmd.errors import SceneError
 from pgfmd.scene import load_scene
@@ -70,8 +70,8 @@ def stability_number(scene, step):
     """omega dt sqrt(1 + K_0 G0/kappa_inf) with this step [s], from the formula of the half-space."""
     frequency = scene.solver_gfmd.omega
     softest = 2.0 / (2.0 * math.pi / scene.grid.length * scene.substrate.contact_modulus)
-    stiffness = parts.law_of(scene.adhesion).stiffness * softest
-    return frequency * step * math.sqrt(1.0 + stiffness / parts.series_of(scene.rheology).kappa_inf)
+    stiffness = scene_objects.law_of(scene.adhesion).stiffness * softest
+    return frequency * step * math.sqrt(1.0 + stiffness / scene_objects.series_of(scene.rheology).kappa_inf)
 
 
 @pytest.mark.parametrize("extra", [ELASTIC, ()], ids=["N=0", "N=1"])
@@ -79,14 +79,14 @@ def test_steps_up_to_the_limit_run_and_beyond_it_are_refused(extra):
     overrides = (*FAST, *extra, GFMD, "solver.gfmd.omega=1e4 rad/s")
     unit = stability_number(load_scene("tri-tack", [*overrides, "solver.gfmd.dt=1 s"]), 1.0)
     allowed = load_scene("tri-tack", [*overrides, f"solver.gfmd.dt={1.99 / unit!r} s"])
-    parts.confirm(allowed, "tri-tack")
+    scene_objects.confirm(allowed, "tri-tack")
     energies = assemble(allowed, MPI.COMM_SELF).run().energies
     assert abs(energies.work) < 1e-4
     refused = load_scene("tri-tack", [*overrides, f"solver.gfmd.dt={2.01 / unit!r} s"])
     with pytest.raises(SceneError, match=r"solver\.gfmd(.|\n)*stable(.|\n)*solver\.gfmd\.dt = ") as caught:
-        parts.confirm(refused, "tri-tack")
+        scene_objects.confirm(refused, "tri-tack")
     cure = str(caught.value).split('solver.gfmd.dt = "')[1].split(" s")[0]
-    parts.confirm(load_scene("tri-tack", [*overrides, f"solver.gfmd.dt={cure} s"]), "tri-tack")
+    scene_objects.confirm(load_scene("tri-tack", [*overrides, f"solver.gfmd.dt={cure} s"]), "tri-tack")
 
 
 def test_beyond_the_limit_the_energy_audit_explodes():
@@ -109,10 +109,10 @@ def test_the_papers_rule_is_unstable_for_elastic_grids_above_128():
         scene = load_scene("tri-tack", [GFMD, *ELASTIC, *keys])
         assert (stability_number(scene, step) < 2.0) == sound
         if sound:
-            parts.confirm(scene, "tri-tack")
+            scene_objects.confirm(scene, "tri-tack")
         else:
             with pytest.raises(SceneError, match="stable"):
-                parts.confirm(scene, "tri-tack")
+                scene_objects.confirm(scene, "tri-tack")
 
 
 def test_fast_pulls_shorten_the_step_and_keep_omega_dt():
@@ -143,4 +143,4 @@ def test_what_gfmd_cannot_do_is_refused(override, key):
 
 def test_a_start_in_contact_is_refused():
     with pytest.raises(SceneError, match=r"drive\.clearance(.|\n)*out of reach"):
-        parts.confirm(load_scene("tri-tack", [GFMD, "drive.clearance=0 m"]), "tri-tack")
+        scene_objects.confirm(load_scene("tri-tack", [GFMD, "drive.clearance=0 m"]), "tri-tack")

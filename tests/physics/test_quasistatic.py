@@ -9,7 +9,7 @@ import scipy.linalg
 import scipy.optimize
 from mpi4py import MPI
 
-from pgfmd import parts
+from pgfmd import scene_objects
 from pgfmd.assemble import assemble
 from pgfmd.output.recorder import Recorder
 from pgfmd.scene import load_scene, scene_from_mapping
@@ -78,15 +78,15 @@ class WholePlane:
 
     def __init__(self, scene):
         n, length = scene.grid.n, scene.grid.length
-        self.area, self.law, self.n = (length / n) ** 2, parts.law_of(scene.adhesion), n
+        self.area, self.law, self.n = (length / n) ** 2, scene_objects.law_of(scene.adhesion), n
         position = (np.arange(n) + 0.5) * length / n - 0.5 * length
         y, x = (values.ravel() for values in np.meshgrid(position, position, indexing="ij"))
         inside = np.hypot(x, y) <= scene.punch.radius * (1 + 1e-12)
         self.inside = inside.reshape(n, n)
-        raw = parts.topography_of(scene.punch).heights(x[inside], y[inside])
+        raw = scene_objects.topography_of(scene.punch).heights(x[inside], y[inside])
         self.height = raw - raw.min()
         q = 2.0 * np.pi * np.fft.fftfreq(n, length / n)
-        compliance = parts.compliance_of(scene)(q[None, :], q[:, None])
+        compliance = scene_objects.compliance_of(scene)(q[None, :], q[:, None])
         self.root = np.sqrt(compliance)
         self.v = np.zeros(n * n)
 
@@ -385,7 +385,7 @@ def test_the_instantaneous_body_is_a_stiffer_one():
     common = ["grid.n=32", QUASISTATIC, "adhesion.law=repulsive", "adhesion.range=0.2 um", "solver.accuracy=1e-4"]
     _, path = run(load_scene("flat-punch", [*common, "drive.preload=1 mN"]))
     _, other = run(load_scene("flat-punch", [*common, "drive.preload=1 mN", "solver.modulus=instantaneous"]))
-    kappa = parts.series_of(load_scene("flat-punch", common).rheology).kappa_inf
+    kappa = scene_objects.series_of(load_scene("flat-punch", common).rheology).kappa_inf
     # The same body with another modulus.
     _, third = run(
         load_scene("flat-punch", [*common, "drive.preload=1 mN", f"substrate.youngs_modulus={2 * kappa} MPa"])

@@ -8,7 +8,7 @@ from mpi4py import MPI
 import pgfmd.runner
 from pgfmd.errors import Stopped
 from pgfmd.files.hdf5 import open_serial
-from pgfmd.restart.keeper import Timing
+from pgfmd.restart.checkpoint_policy import Timing
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
 from tests.stopper import StopAfter

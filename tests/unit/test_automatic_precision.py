@@ -10,8 +10,8 @@ from pgfmd.errors import SceneError
 from pgfmd.files.storage import RUN_FILE, SCENE_FILE
 from pgfmd.forecast.effort import effort_of
 from pgfmd.forecast.estimate import FUSED_PAIR, OUTSIDE, SINGLE_PAIR, memory_of
+from pgfmd.restart.bitwise_comparison import differences
 from pgfmd.restart.resume import plan
-from pgfmd.restart.sameness import differences
 from pgfmd.restart.scene_changes import differing, review
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, parse_scene, shipped_scenes

@@ -16,9 +16,9 @@ from pgfmd.files.hdf5 import open_serial
 from pgfmd.results import load
 from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 from pgfmd.results.verify import verify
+from pgfmd.studies.case_state import standing_of
 from pgfmd.studies.cases import cases_of
 from pgfmd.studies.pictures import Plan, measures_figure
-from pgfmd.studies.standing import standing_of
 from pgfmd.studies.study_file import study_from_mapping
 from pgfmd.studies.table import AREAS, COLUMNS, GAPS, overview, remarks, rows_of, write_table
 from tests.unit.small_runs import SCENE, run

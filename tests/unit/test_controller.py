@@ -11,7 +11,7 @@ from pgfmd.schemes.inertialess.controller import ENERGY_CUT, MOST_REPEATS, Contr
 from pgfmd.solver.extrapolation import integral
 from pgfmd.solver.preload_search import PRELOAD_TOLERANCE, Bracket
 from pgfmd.solver.state import State
-from pgfmd.solver.trial import Change, Trial
+from pgfmd.solver.trial_step import Change, Trial
 
 TOLERANCE, RANGE, SPEED, SHORTEST = 1e-3, 1e-6, 1e-6, 1e-2
 RETRACT, APPROACH = Phase("retract", SPEED, SPEED), Phase("approach", -SPEED, -SPEED, ends_with=PRELOAD)

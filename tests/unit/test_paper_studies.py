@@ -74,7 +74,7 @@ def test_sizes_have_the_grids_that_the_page_promises(pools):
 @pytest.mark.parametrize("pattern", ["tri", "hex"])
 @pytest.mark.parametrize("size", SIZES)
 def test_the_broad_spectrum_has_the_viscosity_of_model_1(pools, size, pattern):
-    from pgfmd.parts import series_of
+    from pgfmd.scene_objects import series_of
 
     load = "40mN" if pattern == "tri" else "10mN"
     series = [series_of(pools[size].cases[f"dma-{pattern}/{name}_preload-{load}_speed-1um-s"].case().scene.rheology)

@@ -11,10 +11,10 @@ from pgfmd.commands.check import report
 from pgfmd.forecast import plausibility
 from pgfmd.forecast.advice import warnings as all_warnings
 from pgfmd.forecast.plausibility import face_of, warnings
-from pgfmd.parts import topography_of
 from pgfmd.physics import heightfile
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, shipped_scenes
+from pgfmd.scene_objects import topography_of
 
 MAP = ("tri-tack", "punch.pattern=file")
 WAVES = ["punch.pattern=sinusoid", "punch.wavelength=150 um", "punch.amplitude=4 um", "grid.n=1000"]

@@ -17,8 +17,8 @@ from pgfmd.files.regular_files import bring_to_disk, remove_unfinished, unfinish
 from pgfmd.host.mounts import has_common_locks
 from pgfmd.host.run_lock import LOCK_FILE, RunLock
 from pgfmd.restart import disk_space
+from pgfmd.restart.checkpoint_policy import Timing
 from pgfmd.restart.checkpoints import Checkpoints, Saved
-from pgfmd.restart.keeper import Timing
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
 from tests.unit.small_runs import SCENE, run

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from pgfmd.errors import SceneError
 from pgfmd.files.storage import SCENE_FILE
-from pgfmd.restart.sameness import differences
+from pgfmd.restart.bitwise_comparison import differences
 from pgfmd.restart.scene_changes import differing
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene

@@ -15,12 +15,12 @@ from pgfmd.characterisation.dma import MeasurementError
 from pgfmd.characterisation.rheology_table import characterise, wlf_constants
 from pgfmd.characterisation.temperature_shift import WLF
 from pgfmd.errors import ResultError
-from pgfmd.parts import series_of
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.plots import rheology as rheology_plots
 from pgfmd.plots.drawing import write_picture
 from pgfmd.reference.prony import gfmd_creep
 from pgfmd.scene import scene_from_mapping, shipped_text
+from pgfmd.scene_objects import series_of
 
 FIVE = PronySeries.geometric(250, 40e-6, elements=5, time_ratio=6, exponent=0.8)
 TWENTY = PronySeries.geometric(1000, 1e-7, elements=20, time_ratio=3, exponent=0.5)

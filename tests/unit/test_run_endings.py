@@ -14,8 +14,8 @@ from pgfmd.results.curve import Loop, measure
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
+from pgfmd.studies.case_state import standing_of
 from pgfmd.studies.cases import cases_of
-from pgfmd.studies.standing import standing_of
 from pgfmd.studies.study_file import study_from_mapping
 from pgfmd.studies.table import overview, rows_of, write_table
 from tests.unit.small_runs import SCENE, run

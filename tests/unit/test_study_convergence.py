@@ -12,11 +12,11 @@ from pgfmd.errors import ResultError, SceneError
 from pgfmd.reference import jkr
 from pgfmd.scene import load_scene
 from pgfmd.studies import refinement
+from pgfmd.studies.case_state import FINISHED, CaseState
 from pgfmd.studies.cases import Case
 from pgfmd.studies.convergence import HIGHEST, LOWEST, disagreement, doubts, finest_limit, fit_power_law, local_powers
 from pgfmd.studies.extrapolation import extrapolate, plot_convergence, report, write
 from pgfmd.studies.refinement import HYSTERESIS_POWER, MEASURES, expected_power, levels_of
-from pgfmd.studies.standing import FINISHED, Standing
 from pgfmd.studies.table import rows_of
 
 SIZES = 2.0 ** -np.arange(5)
@@ -204,7 +204,7 @@ def ladder(values, states=None, count=5, residual=1e-3):
     levels = levels_of("tri-tack", ["grid.n=32"], "rho", count)
     states = states or ["detached"] * count
     standings = {
-        case.name: Standing(FINISHED, why, {"work_J": value, "energy_residual": residual})
+        case.name: CaseState(FINISHED, why, {"work_J": value, "energy_residual": residual})
         for case, value, why in zip(levels.cases, values, states, strict=True)
     }
     return levels, rows_of(levels.cases, (levels.key,), standings)

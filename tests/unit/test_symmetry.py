@@ -9,10 +9,10 @@ from mpi4py import MPI
 from pgfmd.assemble import assemble, mirror_of
 from pgfmd.commands.check import report
 from pgfmd.errors import SceneError
-from pgfmd.parts import topography_of
 from pgfmd.restart import checkpoint_file, checkpoint_layout, resume
-from pgfmd.restart.sameness import differences
+from pgfmd.restart.bitwise_comparison import differences
 from pgfmd.scene import load_scene
+from pgfmd.scene_objects import topography_of
 from pgfmd.symmetry import expected, has_images, points_of
 from tests.unit.small_runs import run
 

@@ -11,8 +11,8 @@ import pytest
 
 from pgfmd.errors import SceneError
 from pgfmd.forecast import advice
-from pgfmd.parts import confirm
 from pgfmd.scene import load_scene, parse_scene
+from pgfmd.scene_objects import confirm
 
 SIZE = 'punch.file_size=["900 um", "900 um"]'
 

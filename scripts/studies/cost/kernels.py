@@ -30,7 +30,7 @@ OTHERS = {
     "pgfmd.output.observers.Events": ("observe",),
     "pgfmd.output.observers.Progress": ("observe",),
     "pgfmd.output.patch_observer.ContactWatch": ("observe", "before_step"),
-    "pgfmd.restart.keeper.Keeper": ("attend", "interrupts"),
+    "pgfmd.restart.checkpoint_policy.CheckpointPolicy": ("attend", "interrupts"),
     "pgfmd.solver.interruption.Question": ("__call__",),
     "pgfmd.solver.simulation.Simulation": ("_measure", "_turn_page"),
     "pgfmd.schemes.inertialess.controller.Controller": ("advance",),

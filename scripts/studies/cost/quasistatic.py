@@ -24,11 +24,11 @@ import scipy.linalg
 import scipy.optimize
 from mpi4py import MPI
 
-from pgfmd import parts
+from pgfmd import scene_objects
 from pgfmd.assemble import assemble
 from pgfmd.output.recorder import Recorder
 from pgfmd.scene import load_scene
-from pgfmd.schemes.quasistatic.soft_mode import SoftMode
+from pgfmd.schemes.quasistatic.lobpcg import SoftMode
 from tests.physics.dense import LowestCurvatures
 
 SHARP = 0.001
@@ -181,10 +181,10 @@ def evaluations(scene, position: float, energy: float) -> str:
     place = (np.arange(n) + 0.5) * length / n - 0.5 * length
     y, x = np.meshgrid(place, place, indexing="ij")
     inside = np.hypot(x, y) <= scene.punch.radius * (1 + 1e-12)
-    height = parts.topography_of(scene.punch).heights(x[inside], y[inside])
+    height = scene_objects.topography_of(scene.punch).heights(x[inside], y[inside])
     height -= height.min()
     q = 2.0 * np.pi * np.fft.fftfreq(n, length / n)
-    root = np.sqrt(parts.compliance_of(scene)(np.abs(q[None, : n // 2 + 1]), q[:, None]))
+    root = np.sqrt(scene_objects.compliance_of(scene)(np.abs(q[None, : n // 2 + 1]), q[:, None]))
     gamma, rho, values = scene.adhesion.work_of_adhesion, scene.adhesion.range, []
 
     def spread(values):

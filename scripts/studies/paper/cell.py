@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pgfmd.analysis.compliance import fit_cell_compliance
-from pgfmd.parts import topography_of
+from pgfmd.scene_objects import topography_of
 
 from .drawing import GREY, OCHRE, RED, TURQUOISE, Claim, Drawing, panels, settings_of
 from .pool import Run, Runs

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
-from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import KINDS, contact_sites
 from pgfmd.plots.drawing import GREY, RED, TURQUOISE, new_figure
 from pgfmd.plots.maps import MOST_PIXELS, NEAR_LEVEL, class_numbers, gap_classes
 from pgfmd.results import Results
 from pgfmd.results.curve import areas_of
+from pgfmd.scene_objects import topography_of
 
 from .pool import Run
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from pgfmd.parts import confirm
 from pgfmd.results import Results, load
 from pgfmd.results.curve import Loop
 from pgfmd.scene import load_scene
 from pgfmd.scene.model import Scene
+from pgfmd.scene_objects import confirm
 from pgfmd.studies.cases import Case, cases_of
 from pgfmd.studies.study_file import read_study
 

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from pgfmd.parts import topography_of
 from pgfmd.scene import load_scene
+from pgfmd.scene_objects import topography_of
 
 from .drawing import GREY, RED, TURQUOISE, Claim, Drawing, panels
 from .pool import Runs

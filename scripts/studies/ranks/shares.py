@@ -32,7 +32,7 @@ def profile(comm, scene: list[str], folder: str, began: float) -> dict[str, floa
     """Seconds of this rank's run, by PARTS, and its counts. Collective."""
     from pgfmd import runner
     from pgfmd.benchmark.watch import Watch
-    from pgfmd.restart.keeper import Keeper
+    from pgfmd.restart.checkpoint_policy import CheckpointPolicy
     from pgfmd.scene import load_scene
     from pgfmd.solver.simulation import Simulation
 
@@ -57,7 +57,7 @@ def profile(comm, scene: list[str], folder: str, began: float) -> dict[str, floa
     timed(runner, "compile_kernels", "start: kernels")
     timed(runner, "assemble", "start: fields and plans", lambda found: watches.append(Watch(found, time.perf_counter)))
     timed(Simulation, "_note", "curve, snapshots, checkpoints")
-    timed(Keeper, "attend", "curve, snapshots, checkpoints")
+    timed(CheckpointPolicy, "attend", "curve, snapshots, checkpoints")
     marks: dict[str, float] = {}
     original = Simulation.run
 

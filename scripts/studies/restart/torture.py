@@ -32,8 +32,8 @@ os.environ.setdefault("OMPI_MCA_rmaps_base_oversubscribe", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from pgfmd.files.storage import CHECKPOINT_FILE, CHECKPOINT_FILES, CURVE_FILE, RUN_FILE
+from pgfmd.restart.bitwise_comparison import differences
 from pgfmd.restart.checkpoint_layout import Damaged, examine
-from pgfmd.restart.sameness import differences
 
 SCENE = ("tri-tack", "grid.n=48", "solver.accuracy=1e-3", "drive.preload=10 mN",
          'output.snapshots=["2 s", "4 s", "1.1 t_pl"]')  # fmt: skip

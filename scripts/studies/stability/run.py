@@ -184,8 +184,8 @@ def run_case(axis: str, scene_name: str, overrides: list[str], settings: str, li
     """Runs one case for at most `limit` seconds."""
     from pgfmd.assemble import assemble
     from pgfmd.output.recorder import Recorder
-    from pgfmd.parts import confirm
     from pgfmd.scene import load_scene
+    from pgfmd.scene_objects import confirm
 
     result, simulation, start = Result(axis, scene_name, settings), None, time.perf_counter()
     signal.signal(signal.SIGALRM, _out_of_time)

@@ -1,6 +1,6 @@
 """Scenes with a spring beside a dashpot. `solver.accuracy` is the step, as a share of the longest that is stable."""
 
-from pgfmd import parts
+from pgfmd import scene_objects
 from pgfmd.forecast.effort import effort_of_steps
 from pgfmd.forecast.estimate import memory_of_vectors, pair_cost
 from pgfmd.forecast.progress import time_left
@@ -16,9 +16,9 @@ def build(scene, comm, mirror):
     from .scheme import KelvinVoigt
 
     points = points_of(scene, mirror, comm)
-    weights = far_weights(parts.compliance_of(scene), points)
+    weights = far_weights(scene_objects.compliance_of(scene), points)
     scheme = KelvinVoigt(
-        points, convolution_of(scene, points), heights_of(scene, points), parts.law_of(scene.adhesion), _tau(scene),
+        points, convolution_of(scene, points), heights_of(scene, points), scene_objects.law_of(scene.adhesion), _tau(scene),
         weights, scene.output.near_gap,
     )  # fmt: skip
     return scheme, FixedSteps(scheme, _step(scene), scene.drive.preload)
@@ -45,12 +45,12 @@ def warm_up(precision):
 
 
 def _tau(scene):
-    series = parts.series_of(scene.rheology)
+    series = scene_objects.series_of(scene.rheology)
     return float((series.kappa * series.tau).sum())
 
 
 def _step(scene):
     """Stable below 2 tau/(1 + K_0 max G0): the surface gives way at once to what pulls it."""
-    law = parts.law_of(scene.adhesion)
-    stiffness = contact_stiffness(parts.compliance_of(scene), law, scene.grid.n, scene.grid.length)
+    law = scene_objects.law_of(scene.adhesion)
+    stiffness = contact_stiffness(scene_objects.compliance_of(scene), law, scene.grid.n, scene.grid.length)
     return 2.0 * scene.solver.accuracy * _tau(scene) / (1.0 + stiffness)

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pgfmd.restart import keeper as module
+from pgfmd.restart import checkpoint_policy as module
+from pgfmd.restart.checkpoint_policy import CheckpointPolicy, Timing
 from pgfmd.restart.checkpoints import Saved
 from pgfmd.restart.history import History
-from pgfmd.restart.keeper import Keeper, Timing
 
 STEP, SAVE = 0.5, 4.0
 
@@ -40,7 +40,7 @@ class Run:
         self.signals, self.history = Signals(), History(ranks, {}, 0.0)
         comm = SimpleNamespace(rank=0, size=1)
         checkpoints = SimpleNamespace(save=self.save)
-        self.keeper = Keeper(comm, checkpoints, outputs, self.signals, timing, {}, self.history, bytes_expected,
+        self.keeper = CheckpointPolicy(comm, checkpoints, outputs, self.signals, timing, {}, self.history, bytes_expected,
                              self.said.append)  # fmt: skip
 
     def save(self, head, arrays):

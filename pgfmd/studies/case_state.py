@@ -18,7 +18,7 @@ FAILED, CHANGED, DAMAGED = "failed", "changed", "damaged"
 
 
 @dataclass(frozen=True)
-class Standing:
+class CaseState:
     """State and, where there is one, its reason. record: `run.json`, empty where there is none."""
 
     state: str
@@ -34,7 +34,7 @@ class Standing:
         return self.state if not self.why or self.complete else f"{self.state} ({self.why})"
 
 
-def standing_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> Standing:
+def standing_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> CaseState:
     """The standing of a case whose results are in `folder`; allow: keys that may differ from what the run began with.
 
     `failed`: the run itself said that it can't go on. `changed`: the folder holds a run of another scene. `damaged`: no
@@ -44,27 +44,27 @@ def standing_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> Standing
     from pgfmd.results.status import EMPTY, status_of
 
     if not folder.exists():
-        return Standing(NEW)
+        return CaseState(NEW)
     try:
         status = status_of(folder)
     except ResultError as error:
-        return Standing(DAMAGED, str(error))
+        return CaseState(DAMAGED, str(error))
     if status.state == EMPTY:
-        return Standing(NEW)
+        return CaseState(NEW)
     if status.state == BROKEN:
-        return Standing(DAMAGED, status.why)
+        return CaseState(DAMAGED, status.why)
     if status.state == RUNNING:
-        return Standing(RUNNING, status.why)
+        return CaseState(RUNNING, status.why)
     if status.state == FINISHED:
         # Its numbers are those of its own settings: only what is written may differ.
         allow = [key for key in allow if key.partition(".")[0] == "output"]
     changes = _changes(case, folder, allow)
     if changes:
-        return Standing(CHANGED, changes)
+        return CaseState(CHANGED, changes)
     record = _record(folder)
     if record and record.get("finished") == FAILED:
-        return Standing(FAILED, record.get("error", ""), record)
-    return Standing(status.state, status.why, record)
+        return CaseState(FAILED, record.get("error", ""), record)
+    return CaseState(status.state, status.why, record)
 
 
 def _record(folder: Path) -> dict | None:
