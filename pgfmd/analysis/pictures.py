@@ -29,6 +29,7 @@ from .compliance import CellCompliance
 from .hysteresis import Audit, Twin
 
 COLOURS = (TURQUOISE, RED, "#d18f00", "#6a4c93", "#4a7c2a", "#8a5a44")
+MEASURED = ("black", "0.45", "0.65")
 DASHES = (0, (4, 2))
 LEGEND_WIDTH = 75
 """Letters in a line of a legend above the curves."""
@@ -54,24 +55,25 @@ def styled(draw: Any, *arguments: Any, **options: Any) -> Any:
         return draw(*arguments, **options)
 
 
-def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence[str] = ()) -> Any:
+def overlay_figure(loops: list[Loop], measured: int | None = None, changes: Sequence[str] = ()) -> Any:
     """Force [mN] against indentation [um]: approaches thin and dashed, retractions in colour.
 
-    dots: number of the loop that was measured, drawn in black. changes: what has been done to each curve, for its
-    legend; none for nothing to say.
+    measured: number of the first loop that was measured; these are drawn in black and greys. changes: what has been done to
+    each curve, for its legend; none for nothing to say.
     """
     labels = [textwrap.wrap(f"{loop.name}: {change}", LEGEND_WIDTH) for loop, change in zip(loops, changes)]
     figure = new_figure(5.6, 4.0 + LEGEND_LINE * sum(map(len, labels)))
     axis = figure.subplots()
     axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     for number, loop in enumerate(loops):
-        colour = "black" if number == dots else COLOURS[number % len(COLOURS)]
+        is_measured = measured is not None and number >= measured
+        colour = MEASURED[(number - measured) % len(MEASURED)] if is_measured else COLOURS[number % len(COLOURS)]
         x, force = 1e6 * loop.indentation, 1e3 * loop.force
         rows = loop.branches["retraction"]
         before = slice(0, rows.start + 1)
         if rows.start > 1:
             axis.plot(*seen(x[before], force[before]), color=colour, linestyle=DASHES, linewidth=0.8)
-        width = 1.0 if number == dots else 1.4
+        width = 1.0 if is_measured else 1.4
         label = literal("\n".join(labels[number]) if changes else loop.name)
         axis.plot(*seen(x[rows], force[rows]), color=colour, linewidth=width, label=label)
     # What has been done to a curve may be a long story: above the curves it hides none of them.

@@ -77,13 +77,13 @@ def compare(
     sources: Annotated[
         list[Path],
         typer.Argument(
-            metavar="DIR [DIR...] [EXP.csv]", parser=named, help="Folders of results, and a measured curve."
+            metavar="DIR [DIR...] [EXP.csv...]", parser=named, help="Folders of results, and measured curves."
         ),
     ],
     machine_stiffness: Annotated[
         str,
         typer.Option(
-            "--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off the experiment; such as 38.1kN/m."
+            "--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off measured curves; such as 38.1kN/m."
         ),
     ] = "inf",
     correct: Annotated[
@@ -91,21 +91,35 @@ def compare(
     ] = Correct.none,
     low_pass: LowPass = None,
     offset: Annotated[
-        str, typer.Option("--offset", metavar="LENGTH|fit", help="By which the experiment is pushed in.")
+        str, typer.Option("--offset", metavar="LENGTH|fit", help="By which measured curves are pushed in.")
     ] = "0 um",
     positive_displacement: Annotated[
-        Inwards, typer.Option("--positive-displacement", help="Which way the experiment's displacement counts.")
-    ] = Inwards.into,
+        Inwards | None,
+        typer.Option(
+            "--positive-displacement",
+            help="Which way measured displacements count, if not as their name says: a gap or an extension outwards, "
+            "others inwards.",
+        ),
+    ] = None,
     positive_force: Annotated[
-        Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")
+        Pressing, typer.Option("--positive-force", help="Which way measured forces count.")
     ] = Pressing.compression,
+    cycle: Annotated[int | None, typer.Option("--cycle", min=1, help="Which of several measured cycles.")] = None,
+    baseline: Annotated[
+        str,
+        typer.Option(
+            "--baseline",
+            metavar="auto|FORCE",
+            help="Measured force far away, taken off; as the rows show it, with auto.",
+        ),
+    ] = "auto",
     out: Annotated[Path, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = Path(
         "comparison.png"
     ),
 ) -> None:
-    """Lay curves of runs, and a measured one, over each other: a table and a picture.
+    """Lay curves of runs, and measured ones, over each other: a table and a picture.
 
-    Curves are compared as they are, unless a correction is asked for.
+    Curves are compared as they are, unless a correction is asked for; a measured force that is not zero far away is made so.
     """
     from pgfmd.analysis import pictures
     from pgfmd.analysis.comparison import comparison_table, load_loops, overlay
@@ -114,14 +128,19 @@ def compare(
     stiffness = _stiffness(machine_stiffness)
     resolution = length(low_pass, "--low-pass")
     moved = None if offset.strip() == "fit" else quantity(offset, "length", "--offset")
-    runs, experiment = load_loops(sources, positive_displacement.value, positive_force.value)
+    runs, experiments = load_loops(
+        sources,
+        positive_displacement=positive_displacement.value if positive_displacement else None,
+        positive_force=positive_force.value,
+        cycle=cycle,
+        baseline=None if baseline.strip() == "auto" else quantity(baseline, "force", "--baseline"),
+    )
     try:
-        found = overlay(runs, experiment, correct.value, stiffness, resolution, moved)
+        found = overlay(runs, experiments, correct.value, stiffness, resolution, moved)
     except ValueError as problem:
         raise ResultError(f"the curves could not be compared: {problem}") from None
-    table = comparison_table(found, experiment is not None, correct.value, stiffness, resolution)
-    measured = len(runs) if experiment is not None else None
-    figure = pictures.styled(pictures.overlay_figure, found.loops, measured, found.changes)
+    table = comparison_table(found, correct.value, stiffness, resolution)
+    figure = pictures.styled(pictures.overlay_figure, found.loops, len(runs), found.changes)
     path = pictures.save(figure, out)
     show(table)
     print(path)

@@ -60,7 +60,8 @@ class Loop:
     Of a run, what it knows better than its rows: work [J] of the loop and separation [J], the work of separation, None
     before the retraction, whatever filter the rows have gone through; told: other numbers of `run.json`, by their keys
     (TOLD). share: how far off forces may be for the errors of its steps (uncertainty.py). A measured loop has none of
-    these.
+    these. closed: whether the rows hold both ways; treated: what was done to a measured curve when it was read, in words;
+    remarks: what else is to be known of it.
     """
 
     name: str
@@ -79,6 +80,9 @@ class Loop:
     share: float = 0.0
     overlap: Array | None = None
     near: Array | None = None
+    closed: bool = True
+    treated: str = ""
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, results: Results, name: str = "") -> Self:
@@ -308,7 +312,7 @@ class Measures:
     preload [N]: force at the end of the approach. largest_force [N]: at any row, what the turn adds included; None
     without compression. time_to_preload [s], from the first contact. pull_off: lowest force of the retraction, from
     where the punch turns round; snap_in: that of the approach. work_of_separation [J]: that the punch does while it
-    goes up against a tensile force. hysteresis [J]: net work of the punch over all rows. areas: by what they are, of
+    goes up against a tensile force. hysteresis [J]: net work of the punch over all rows, None of one way alone. areas: by what they are, of
     "contact", "overlap" and "near" those that are known. *_uncertainty: of a work [J].
     """
 
@@ -318,7 +322,7 @@ class Measures:
     pull_off: Dip | None
     snap_in: Dip
     work_of_separation: float | None
-    hysteresis: float
+    hysteresis: float | None
     areas: Mapping[str, Areas]
     work_of_separation_uncertainty: float | None = None
     hysteresis_uncertainty: float | None = None
@@ -356,7 +360,7 @@ def measure(loop: Loop) -> Measures:
         pull_off=pull_off,
         snap_in=_tension(loop, snap, "snap_in_force"),
         work_of_separation=work_of_separation(loop) if loop.retracted else None,
-        hysteresis=net_work(loop),
+        hysteresis=net_work(loop) if loop.closed else None,
         areas={kind: _areas(area, loop, row) for kind, area in loop.areas.items()},
         work_of_separation_uncertainty=loop.told.get("work_of_separation_uncertainty_J"),
         hysteresis_uncertainty=loop.told.get("work_uncertainty_J"),

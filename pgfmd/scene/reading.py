@@ -17,7 +17,7 @@ from pydantic import BaseModel, ValidationError
 from pgfmd.errors import Problem, SceneError
 from pgfmd.physics.drive import automatic_turn
 
-from .checks import check
+from .checks import check, refer_to_relaxed
 from .draft import MISSING, Draft, example, is_unicode
 from .fields import expectation, within_limits, written
 from .given import Given, did_you_mean, shipped_scenes, shipped_text
@@ -73,6 +73,7 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
     given, problems = given.overridden(overrides)
     mapping, draft = given.mapping, Draft(given.folder)
     problems += _read_sections(mapping, draft)
+    problems += refer_to_relaxed(draft)
     problems += check(draft, require_files)
     title = mapping.get("title", "")
     if not isinstance(title, str):
