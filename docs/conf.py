@@ -1,6 +1,5 @@
 """Sphinx configuration. `scripts/docs` builds the pages, and treats every warning as an error."""
 
-import importlib.metadata
 import sys
 from pathlib import Path
 
@@ -8,10 +7,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 import make_scene_reference
 import plain_docstrings
 
+import pgfmd
+
 project = "pgfmd"
 author = "The pgfmd developers"
 copyright = "2026, The pgfmd developers"
-release = version = importlib.metadata.version("pgfmd")
+release = version = pgfmd.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
 myst_enable_extensions = ["amsmath", "dollarmath", "deflist", "colon_fence"]

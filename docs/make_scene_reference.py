@@ -16,7 +16,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from pgfmd.scene import shipped_scenes
-from pgfmd.scene.fields import LARGEST, SMALLEST, limits_text, written
+from pgfmd.scene.fields import LARGEST, SMALLEST, OneOf, limits_text, written
 from pgfmd.scene.model import PATTERNS, RHEOLOGIES, SECTIONS, Keys
 from pgfmd.units import DIMENSIONS
 
@@ -58,6 +58,7 @@ def type_text(name: str, field: FieldInfo) -> str:
         return f"list of {extra['count']}: {text}" if extra["count"] else f"list: {text}"
     options = [field.annotation, *get_args(field.annotation)]
     literals = next((get_args(option) for option in options if get_origin(option) is Literal), ())
+    literals = next((mark.words() for mark in field.metadata if isinstance(mark, OneOf)), literals)
     if literals:
         return ", ".join(f"`{json.dumps(word)}`" for word in literals)
     names = {int: "whole number", bool: "`true` or `false`", str: "text", tuple[str, ...]: "list of texts"}

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .scene import load_scene as load_scene
     from .start import run as run
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOMES = {
     "Scene": "scene:Scene",

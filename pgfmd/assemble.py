@@ -8,16 +8,15 @@ from functools import partial
 import numpy as np
 
 from . import coarsening, parts, symmetry
-from .schemes.inertialess import Inertialess
+from .schemes import registry
 from .solver.conjugate_gradients import ConjugateGradients
-from .solver.controller import Controller, StepLimits
 from .solver.far_field import far_weights
-from .solver.grid import Grid, PunchPoints
+from .solver.grid import PunchPoints
 from .solver.mirrored_transform import MirroredConvolution
 from .solver.multiplier import FEW, free_multiplier, periodic_multiplier
 from .solver.newton import NewtonSolver
 from .solver.simulation import Simulation
-from .solver.transform import Convolution, Plane
+from .solver.transform import Convolution
 
 STEP_SHARE = 0.7
 """Tolerance of a step's error, in ranges of adhesion, for a `solver.accuracy` of 1. With 0.5,
@@ -65,14 +64,13 @@ def assemble(scene, comm, mirror: str | None = None) -> Simulation:
 
     mirror: the axes whose mirror images are not stepped, those of the run that is to go on; found out by default.
     """
-    make = {"inertialess": _inertialess, "gfmd": _gfmd, "quasistatic": _quasistatic}
     mirror = mirror_of(scene, comm) if mirror is None else mirror
-    scheme, controller = make[scene.solver.scheme](scene, comm, mirror)
+    scheme, controller = registry.scheme_of(scene).new(scene, comm, mirror)
     drive = parts.drive_of(scene)
     return Simulation(scheme, controller, drive, parts.deepest_indentation(scene), scene.solver.max_steps)
 
 
-def _solver(scene, comm, mirror: str, wrap=lambda convolve: convolve) -> NewtonSolver:
+def newton_solver(scene, comm, mirror: str, wrap=lambda convolve: convolve) -> NewtonSolver:
     """The static contact problem of the scene; wrap: what is made of its convolutions."""
     points = symmetry.points_of(scene, mirror, comm)
     dtype = np.dtype(np.float32 if scene.solver.precision == "single" else np.float64)
@@ -105,56 +103,8 @@ def _corrections_on_two_grids(scene, points: PunchPoints, m: int, dtype):
     )
 
 
-def _far_weights(scene, solver: NewtonSolver) -> np.ndarray:
+def far_weights_of(scene, solver: NewtonSolver) -> np.ndarray:
     """Weights of the far displacement, none without a periodic cell."""
     periodic = scene.substrate.boundary == "periodic"
     weights = far_weights(parts.compliance_of(scene), solver.points) if periodic else np.zeros(0)
     return weights.astype(solver.dtype, copy=False)
-
-
-def _inertialess(scene, comm, mirror: str):
-    """Scheme and controller of the massless limit."""
-    solver = _solver(scene, comm, mirror)
-    law, series, tolerance = solver.law, parts.series_of(scene.rheology), STEP_SHARE * scene.solver.accuracy
-    weights = _far_weights(scene, solver)
-    output = scene.output
-    scheme = Inertialess(
-        solver, series.to_creep(), tolerance, output.energy, weights, output.near_gap, scene.solver.order
-    )
-    shortest = float(series.tau.min()) if series.elements else math.inf
-    limits = StepLimits(tolerance, law.range, shortest, law.attractive)
-    return scheme, Controller(scheme, limits, scene.drive.preload)
-
-
-def _quasistatic(scene, comm, mirror: str):
-    """Scheme and controller of infinitely slow loading."""
-    # Nothing of it is of use to other schemes.
-    from .schemes.quasistatic import Quasistatic
-    from .solver.load_steps import LoadSteps
-    from .solver.machine import sprung
-
-    compliance, spring = parts.quasistatic_compliance(scene), parts.machine_compliance(scene)
-    solver = _solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, compliance))
-    law, tolerance = solver.law, STEP_SHARE * scene.solver.accuracy
-    stiffness = parts.punch_stiffness(scene) / compliance
-    dead = scene.drive.control == "load"
-    weights, near = _far_weights(scene, solver), scene.output.near_gap
-    scheme = Quasistatic(solver, compliance, tolerance, weights, near, spring, stiffness, dead)
-    return scheme, LoadSteps(scheme, tolerance, law.range, scene.drive.preload, law.attractive)
-
-
-def _gfmd(scene, comm, mirror: str):
-    """Scheme and controller of the paper's method."""
-    # Its kernels and its transform are of no use to other schemes.
-    from .schemes.gfmd import Gfmd
-    from .solver.fixed_steps import FixedSteps
-
-    plane = Plane(comm, scene.grid.n)
-    slab = (plane.row_start, plane.real.shape[0])
-    points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm, slab)
-    law, series, inertia = parts.law_of(scene.adhesion), parts.series_of(scene.rheology), parts.inertia_of_scene(scene)
-    compliance = parts.compliance_of(scene)
-    height = heights_of(scene, points)
-    output = scene.output
-    scheme = Gfmd(points, plane, compliance, height, law, series, inertia, output.energy, output.near_gap)
-    return scheme, FixedSteps(scheme, inertia.step, scene.drive.preload)

@@ -1,6 +1,6 @@
 """Whether conjugate gradients use a coarser grid beside the points of a scene (solver/two_grid.py), and which. No MPI.
 
-It follows from measurements: scripts/two_grid_cost.py, docs/measured.md.
+It follows from measurements: scripts/studies/cost/two_grid.py, docs/evidence/measured.md.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from . import parts
 from .scene.precision import transform_side_about
+from .schemes import registry
 from .symmetry import MOST_INSTANTANEOUS
 
 FACTORS = (8, 7, 6, 5, 4)
@@ -35,7 +36,7 @@ def expected(scene) -> Coarsening:
     solver, series, n = scene.solver, parts.series_of(scene.rheology), scene.grid.n
     if solver.coarse_grid == "none":
         return Coarsening(0, 'solver.coarse_grid = "none"')
-    if solver.scheme != "inertialess":
+    if not registry.scheme_of(scene).coarse_grid:
         return Coarsening(0, f"the scheme {solver.scheme} does without")
     if not series.elements or series.to_creep().J_inf > MOST_INSTANTANEOUS:
         return Coarsening(0, "(nearly) elastic surfaces, whose waves are all alike soft, have not been measured")

@@ -16,9 +16,9 @@ from .physics.film import Film
 from .physics.free_kernel import FreeFilm, FreeHalfSpace
 from .physics.halfspace import HalfSpace, TabulatedCompliance
 from .physics.heightfile import HIGHEST
-from .physics.inertia import Inertia, contact_stiffness, inertia_of, instability
 from .physics.rheology import PronySeries
 from .physics.topography import Topography
+from .schemes import registry
 from .solver.grid import Grid
 
 PAPER_FACTOR = 0.156
@@ -60,7 +60,7 @@ def series_of(rheology) -> PronySeries:
 
 def relaxation_of(scene) -> PronySeries:
     """The relaxation that a run follows: that of the scene's [rheology], none where it is quasi-static."""
-    return PronySeries.elastic() if scene.solver.scheme == "quasistatic" else series_of(scene.rheology)
+    return PronySeries.elastic() if registry.scheme_of(scene).timeless else series_of(scene.rheology)
 
 
 def topography_of(punch) -> Topography:
@@ -80,7 +80,7 @@ def drive_of(scene) -> Drive:
     faster.
     """
     drive, factor = scene.drive, 1.0
-    dwell = 0.0 if scene.solver.scheme == "quasistatic" else drive.dwell
+    dwell = 0.0 if registry.scheme_of(scene).timeless else drive.dwell
     if drive.control == "load":
         factor += machine_compliance(scene) * punch_stiffness(scene) / quasistatic_compliance(scene)
     approach, retract = factor * drive.speed, factor * drive.retract_speed
@@ -98,13 +98,8 @@ def automatic_range(scene) -> float:
     return range_of_adhesion(scene.adhesion.work_of_adhesion, scene.substrate.contact_modulus, PAPER_FACTOR, q_ref)
 
 
-def inertia_of_scene(scene) -> Inertia:
-    """The auxiliary inertia of a scene with the scheme gfmd."""
-    return inertia_of(scene.solver_gfmd, series_of(scene.rheology), law_of(scene.adhesion), drive_of(scene))
-
-
 def quasistatic_compliance(scene) -> float:
-    """J of a quasi-static scene: 1 of the relaxed body, E(0)/E(infinity) of the instantaneous one."""
+    """J of slow contacts: 1 of the relaxed body, and E(0)/E(infinity) of the instantaneous one, where a scheme has it."""
     return 1.0 if scene.solver.modulus == "relaxed" else 1.0 / series_of(scene.rheology).kappa_inf
 
 
@@ -143,9 +138,9 @@ def transform_side(scene, nb: int, whole_cell: bool = False, mirror: str = "") -
 
 
 def shared_out(scene, nb: int) -> tuple[int, int]:
-    """What the ranks of a run share out: rows of points, in pairs but by explicit steps, and in the middle of a transform the
+    """What the ranks of a run share out: rows of points, in pairs but in whole planes, and in the middle of a transform the
     columns of its half spectrum. nb: rows of the punch's block."""
-    rows = nb if scene.solver.scheme == "gfmd" else (nb + 1) // 2
+    rows = nb if registry.scheme_of(scene).whole_plane else (nb + 1) // 2
     return rows, transform_side(scene, nb) // 2 + 1
 
 
@@ -189,13 +184,13 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
     rows, columns = shared_out(scene, nb)
     most = min(rows, columns)
     if ranks > most:
-        told = "rows of points" if scene.solver.scheme == "gfmd" else "pairs of rows of points"
+        told = "rows of points" if registry.scheme_of(scene).whole_plane else "pairs of rows of points"
         what = told if rows <= columns else "columns of waves"
         expected = f"work for each of the {ranks} ranks, but there is work for {most} only, by the number of {what}"
         cure = f"use {'one rank' if most == 1 else f'at most {most} ranks'}, or raise grid.n"
         problems.append(Problem("grid.n", scene.grid.n, expected, cure))
-    if scene.solver.scheme == "gfmd" and not problems:
-        problems += _inertia_problems(scene)
+    if not problems:
+        problems += registry.scheme_of(scene).problems_of(scene)
     if problems:
         raise SceneError(source, problems)
 
@@ -221,23 +216,7 @@ def _time_problems(scene) -> list[Problem]:
         expected = f"at most {longest:.2g} m, where a position still tells parts of the range of adhesion"
         problems.append(Problem("drive.clearance", f"{drive.clearance:.3g} m", expected, "reduce it"))
     longest /= max(drive.speed, drive.retract_speed)
-    if scene.solver.scheme != "quasistatic" and drive.dwell > longest:
+    if not registry.scheme_of(scene).timeless and drive.dwell > longest:
         expected = f"at most {longest:.2g} s, after which t still tells the steps of the retraction"
         problems.append(Problem("drive.dwell", f"{drive.dwell:.3g} s", expected, "reduce it, or the speeds"))
-    return problems
-
-
-def _inertia_problems(scene) -> list[Problem]:
-    """Whether the scheme gfmd can step this scene at all."""
-    problems = []
-    law, clearance = law_of(scene.adhesion), scene.drive.clearance
-    if clearance < law.reach:
-        cure = 'leave it out, or set solver.scheme = "inertialess"'
-        expected = f"a start out of reach, at least {law.reach:.3g} m, as gfmd begins with a surface at rest"
-        problems.append(Problem("drive.clearance", f"{clearance:.3g} m", expected, cure))
-    stiffness = contact_stiffness(compliance_of(scene), law, scene.grid.n, scene.grid.length)
-    inertia = inertia_of_scene(scene)
-    cure = instability(inertia, stiffness, series_of(scene.rheology).kappa_inf)
-    if cure:
-        problems.append(Problem("solver.gfmd.dt", f"{inertia.step:.3g} s", "a stable time step", cure))
     return problems

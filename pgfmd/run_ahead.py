@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from . import parts
 from .errors import SceneError
 from .scene.precision import best_precision
+from .schemes import registry
 
 ACCURACY = 0.03
 """Of the coarse approaches: the cheapest one, as longer steps meet more negative curvature."""
@@ -83,9 +84,9 @@ def _on(scene, n: int) -> list:
 def _with(scene, n: int, reach: float):
     """The scene on n points a side with another range, starting as far out of reach as it does; no faster than explicit
     steps allow, and with nothing written."""
-    # Explicit steps can't be coarse.
-    scheme = "inertialess" if scene.solver.scheme == "gfmd" else scene.solver.scheme
-    accuracy = ACCURACY if scene.solver.scheme == "gfmd" else max(ACCURACY, scene.solver.accuracy)
+    own = registry.scheme_of(scene)
+    scheme = own.ahead or own.name
+    accuracy = max(ACCURACY, scene.solver.accuracy) if own.has_accuracy else ACCURACY
     clearance = scene.drive.clearance
     if scene.adhesion.law == "cosine":
         clearance += reach - scene.adhesion.range

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .assemble import assemble
-from .errors import PgfmdError, ResultError, RunError
+from .errors import PgfmdError, ResultError, RunError, Stopped
 from .files import storage
 from .files.fields_layout import Layout
 from .files.packing import arrays_of, unpack
@@ -25,9 +25,10 @@ from .restart import resume
 from .restart.checkpoints import Checkpoints
 from .restart.disk_space import require_space
 from .restart.history import History
-from .restart.keeper import Keeper, Stopped, Timing
+from .restart.keeper import Keeper, Timing
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
+from .schemes import registry
 from .solver import compiled
 from .solver.interruption import Interrupted
 from .solver.node import Node
@@ -269,18 +270,11 @@ def compile_kernels(comm, scene) -> None:
 
 
 @functools.cache
-def warm_up(scheme: str = "inertialess", precision: str = "double") -> None:
+def warm_up(scheme: str = registry.DEFAULT, precision: str = "double") -> None:
     """Runs tiny tack tests that use every kernel of a scheme, so that numba has them in its cache. Once a process."""
     from mpi4py import MPI
 
     common = [f"solver.scheme={scheme}", f"solver.precision={precision}", "grid.n=20", "drive.preload=1 mN"]
-    # Of half a punch, with a coarser grid and without, of a quarter of one, and of a whole one.
-    tests = (["solver.coarse_grid=always"], ["output.energy=false"], ["punch.pattern=flat"], ["rheology.model=elastic"])
-    if scheme == "gfmd":
-        tests = (["solver.max_steps=3"],)
-    if scheme == "quasistatic":
-        # Single precision has no machine with a spring.
-        tests = ([] if precision == "single" else ["drive.machine_stiffness=1 kN/m"],)
-    for changes in tests:
+    for changes in registry.named(scheme).scenes_to_warm_up(precision):
         assemble(load_scene("tri-tack", [*common, *changes]), MPI.COMM_SELF).run()
     compiled.remember(f"{scheme}-{precision}")

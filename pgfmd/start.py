@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import PgfmdError, RunError
+from .errors import PgfmdError, RunError, Stopped
 from .host.launch import communicator
 from .host.walltime import seconds_of
 from .results import Results, load
@@ -68,7 +68,7 @@ def _on_ranks(
     scene: Scene, directory: Path, ranks: int, fresh: bool, allow: Sequence[str], every: str, say: Callable[[str], None]
 ) -> None:
     """The same by `pgfmd run` under mpirun."""
-    from .study.pool import STOPPED, Ending, Pool, Task
+    from .studies.pool import Ending, Pool, Task
 
     # A program under mpirun has to say what its processes are to do.
     communicator(None, "run")
@@ -80,11 +80,13 @@ def _on_ranks(
         arguments += [word for key in allow for word in ("--allow", key)]
         log = directory.with_name(f"{directory.name}.log")
         pool = Pool(ranks, say=say)
-        pool.run([Task(str(directory), tuple(arguments), log)], lambda task, ending: endings.append(ending))
+        pool.run([Task(str(directory), tuple(arguments), directory, log)], lambda task, ending: endings.append(ending))
     ending = endings[0]
     if pool.stopped:
         raise KeyboardInterrupt(f"stopped by {pool.stopped}, with a checkpoint in {directory}: the same call goes on")
     if ending.code:
-        error = RunError(ending.why) if ending.code in (RunError.exit_code, STOPPED) else PgfmdError(ending.why)
+        error = (
+            RunError(ending.why) if ending.code in (RunError.exit_code, Stopped.exit_code) else PgfmdError(ending.why)
+        )
         error.exit_code = ending.code
         raise error

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from . import parts
+from .schemes import registry
 from .solver.grid import Grid, PunchPoints
 
 FEW = 1 << 13
@@ -42,10 +43,9 @@ def obstacle(scene) -> str:
     solver, series = scene.solver, parts.series_of(scene.rheology)
     if solver.symmetry == "none":
         return 'solver.symmetry = "none"'
-    if solver.scheme == "gfmd":
-        return "the scheme gfmd steps the modes of the whole cell"
-    if solver.scheme == "quasistatic":
-        return "a path of equilibria may become lopsided"
+    whole_only = registry.scheme_of(scene).whole_only
+    if whole_only:
+        return whole_only
     if not series.elements or series.to_creep().J_inf > MOST_INSTANTANEOUS:
         return "a (nearly) elastic surface that snaps may become lopsided"
     if scene.grid.n % 2:
@@ -91,6 +91,10 @@ def expected(scene) -> Symmetry:
     return Symmetry(found, "" if found else "the punch's face is not its own mirror image in x")
 
 
-def points_of(scene, mirror: str, comm=SimpleNamespace(size=1, rank=0)) -> PunchPoints:
+ALONE = SimpleNamespace(size=1, rank=0)
+"""What a grid asks of a communicator, told of a single rank."""
+
+
+def points_of(scene, mirror: str, comm=ALONE) -> PunchPoints:
     """The points under the punch that are stepped with this mirror, by default as a single rank would own them."""
     return PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm, mirror=mirror)

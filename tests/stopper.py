@@ -7,7 +7,7 @@ class StopAfter:
     """In the place of StopSignals: asks to stop at the `steps` + 1st look of a process; the first look of a new run is
     at its start."""
 
-    steps, patience = math.inf, math.inf
+    steps, patience, number = math.inf, math.inf, 10
     asked = False
     """Nothing is stopped within a step."""
 
@@ -23,7 +23,7 @@ class StopAfter:
     @property
     def stop(self):
         self.looks += 1
-        return 10 if self.looks > StopAfter.steps else 0
+        return self.number if self.looks > StopAfter.steps else 0
 
     def take_save(self):
         return False

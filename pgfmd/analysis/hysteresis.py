@@ -17,6 +17,7 @@ import numpy as np
 
 from pgfmd.results import Results
 from pgfmd.results.curve import Loop, column, net_work
+from pgfmd.schemes import registry
 
 from .scene_differences import differences
 
@@ -111,6 +112,7 @@ def is_quasistatic(scene: dict) -> bool:
     """Whether a resolved scene leaves no room for viscous losses: the
     quasi-static scheme with the relaxed modulus, or an elastic substrate."""
     solver, rheology = scene.get("solver", {}), scene.get("rheology", {})
-    relaxed = solver.get("scheme") == "quasistatic" and solver.get("modulus", "relaxed") == "relaxed"
+    scheme = registry.scheme_in(solver)
+    relaxed = scheme.timeless and solver.get("modulus", "relaxed") == "relaxed"
     # With inertia an elastic substrate dissipates, too.
-    return relaxed or (rheology.get("model") == "elastic" and solver.get("scheme") != "gfmd")
+    return relaxed or (rheology.get("model") == "elastic" and not scheme.inertia)

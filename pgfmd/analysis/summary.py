@@ -11,9 +11,10 @@ from typing import Any
 
 from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_atomically
+from pgfmd.physics.drive import DETACHED
 from pgfmd.plots.drawing import elsewhere, target_folder
 from pgfmd.results import Results, load
-from pgfmd.results.curve import WHOLE, Loop, Measures, measure
+from pgfmd.results.curve import Loop, Measures, measure
 from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
 
 from . import pictures
@@ -176,7 +177,7 @@ def _add_works(table: Table, found: Measures) -> None:
 def _remark_unfinished(table: Table, results: Results) -> None:
     """Of a run that goes on, or that has ended before the punch was free."""
     finished = results.run.get("finished")
-    if finished != WHOLE:
+    if finished != DETACHED:
         how = f"the run has ended early ({finished})" if finished else "the run has not ended yet"
         table.remarks.append(f"{how}: pull-off force, works and shares are those of the way that it has come")
 

@@ -53,10 +53,8 @@ def summits_of(scene: Any) -> Summits:
     sites = contact_sites(face, grid.length)
     top = sites.kind == KINDS.index(SUMMIT)
     x, y = sites.x[top], sites.y[top]
-    if face.pattern == "file":
-        step = max(grid.spacing, *face.map.pixel)
-    else:
-        step = (face.wavelength or FINE * grid.spacing) / FINE
+    smooth = (face.wavelength or FINE * grid.spacing) / FINE
+    step = max(grid.spacing, *face.map.pixel) if face.pattern == "file" else smooth
     xx, yy, xy = _curvatures(face, x, y, step)
     determinant = xx * yy - xy**2
     peaked = (xx + yy > 0) & (determinant > FLATTEST * (xx + yy) ** 2)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pgfmd.physics.halfspace import HalfSpace
+from pgfmd.schemes import registry
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.solver.multiplier import periodic_multiplier
 from pgfmd.solver.transform import Convolution, plain_pair
@@ -61,7 +62,7 @@ def _one(comm, action: Callable[[], object]) -> float:
 SCENE, SMALL = "tri-tack", ("grid.n=64", "drive.speed=200 um/s", "solver.gfmd.fast_pull=1")
 """The scene of the small work-precision study: so fast that gfmd, too, takes seconds. Its step follows omega alone."""
 REFERENCE = "solver.accuracy=1e-5"
-OURS, PAPERS, LONGEST = "inertialess", "gfmd, omega dt = pi/10", "gfmd, omega dt = pi/2"
+OURS, PAPERS, LONGEST = registry.DEFAULT, "gfmd, omega dt = pi/10", "gfmd, omega dt = pi/2"
 TARGET = 0.01
 """Error of the force curve, relative to the preload, at which the schemes are compared."""
 
@@ -74,7 +75,7 @@ def work_precision(
     gfmd has the paper's omega dt, and one five times as large; the reference is inertialess with `REFERENCE`.
 
     base: overrides of tri-tack; omega_taus: omega tau_min in units of pi. `say` is given a line as each is measured.
-    scripts/work_precision.py is the full study.
+    scripts/studies/work_precision/run.py is the full study.
     """
     laboratory = Laboratory(comm)
     settings = [

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from pgfmd.errors import RunError, SceneError
 from pgfmd.output.recorder import Recorder
+from pgfmd.physics.drive import DETACHED
 from pgfmd.results.curve import Loop
-from pgfmd.solver.simulation import FINISHED
+from pgfmd.schemes import registry
 
 from .curve_errors import errors
 
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 
     from pgfmd.scene import Scene
 
-SHORT = {"gfmd": ("grid.n=32", "solver.max_steps=40"), "inertialess": ("grid.n=32", "solver.accuracy=0.1")}
-"""What makes a run short that only has to compile the kernels of a scheme."""
+SHORT, COARSE = ("grid.n=32", "solver.max_steps=40"), ("grid.n=32", "solver.accuracy=0.1")
+"""What makes a run short that only has to compile the kernels of a scheme: of explicit steps, and of steps with an accuracy."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Laboratory:
             confirm(loaded, scene, self.comm.size)
             self._warm_up(scene, overrides, loaded.solver)
             outcome = run(loaded, self.comm)
-            if outcome.finished != FINISHED:
+            if outcome.finished != DETACHED:
                 raise RunError(f"{', '.join(name)}: {outcome.finished}, so that its curve is not whole")
             self._known[name] = outcome
         return self._known[name]
@@ -83,7 +84,8 @@ class Laboratory:
         kind = (solver.scheme, solver.precision)
         if kind not in self._warm:
             compile_kernels(self.comm, load_scene(scene, [*self.base, *overrides]))
-            run(load_scene(scene, [*self.base, *overrides, *SHORT[solver.scheme]]), self.comm)
+            short = COARSE if registry.named(solver.scheme).has_accuracy else SHORT
+            run(load_scene(scene, [*self.base, *overrides, *short]), self.comm)
             self._warm.add(kind)
 
 

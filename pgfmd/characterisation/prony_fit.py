@@ -4,7 +4,7 @@
 
 For given times this is linear with positive unknowns: non-negative least squares find the best weights. The times
 are a geometric ladder of N rungs, whose two ends are moved for the least misfit. Against a ladder from one end of the
-data to the other this gains a quarter for few elements and a lot for many (scripts/prony_misfit.py); freeing all times
+data to the other this gains a quarter for few elements and a lot for many (scripts/studies/rheology/prony_misfit.py); freeing all times
 on top of it gained another tenth or less up to N = 10 over ten decades. All misfits are relative,
 (fit - measured)/measured, of E' and of E'' alike.
 """
@@ -212,8 +212,9 @@ def _best_ladder(omega: NDArray, misfit_of: Callable[[NDArray], NDArray], elemen
     starts = [(fast, slow) for fast in inside for slow in inside] if elements > 1 else [(0.0, 0.0)]
     options = {"xatol": 1e-4, "fatol": 1e-7, "maxfev": 400}
     simplex = np.array([[0.0, 0.0], [-0.2, 0.0], [0.0, -0.2]])
-    tries = []
-    for start in sorted(starts, key=rms)[:DESCENTS]:
-        tries.append(minimize(rms, start, method="Nelder-Mead", options=options | {"initial_simplex": start + simplex}))
+    tries = [
+        minimize(rms, start, method="Nelder-Mead", options=options | {"initial_simplex": start + simplex})
+        for start in sorted(starts, key=rms)[:DESCENTS]
+    ]
     found = min(tries, key=lambda result: result.fun)
     return ladder(omega, elements, found.x), float(found.fun)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +15,7 @@ from .printing import print_json
 from .quantities import length, quantity
 
 
-class Correct(str, Enum):
+class Correct(StrEnum):
     """Which curves take up the compliance of the periodic cell."""
 
     experiment = "experiment"
@@ -23,14 +23,14 @@ class Correct(str, Enum):
     none = "none"
 
 
-class Inwards(str, Enum):
+class Inwards(StrEnum):
     """Which way a measured displacement counts."""
 
     into = "in"
     out = "out"
 
 
-class Pressing(str, Enum):
+class Pressing(StrEnum):
     """Which way a measured force counts."""
 
     compression = "compression"

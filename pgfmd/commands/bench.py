@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from enum import StrEnum
 from typing import Annotated
 
@@ -67,8 +66,6 @@ def transform(
                     print(f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}")
 
 
-BUSY = 0.5
-"""Processes that run at a time, on average, from which on a machine is not idle."""
 TESTS = (100, 1000, 10_000)
 """Pairs of transforms of a short, a usual and a long test."""
 
@@ -85,12 +82,12 @@ def ranks(
     ranks."""
     from pgfmd.benchmark.ranks import SIZES, counts_to_measure, survey
     from pgfmd.forecast import machine_profile
-    from pgfmd.host.processes import cores
+    from pgfmd.host.processes import cores, load
     from pgfmd.host.ranks import Trouble, launcher
 
     if launch.launched()[0] > 1:
         raise launch.LaunchError("bench ranks: start it without mpirun, it starts its own ranks")
-    if os.getloadavg()[0] > BUSY:
+    if load():
         launch.complain(
             "warning: this machine is busy, and what is measured now will be too slow; measure it when it is idle"
         )

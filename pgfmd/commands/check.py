@@ -13,11 +13,11 @@ from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_poin
 from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
-from pgfmd.parts import automatic_range, compliance_of, inertia_of_scene, law_of, series_of, topography_of
-from pgfmd.physics.inertia import contact_stiffness
+from pgfmd.parts import automatic_range, law_of, series_of, topography_of
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
+from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity
 
@@ -151,22 +151,9 @@ def _rheology(scene) -> Iterator[Line]:
     yield Line("time to move by rho", scene.adhesion.range / scene.drive.speed, "s", "rho/v")
     for index, (tau, kappa) in enumerate(zip(series.tau, series.kappa, strict=True), 1):
         yield Line(f"relaxation time {index}", float(tau), "s", f"kappa = {kappa:.4g}")
-    if scene.solver.scheme == "gfmd":
-        yield from _inertia(scene, series)
+    yield from (Line(*line) for line in registry.scheme_of(scene).lines_of(scene))
     for index, (time, weight) in enumerate(zip(creep.retardation_times, creep.J, strict=True), 1):
         yield Line(f"retardation time {index}", float(time), "s", f"J = {weight:.4g}")
-
-
-def _inertia(scene, series) -> Iterator[Line]:
-    inertia = inertia_of_scene(scene)
-    stiffness = contact_stiffness(compliance_of(scene), law_of(scene.adhesion), scene.grid.n, scene.grid.length)
-    yield Line("frequency omega of the inertia", inertia.frequency, "rad/s")
-    yield Line("time step", inertia.step, "s", f"set by the {inertia.limited_by}")
-    note = "omega dt sqrt(1 + K_0 G0/kappa_inf), below 2 where stable"
-    yield Line("stability number", inertia.stiffest(stiffness, series.kappa_inf), "", note)
-    if series.elements:
-        share = inertia.added_viscosity(series)
-        yield Line("viscosity that the inertia adds", share, "", "2 kappa_inf/omega over sum kappa_n tau_n")
 
 
 def _cost(scene, ranks: int) -> Iterator[Line]:
@@ -226,4 +213,4 @@ def _coarse_grid(scene) -> Line:
 def _rounded(value: float) -> int:
     """Two significant digits: more would pretend to be known."""
     digits = max(0, math.floor(math.log10(max(value, 1.0))) - 1)
-    return int(round(value / 10**digits)) * 10**digits
+    return round(value / 10**digits) * 10**digits

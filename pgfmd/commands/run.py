@@ -13,6 +13,7 @@ from pgfmd.host import batch, launch
 from pgfmd.host.spare_ranks import on_cores
 from pgfmd.host.streams import say
 from pgfmd.host.walltime import end_of_job, seconds_of
+from pgfmd.physics.drive import DETACHED
 
 from .names import path_option
 from .printing import command
@@ -147,7 +148,7 @@ def _missed_preload(record: dict, asked: float) -> list[str]:
 def _summary(record: dict, directory: Path) -> list[str]:
     """The last lines of a run."""
     lines = []
-    if record["finished"] != "detached":
+    if record["finished"] != DETACHED:
         lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
     if record["pull_off_force_N"] is None:
         measured = "no pull-off force, the run ended before the retraction"

@@ -17,7 +17,7 @@ from .printing import command
 from .run import Changes, Overrides, SceneName, all_changes
 
 if TYPE_CHECKING:
-    from pgfmd.study.campaign import Campaign
+    from pgfmd.studies.campaign import Campaign
 
 Out = Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the folders of the cases.")]
 Ranks = Annotated[int | None, typer.Option("--ranks", "-n", min=1, help="Ranks of each job.")]
@@ -48,7 +48,7 @@ class Quantity(StrEnum):
 
 
 def study(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", parser=named, help="The study: docs/studies.md.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", parser=named, help="The study: docs/how-to/studies.md.")],
     out: Out = None,
     ranks: Ranks = None,
     jobs: Annotated[
@@ -73,8 +73,8 @@ def study(
     """Run a grid of scenes, one folder a case, or go on with it; then its table and figures."""
     from dataclasses import replace
 
-    from pgfmd.study.cases import cases_of
-    from pgfmd.study.study_file import read_study
+    from pgfmd.studies.cases import cases_of
+    from pgfmd.studies.study_file import read_study
 
     require_one_process()
     if collect and (slurm or dry_run):
@@ -89,7 +89,7 @@ def study(
     if collect:
         show(campaign, plan.axes, title)
     elif slurm:
-        from pgfmd.study.slurm_array import submit
+        from pgfmd.studies.slurm_array import submit
 
         submit(chosen, plan.ranks, jobs, plan.name, sbatch_options, dry_run)
     elif dry_run:
@@ -125,8 +125,8 @@ def converge(
     checkpoint_every: Every = "10min",
 ) -> None:
     """Run a scene on finer and finer levels, fit a power law, and extrapolate; goes on where it was stopped."""
-    from pgfmd.study.extrapolation import extrapolate, report, write
-    from pgfmd.study.refinement import FEWEST, levels_of
+    from pgfmd.studies.extrapolation import extrapolate, report, write
+    from pgfmd.studies.refinement import FEWEST, levels_of
 
     require_one_process()
     if power is not None and not power > 0.0:
@@ -151,7 +151,7 @@ def run_and_show(
 ) -> tuple[list, PgfmdError | None]:
     """Runs the chosen cases, then shows all; returns the rows, and what is to be raised because cases are
     unfinished."""
-    from pgfmd.study.campaign import Unfinished
+    from pgfmd.studies.campaign import Unfinished
 
     problem = None
     try:
@@ -164,7 +164,7 @@ def run_and_show(
 def _campaign(cases: list, out: Path, every: str, retry: bool, fresh: bool, allow: list[str] | None) -> Campaign:
     from pgfmd.host.walltime import seconds_of
     from pgfmd.restart.scene_changes import require_known
-    from pgfmd.study.campaign import Campaign, Wishes
+    from pgfmd.studies.campaign import Campaign, Wishes
 
     from .run import OFF
 
@@ -178,9 +178,9 @@ def _campaign(cases: list, out: Path, every: str, retry: bool, fresh: bool, allo
 
 def show(campaign: Campaign, axes: Any, title: str) -> list:
     """Writes the table and the figures of a study, and prints the table; returns its rows."""
-    from pgfmd.study import table
-    from pgfmd.study.campaign import make_folder
-    from pgfmd.study.pictures import draw_study
+    from pgfmd.studies import table
+    from pgfmd.studies.campaign import make_folder
+    from pgfmd.studies.pictures import draw_study
 
     make_folder(campaign.out)
     rows = table.rows_of(campaign.cases, axes, campaign.standings(), campaign.out)

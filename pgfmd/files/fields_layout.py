@@ -259,7 +259,7 @@ def remember(path: Path, layout: Layout, size: int) -> None:
     for start, length in sorted((chunk.byte_offset, chunk.size) for chunk in chunks):
         edges += [start, start + length]
     edges.append(size)
-    spans = [(start, end - start) for start, end in zip(edges[::2], edges[1::2]) if end > start]
+    spans = [(start, end - start) for start, end in zip(edges[::2], edges[1::2], strict=True) if end > start]
     with open(path, "rb") as file:
         kept = b"".join(os.pread(file.fileno(), length, start) for start, length in spans)
     head = {"size": size, "spans": spans, "sha256": hashlib.sha256(kept).hexdigest()}

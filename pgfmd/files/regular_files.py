@@ -125,7 +125,7 @@ def write_new(path: Path, text: str, force: bool = False) -> None:
     if force:
         write_atomically(path, text.encode())
         return
-    file = open(path, "x", encoding="utf-8")
+    file = open(path, "x", encoding="utf-8")  # noqa: SIM115 - one that was there before must not be removed below
     try:
         with file:
             file.write(text)

@@ -8,6 +8,8 @@ points and ranks, and no rank ever holds the whole.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -17,11 +19,14 @@ from pgfmd.errors import ResultError
 
 from .storage import attempt
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
 PIECE_BYTES = 2**24
 """Most that goes through one call."""
 
 
-def rows_on_root(comm, rows: np.ndarray, first: int) -> Iterator[tuple[int, np.ndarray]]:
+def rows_on_root(comm: Intracomm, rows: np.ndarray, first: int) -> Iterator[tuple[int, np.ndarray]]:
     """The rows of all ranks on rank 0, in pieces, as (first row, rows); nothing elsewhere. To be gone through to its
     end on every rank, as the others wait until rank 0 has taken all that they send.
 
@@ -57,11 +62,10 @@ def write_together(what: str, calls: Iterator[tuple[h5py.Dataset, np.ndarray, tu
     problem = None
     for dataset, piece, begin in calls:
         # Made ready beforehand: what fails before the call must not keep the rank from it.
-        ready, error = attempt(what, lambda: _ready(dataset, piece if problem is None else piece[:0], begin))
+        ready, error = attempt(what, partial(_ready, dataset, piece if problem is None else piece[:0], begin))
         if ready is None:
             ready = _ready(dataset, piece[:0], begin)
-        memory, space, values = ready
-        failed = attempt(what, lambda: dataset.id.write(memory, space, values, dxpl=together))[1]
+        failed = attempt(what, partial(dataset.id.write, *ready, dxpl=together))[1]
         problem = problem or error or failed
     return problem
 

@@ -13,13 +13,16 @@ import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from pgfmd.errors import ResultError
 
 from .regular_files import open_regular, require_regular, write_atomically
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 CURVE_FILE = "curve.csv"
 ENERGY_FILE = "energy.csv"
@@ -50,7 +53,7 @@ def reason(error: BaseException) -> str:
     return str(error) or type(error).__name__
 
 
-def agree(comm, error: Exception | None) -> None:
+def agree(comm: Intracomm, error: Exception | None) -> None:
     """End a step that may have failed on some ranks: return on all of them, or raise the same ResultError on all.
 
     Args:
@@ -79,7 +82,7 @@ def attempt(what: str, action: Callable[[], Value]) -> tuple[Value | None, Resul
         return None, error
 
 
-def on_root(comm, what: str, action: Callable[[], Value]) -> Value | None:
+def on_root(comm: Intracomm, what: str, action: Callable[[], Value]) -> Value | None:
     """Run `action` on rank 0 alone and agree that it worked; its result on rank 0, None elsewhere.
 
     Args:
@@ -146,7 +149,7 @@ def require_record(path: Path, found: Any) -> dict:
     return found
 
 
-def write_run_json(path: str | Path, comm, record: dict, guard: Callable[[], None] = lambda: None) -> None:
+def write_run_json(path: str | Path, comm: Intracomm, record: dict, guard: Callable[[], None] = lambda: None) -> None:
     """Write the record of a run, keys in the order given; numbers that are not finite become null.
 
     Args:

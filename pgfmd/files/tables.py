@@ -1,7 +1,7 @@
 """The tables of a run, each declared once: its columns with name, unit and meaning, and what a number in them can be.
 
 Headers, the writer (table_writing.py), the reader and its checks (table_reading.py) and the tables of the page "Files
-of a run" (scripts/tables_page.py) are made from these declarations. A new column is a field of a row; one that tables
+of a run" (scripts/studies/reference_pages/columns.py) are made from these declarations. A new column is a field of a row; one that tables
 of an earlier version do not have says so (`after`), and reads as NaN from those.
 
 All tables are in the order of time, and what they have in common (`time`, `displacement`, `force`) is written from the
@@ -140,7 +140,7 @@ class CurveRow:
     )  # fmt: skip
     force: float = column("N", "normal force $F$ on the punch, positive in compression")
     contact_area: float = column(
-        "m^2", "area of the grid points in [contact](../model.md#contact): with a gap below that of the largest "
+        "m^2", "area of the grid points in [contact](../explanation/model.md#contact): with a gap below that of the largest "
         "traction, half the range of adhesion with `cosine`, 0 with `repulsive` (`contact_gap_m` in `run.json`)",
         at_least=0.0,
     )  # fmt: skip
@@ -152,7 +152,7 @@ class CurveRow:
         at_least=0.0,
     )  # fmt: skip
     u_inf: float = column(
-        "m", "[estimate of the displacement far away](../model.md#the-surface-far-away) in a periodic cell, positive "
+        "m", "[estimate of the displacement far away](../explanation/model.md#the-surface-far-away) in a periodic cell, positive "
         "upward; 0 with a free boundary. No other column has it subtracted",
     )  # fmt: skip
     step: float = column("s", "length of the step that ended here", at_least=0.0)

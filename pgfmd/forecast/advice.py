@@ -7,9 +7,10 @@ import os
 from collections.abc import Iterator
 from dataclasses import replace
 
-from pgfmd.parts import automatic_range, deepest_indentation, drive_of, inertia_of_scene, relaxation_of, series_of
+from pgfmd.parts import automatic_range, deepest_indentation, drive_of, relaxation_of
 from pgfmd.physics.drive import OVERSHOOT
 from pgfmd.reference import jkr
+from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
 
 from . import plausibility
@@ -27,8 +28,10 @@ PRESSED_IN = 2.0
 """A start that is deeper than the estimated depth at the preload by this factor is warned of."""
 MANY_ROWS = 1e5
 """Rows of curve.csv, a hundred bytes each, that are more than anyone plots."""
-GLASSY, QUASI_STATIC = 1e-2, 1e3
-"""rho/v below this share of the shortest relaxation time; above this multiple of the longest retardation time."""
+GLASSY = 1e-2
+"""The elastomer is glassy if rho/v is below this fraction of the shortest relaxation time."""
+QUASI_STATIC = 1e3
+"""A test is nearly quasi-static if rho/v is above this multiple of the longest retardation time."""
 
 
 def warnings(scene, ranks: int = 1) -> Iterator[str]:
@@ -43,8 +46,9 @@ def warnings(scene, ranks: int = 1) -> Iterator[str]:
 
 def remarks(scene) -> Iterator[str]:
     """What is good to know about a scene."""
-    for rule in (_jumps, few_points, soft_overlap, _far_displacement, _quasi_static, _inertia):
+    for rule in (_jumps, few_points, soft_overlap, _far_displacement, _quasi_static):
         yield from rule(scene)
+    yield from registry.scheme_of(scene).remarks_on(scene)
 
 
 def _range(scene) -> Iterator[str]:
@@ -106,7 +110,7 @@ def _turn(scene) -> Iterator[str]:
     # Of the punch, whatever the way of a machine with a spring.
     drive = replace(drive_of(scene), speed=scene.drive.speed, retract_speed=scene.drive.retract_speed)
     ways = {"goes on by": drive.overshoot}
-    if scene.solver.scheme != "quasistatic":
+    if not registry.scheme_of(scene).timeless:
         ways["comes back by"] = drive.rise
     what, way = max(ways.items(), key=lambda item: item[1])
     repulsive = scene.adhesion.law == "repulsive"
@@ -161,8 +165,8 @@ def _images(scene) -> Iterator[str]:
 
 
 def _explicit_steps(scene) -> Iterator[str]:
-    """Steps of the scheme gfmd are many, and known beforehand."""
-    if scene.solver.scheme != "gfmd":
+    """Explicit steps are many, and known beforehand."""
+    if not registry.scheme_of(scene).explicit:
         return
     steps = effort_of(scene).steps
     if steps > 0.8 * scene.solver.max_steps:
@@ -182,9 +186,9 @@ def _memory(scene, ranks: int) -> Iterator[str]:
 
 def _jumps(scene) -> Iterator[str]:
     series, least = relaxation_of(scene), jump_threshold(scene)
-    # With inertia, the surface takes its time.
-    if scene.solver.scheme != "gfmd" and scene.adhesion.law == "cosine" and series.kappa_inf < least:
-        state = "quasi-static" if scene.solver.scheme == "quasistatic" else "elastic"
+    scheme = registry.scheme_of(scene)
+    if scheme.jumps and scene.adhesion.law == "cosine" and series.kappa_inf < least:
+        state = "quasi-static" if scheme.timeless else "elastic"
         what = (
             f"kappa_inf = {series.kappa_inf:.4g} is below {least:.3g}" if series.elements else f"the scene is {state}"
         )
@@ -207,16 +211,3 @@ def _quasi_static(scene) -> Iterator[str]:
     passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
     if series.elements and passing > QUASI_STATIC * series.to_creep().retardation_times.max():
         yield f"speed: rho/v = {passing:.2g} s is {QUASI_STATIC:.0f} longest retardation times: nearly quasi-static"
-
-
-def _inertia(scene) -> Iterator[str]:
-    """The paper's choice of omega is called sufficient there; what it adds can be told exactly."""
-    series = series_of(scene.rheology)
-    if scene.solver.scheme != "gfmd" or not series.elements:
-        return
-    share = inertia_of_scene(scene).added_viscosity(series)
-    if share > 0.01:
-        yield (
-            f"solver.gfmd: at low frequencies the inertia adds {100 * share:.2g} % to the viscosity of the material; "
-            "the error of the curve falls with 1/omega"
-        )

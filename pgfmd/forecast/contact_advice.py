@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
 
 from .resolution import image_stiffness, overlap_share, range_follows_the_grid, summit_points
@@ -113,6 +114,6 @@ def films(scene) -> Iterator[str]:
 
 def free_boundary(scene) -> str:
     """What a free boundary offers to a scheme that can have one."""
-    if scene.solver.scheme == "gfmd":
+    if registry.scheme_of(scene).periodic_only:
         return ""
     return ' substrate.boundary = "free" has no images, needs no such correction and costs the same'

@@ -24,34 +24,36 @@ from functools import partial
 import numpy as np
 
 from pgfmd import coarsening
-from pgfmd.parts import automatic_range, inertia_of_scene, law_of, quasistatic_compliance, relaxation_of
+from pgfmd.parts import automatic_range, law_of, quasistatic_compliance, relaxation_of
 from pgfmd.run_ahead import coarse_scenes
+from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
 
 from .estimate import depth_of, guessed_seconds, pair_cost, pair_seconds
 from .fitted import FITTED, Numbers
 from .indentation import depth_at_preload, pull_off_height
 
-EXPLICIT_COST = 1.2
-"""Time of an explicit step relative to that of two pairs (estimate.pair_seconds): its pair has all rows."""
 JUMP_FACTOR = 0.38
 """A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
-EXPLICIT_SPREAD, FLAT_SPREAD = 1.5, 2.0
-"""Of the steps of the scheme gfmd, whose length is known: that of the time which the programme takes, and that of flat punches,
-which stretch the elastomer by a way that depends on their speed."""
+EXPLICIT_SPREAD = 1.5
+"""Stated factor for explicit steps, whose length is known: that of the duration of the programme."""
+FLAT_SPREAD = 2.0
+"""The same for flat punches, which stretch the elastomer by a distance that depends on their speed."""
 UNLIKE = 2.0
-"""By this factor more a scene may be off that is unlike those that the numbers were fitted to."""
-COARSEST, FINEST = 0.1, 1e-4
-"""Accuracies that are not far from those of the fit."""
+"""Additional factor for scenes unlike those that the constants were fitted to."""
+COARSEST = 0.1
+"""Coarsest accuracy at which the fit is taken to hold."""
+FINEST = 1e-4
+"""Finest accuracy at which the fit is taken to hold."""
 
 
 @dataclass(frozen=True)
 class Effort:
     """Expected steps and transform pairs of a run, right within a factor of `spread`, in 19 of 20 scenes.
 
-    pair_seconds: measures that of a pair on this machine, about, where a time is asked for. cost: of the run for each pair, relative to that. approach: how many of the steps
-    and of the pairs are made before the preload. unlike: what makes the spread larger than that of the fit, empty for
-    nothing. kind: of the scene.
+    pair_seconds: measures that of a pair on this machine, about, where a time is asked for. cost: of the run for each
+    pair, relative to that. approach: how many of the steps and of the pairs are made before the preload. unlike: what
+    makes the spread larger than that of the fit, empty for nothing. kind: of the scene.
     """
 
     steps: float
@@ -103,7 +105,7 @@ def kind_of(scene) -> str:
         return f"{shape}viscoelastic{', two grids' if coarsening.expected(scene).factor else ''}"
     # Its contact line is all that jumps.
     shape = "round, " if scene.punch.pattern in ("sphere", "power") else shape
-    if scene.solver.scheme == "quasistatic":
+    if registry.scheme_of(scene).timeless:
         # The threshold is of kappa_inf: how much stiffer the body is than the relaxed one.
         stiff = 1.0 / quasistatic_compliance(scene) > jump_threshold(scene)
         return f"{shape}{'smooth' if stiff else 'quasi-static'}"
@@ -121,7 +123,7 @@ def ways_of(scene) -> tuple[Way, Way]:
 
     def softness(time: float) -> float:
         if not creep.elements:
-            return quasistatic_compliance(scene) if scene.solver.scheme == "quasistatic" else 1.0
+            return quasistatic_compliance(scene)
         return float(creep.J_inf + (creep.J * -np.expm1(-time / creep.retardation_times)).sum())
 
     def way(length: float, time: float, speed: float, inward: bool) -> Way:
@@ -147,8 +149,11 @@ def slowness(scene, creep, time: float, speed: float) -> float:
 
 def effort_of(scene) -> Effort:
     """Steps and transform pairs of a run."""
-    if scene.solver.scheme == "gfmd":
-        return _explicit_effort(scene)
+    return registry.scheme_of(scene).effort_of(scene)
+
+
+def fitted_effort(scene) -> Effort:
+    """The same where steps follow an accuracy, by the numbers that were fitted to runs."""
     found = FITTED[kind_of(scene)]
     (steps_in, pairs_in), (steps_out, pairs_out) = (counts_of(way, found) for way in ways_of(scene))
     unlike = ", ".join(_unlike(scene))
@@ -222,18 +227,12 @@ def _unlike(scene) -> Iterator[str]:
         yield "a dwell"
 
 
-def _explicit_effort(scene) -> Effort:
-    """One pair a step of known length; the time of the programme is that of the depth, with what adhesion adds to the way
-    back."""
+def effort_of_steps(scene, step: float, pair: float, cost: float) -> Effort:
+    """The same for explicit steps of known length [s], with a pair each, which takes `pair` times `pair_seconds`; cost: as in Effort. The time of the
+    programme is that of the depth, with what adhesion adds to the way back."""
     drive, depth = scene.drive, depth_at_preload(scene)
     into = (depth + max(drive.clearance, 0.0)) / drive.speed
     out = (depth + pull_off_height(scene)) / drive.retract_speed + drive.turn_time + drive.dwell
-    step = inertia_of_scene(scene).step
     steps = (into + out) / step
     spread = FLAT_SPREAD if scene.punch.pattern == "flat" else EXPLICIT_SPREAD
-
-    def two_pairs() -> float:
-        # All rows, where the fused transform has those under the punch.
-        return 2.0 * pair_seconds(scene)
-
-    return Effort(steps, steps, two_pairs, EXPLICIT_COST, spread, (into / step, into / step))
+    return Effort(steps, steps, lambda: pair * pair_seconds(scene), cost, spread, (into / step, into / step))

@@ -10,19 +10,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from pgfmd import coarsening
-from pgfmd.parts import quasistatic_compliance, series_of, topography_of, transform_side
+from pgfmd.parts import quasistatic_compliance, topography_of, transform_side
 from pgfmd.physics.heightfile import map_bytes
 from pgfmd.reference import flat_punch, hertz
+from pgfmd.schemes import registry
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.symmetry import expected, points_of
 
-OWN_BYTES, FILE_BYTES = 110e6, 138e6
-"""Python, compiled kernels and libraries: memory of each rank's own, and the files of the program, which the ranks of a node
-share (scripts/memory.py at n = 64)."""
+OWN_BYTES = 110e6
+"""Private memory of each rank for Python, compiled kernels and libraries (scripts/studies/cost/memory.py at n = 64)."""
+FILE_BYTES = 138e6
+"""Memory of the program's files, which the ranks of a node share (measured likewise)."""
 PROGRAM_BYTES = OWN_BYTES + FILE_BYTES
-"""What a single rank needs beside its fields."""
-FUSED_PAIR, OUTSIDE = 0.55, 0.2
-"""Time of a transform pair in double precision, and of what a run does beside it, relative to `pair_seconds`."""
+"""Memory of a single rank in addition to its fields."""
+FUSED_PAIR = 0.55
+"""Time of a transform pair in double precision, relative to `pair_seconds`."""
+OUTSIDE = 0.2
+"""Time of all other work of a run per pair, relative to `pair_seconds`."""
 SINGLE_PAIR = 0.63
 """Time of a transform pair in single precision, relative to one in double: 0.54 to 0.75 for n = 192 to 2048."""
 CALLS = 2.5e-4
@@ -60,17 +64,6 @@ class Memory:
         return ranks * (self.peak + OWN_BYTES) + FILE_BYTES
 
 
-def vectors_of(elements: int, audit: bool, periodic: bool, order: int = 2, rough: float = 1.0) -> tuple[float, float]:
-    """Numbers that a run keeps for every point under the punch: (state, everything else).
-
-    State: u, w, f, two past u and w; N branches; their N images where energies are followed. Scheme: u, w, f, history a
-    stage; two stages, one where elastic or of first order. Newton: heights and f, and K, r,
-    s, t, p, y, z, of `rough` the size. Weights of the far field.
-    """
-    stages = order if elements else 1
-    return 7 + elements * (1 + audit), stages * 4 + 2 + 7 * rough + periodic
-
-
 def punch_points(scene) -> PunchPoints:
     """The points under the punch as a single rank would own them, all of them."""
     return points_of(scene, "")
@@ -83,28 +76,29 @@ def largest_share(points: PunchPoints, ranks: int) -> int:
 
 
 def memory_of(scene, ranks: int = 1) -> Memory:
-    """Memory of the rank with the largest share, out of `ranks`.
+    """Memory of the rank with the largest share, out of `ranks`."""
+    return registry.scheme_of(scene).memory_of(scene, ranks)
+
+
+def rough_share(scene) -> float:
+    """Size of the numbers within conjugate gradients, relative to that of those which last."""
+    return 0.5 if scene.solver.precision == "mixed" else 1.0
+
+
+def memory_of_vectors(scene, ranks: int, counts: tuple[float, float]) -> Memory:
+    """Memory of a scheme that solves static problems (newton.py), of the rank with the largest share.
+
+    counts: numbers that a run keeps for every point under the punch, (state, everything else).
 
     Transform: G0, (columns, n/2 + 1), and the half-transformed columns, complex, (nb, columns), where the ranks share
     memory; messages between nodes take about as much again. The weights of the far field are made beside it by another transform, without G0, and
     the kernel of a free surface is held by rows, and with more than one rank by columns, of (n/2 + 1, n/2 + 1).
     """
-    if scene.solver.scheme == "gfmd":
-        return _gfmd_memory(scene, ranks)
     points = points_of(scene, expected(scene).mirror)
     rows, columns, width, multiplier = _transform_of(scene, points, ranks)
     periodic = scene.substrate.boundary == "periodic"
     precision = scene.solver.precision
-    size, rough = 4.0 if precision == "single" else 8.0, 0.5 if precision == "mixed" else 1.0
-    if scene.solver.scheme == "quasistatic":
-        # The softest mode and its dual in the State, and as they were before the step; in the scheme u, w and zeros for
-        # the history.
-        counts = 7 + 2 * rough, 3 + 2 + 9 * rough + periodic
-    else:
-        elements = series_of(scene.rheology).elements
-        counts = vectors_of(elements, scene.output.energy, periodic, scene.solver.order, rough)
-        # With a coarser grid, other work vectors of Newton's (two_grid.py).
-        counts = counts[0], counts[1] + (3.0 * rough if coarsening.expected(scene).factor else 0.0)
+    size, rough = 4.0 if precision == "single" else 8.0, rough_share(scene)
     # With patches, the traction before each step: jumps are placed by it.
     counts = counts[0], counts[1] + scene.output.patches
     most = largest_share(points, ranks)
@@ -113,7 +107,7 @@ def memory_of(scene, ranks: int = 1) -> Memory:
     transform = (multiplier + halves) * (size + (4.0 if precision == "mixed" else 0.0)) + _cells_bytes(
         scene, size * rough
     )
-    heights = _map_bytes(scene.punch)
+    heights = map_bytes_of(scene.punch)
     solver = size * (2.0 + 7.0 * rough) * most
     if periodic:
         # By now there are Newton's vectors; the weights are in double precision.
@@ -126,7 +120,7 @@ def memory_of(scene, ranks: int = 1) -> Memory:
         # The surface of the whole cell is that of the whole punch, whose transform is made for it.
         rows, columns, _, multiplier = _transform_of(scene, points.whole, ranks)
         start = max(start, state + rest + transform + 8.0 * (multiplier + 2.0 * rows * columns))
-    return Memory(state + rest, transform, state, start, _output_bytes(scene, points, ranks, size))
+    return Memory(state + rest, transform, state, start, output_bytes(scene, points, ranks, size))
 
 
 def _cells_bytes(scene, size: float) -> float:
@@ -139,7 +133,7 @@ def _cells_bytes(scene, size: float) -> float:
     return size * (multiplier + 2.0 * rows * columns + 7.0 * largest_share(points, 1))
 
 
-def _output_bytes(scene, points: PunchPoints, ranks: int, size: float) -> float:
+def output_bytes(scene, points: PunchPoints, ranks: int, size: float) -> float:
     """The surface and traction of the largest tension, and what a snapshot needs for a while: one field of the whole punch as a
     vector and as rows of the block; and with patches gap and traction of the whole punch, labels of points, and of the block."""
     whole, here = points.whole, largest_share(points, ranks)
@@ -158,24 +152,9 @@ def _transform_of(scene, points: PunchPoints, ranks: int) -> tuple[int, int, int
     return points.nb - points.top, columns, width, float(columns * width * (2 if points.mirror else 1))
 
 
-def _map_bytes(punch) -> float:
+def map_bytes_of(punch) -> float:
     """A height map while heights are taken from it."""
     return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
-
-
-def _gfmd_memory(scene, ranks: int) -> Memory:
-    """The same for whole-plane modes: u, its velocity and N elements, complex, (n, columns), and twice G0 on half of
-    them; heights, u and f of the points, of which one rank may hold all; the transform's real plane, and two spectral
-    arrays before and after the transpose."""
-    n, points = scene.grid.n, punch_points(scene)
-    columns, rows = math.ceil((n // 2 + 1) / ranks), math.ceil(n / ranks)
-    spectral = 16.0 * n * columns
-    state = (2 + series_of(scene.rheology).elements) * spectral
-    mine = 8.0 * min(points.total, rows * points.nb)
-    modes = state + 16.0 * (n // 2 + 1) * columns
-    transform = 8.0 * rows * n + 16.0 * rows * (n // 2 + 1) + 2.0 * spectral
-    output = _output_bytes(scene, points, ranks, 8.0)
-    return Memory(3.0 * mine + modes, transform, state, transform + _map_bytes(scene.punch), output)
 
 
 def modulus_of(scene) -> float:

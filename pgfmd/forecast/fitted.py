@@ -1,4 +1,4 @@
-"""The numbers of the forecast of steps and transform pairs (effort.py), as found by scripts/forecast_cost.py. No MPI."""
+"""The numbers of the forecast of steps and transform pairs (effort.py), as found by scripts/studies/forecast/run.py. No MPI."""
 
 from __future__ import annotations
 

@@ -22,8 +22,10 @@ from .resolution import mean_kappa, softness_of_film
 
 SAMPLES = 96
 """Points across a punch at which its heights are looked at."""
-MADELUNG, SECOND = 3.9003, 2.26
-"""Of a square lattice of charges with a neutral background: potential at one of them, and its curvature."""
+MADELUNG = 3.9003
+"""Potential at one charge of a square lattice of unit charges with a neutral background."""
+SECOND = 2.26
+"""Curvature of this potential."""
 ROUNDS = 24
 """Of the search for depth and modulus together: each halves what is left, about."""
 SHALLOWEST = 0.01

@@ -18,6 +18,7 @@ from pgfmd.parts import topography_of
 from pgfmd.physics.cohesion import range_of_adhesion
 from pgfmd.physics.heightfile import WHOLE as WHOLE_MAP
 from pgfmd.scene.model import SECTIONS, unused_keys
+from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
 
 STEEPEST = 1.0
@@ -32,11 +33,6 @@ SAMPLES = 2**14
 """At how many points a pattern is looked at."""
 DIFFERENCE = 1e-3
 """Step of the differences that slopes are made of, in wavelengths or radii."""
-UNREAD = {
-    "gfmd": {"solver.accuracy": "its steps are those of [solver.gfmd]", "solver.order": "it is of order 2"},
-    "quasistatic": {"solver.order": "it follows equilibria", "drive.dwell": "time does not count"},
-}
-"""Keys without an effect by scheme, and why."""
 WHOLE = 1e-6
 """Relative misfit of a map's size and the cell that rounding explains."""
 
@@ -221,7 +217,7 @@ def _speed(scene) -> Iterator[str]:
     """Speeds beyond that of sound: inertia would count. Where time does not count, speeds do not."""
     drive = scene.drive
     sound = math.sqrt(scene.substrate.contact_modulus / DENSITY)
-    if scene.solver.scheme == "quasistatic":
+    if registry.scheme_of(scene).timeless:
         return
     for key, speed in (("drive.speed", drive.speed), ("drive.retract_speed", drive.retract_speed)):
         if speed > sound and not (key == "drive.retract_speed" and speed == drive.speed):
@@ -280,11 +276,12 @@ def _shares(scene) -> Iterator[str]:
 
 def _unread(scene) -> Iterator[str]:
     """Keys that ask for what the scheme does not do."""
-    scheme = scene.solver.scheme
-    reasons = dict(UNREAD.get(scheme, {}))
-    for name in unused_keys(scene, "solver.gfmd"):
-        reasons[f"solver.gfmd.{name}"] = 'only the scheme "gfmd" reads it'
+    scheme = registry.scheme_of(scene)
+    reasons = dict(scheme.unread)
+    for section in registry.sections():
+        for name in unused_keys(scene, section):
+            reasons[f"{section}.{name}"] = f'only the scheme "{registry.reader_of(section)}" reads it'
     for dotted, why in sorted(reasons.items()):
         section, _, name = dotted.rpartition(".")
         if getattr(scene.section(section), name) != SECTIONS[section].model_fields[name].default:
-            yield f'{dotted} has no effect with solver.scheme = "{scheme}", as {why}: leave it out'
+            yield f'{dotted} has no effect with solver.scheme = "{scheme.name}", as {why}: leave it out'

@@ -17,7 +17,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pgfmd.parts import deepest_indentation, inertia_of_scene
+from pgfmd.parts import deepest_indentation
+from pgfmd.schemes import registry
 
 from .effort import effort_of
 from .indentation import depth_at_preload, pull_off_height
@@ -55,7 +56,7 @@ class Outlook:
 
 
 @dataclass(frozen=True)
-class _Way:
+class Way:
     """The punch's way [m], in and out, behind it and ahead of it."""
 
     in_done: float
@@ -78,22 +79,21 @@ def outlook(scene, moment: Moment) -> Outlook:
     if way.out_left < scene.adhesion.range and moment.phase == "retract":
         # Estimates of the last jump are no better than this.
         return Outlook(progress, remark="the punch may come off at any moment")
-    estimate = _explicit_steps if scene.solver.scheme == "gfmd" else _implicit_steps
-    steps, remark = estimate(scene, moment, way)
+    steps, remark = registry.scheme_of(scene).steps_left_of(scene, moment, way)
     allowed = scene.solver.max_steps - moment.steps
     if steps > allowed:
         return Outlook(progress, max(0.0, allowed), "until solver.max_steps is reached")
     return Outlook(progress, steps, remark)
 
 
-def _way(scene, moment: Moment) -> _Way:
+def _way(scene, moment: Moment) -> Way:
     clearance, position = scene.drive.clearance, moment.displacement
     beyond = pull_off_height(scene)
     if moment.phase == "approach":
         depth = max(_depth_ahead(scene, moment), -position)
-        return _Way(clearance - position, depth + position, 0.0, depth + beyond)
+        return Way(clearance - position, depth + position, 0.0, depth + beyond)
     back = moment.depth + position if moment.phase == "retract" else 0.0
-    return _Way(clearance + moment.depth, 0.0, max(back, 0.0), max(moment.depth + beyond - back, 0.0))
+    return Way(clearance + moment.depth, 0.0, max(back, 0.0), max(moment.depth + beyond - back, 0.0))
 
 
 def _depth_ahead(scene, moment: Moment) -> float:
@@ -107,7 +107,8 @@ def _depth_ahead(scene, moment: Moment) -> float:
     return min((1.0 - share) * told + share * ahead, deepest_indentation(scene))
 
 
-def _implicit_steps(scene, moment: Moment, way: _Way) -> tuple[float, str]:
+def steps_by_way(scene, moment: Moment, way: Way) -> tuple[float, str]:
+    """Steps that are left where their length follows the error, and what they leave out."""
     drive = scene.drive
     viscous = scene.adhesion.law != "repulsive" and scene.rheology.model != "elastic"
     share = way.share(math.sqrt(drive.speed / drive.retract_speed) if viscous else 1.0)
@@ -124,11 +125,12 @@ def _dwell_steps(scene, moment: Moment) -> float:
     return elapsed / moment.step * math.log(max(scene.drive.dwell / elapsed, 1.0))
 
 
-def _explicit_steps(scene, moment: Moment, way: _Way) -> tuple[float, str]:
+def time_left(scene, moment: Moment, way: Way) -> float:
+    """Time [s] until the punch is off."""
     drive = scene.drive
     left = way.in_left / drive.speed + way.out_left / drive.retract_speed
     if moment.phase == "approach":
         left += drive.turn_time + drive.dwell
     elif moment.phase != "retract" and moment.preload_time is not None:
         left += max(0.0, drive.turn_time + drive.dwell - (moment.time - moment.preload_time))
-    return left / inertia_of_scene(scene).step, ""
+    return left

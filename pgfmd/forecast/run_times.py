@@ -5,6 +5,7 @@ from __future__ import annotations
 from pgfmd import coarsening
 from pgfmd.host.processes import cores
 from pgfmd.parts import transform_side
+from pgfmd.schemes import registry
 from pgfmd.symmetry import expected, points_of
 
 from .effort import Effort, ahead_of, effort_of
@@ -12,10 +13,12 @@ from .estimate import guessed_seconds, pair_cost, pair_seconds
 from .machine_profile import NoProfile, Profile, read
 from .scaling import Problem
 
-CELL_PAIRS, BESIDE = 10.0, 0.14
-"""What a coarser grid takes for each pair on all points: as long as so many pairs of a run on a grid as fine as its cells, by
-one rank, as each rank has them all; and this share of the time that the pair itself takes. Fitted to tri-tack at n = 1024 and
-2048 on 1 and 2 ranks, where it is within 5 % of whole runs; 4 pairs are counted, and there are fewer pairs a step."""
+CELL_PAIRS = 10.0
+"""Time of the coarse grid for each pair on all points, in pairs of a run on a grid as coarse, on one rank (each rank
+solves the complete coarse problem). Fitted with BESIDE to tri-tack at n = 1024 and 2048 on 1 and 2 ranks, where it is
+within 5 % of whole runs. (4 pairs are counted, and there are fewer pairs per step.)"""
+BESIDE = 0.14
+"""Further time of the coarse grid, as a fraction of the time of the pair itself."""
 WORTH_TELLING = 1.1
 """Another number of ranks is named where a run takes more than so many times as long as on that."""
 ROUGH = "a rough guess; `pgfmd bench ranks` measures this machine"
@@ -56,7 +59,7 @@ def problem_of(scene, mirror: str | None = None) -> Problem:
 
 def _not_measured(scene, profile: Profile) -> str:
     """Why a profile tells nothing of such a scene; empty where it does."""
-    if scene.solver.scheme == "gfmd":
+    if registry.scheme_of(scene).explicit:
         return "the machine is measured with implicit schemes only"
     if problem_of(scene).kind not in profile.costs:
         return f"the machine is not measured in {scene.solver.precision} precision"

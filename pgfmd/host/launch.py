@@ -1,10 +1,10 @@
-"""Starting and ending under MPI: does mpirun belong to our MPI, and a fault on one rank ends the whole job.
+"""Starting and ending under MPI: checks that mpirun belongs to our MPI; an error on one rank ends the whole job.
 
     comm = launch.world()
     with launch.guarded(comm):
         ...                       # what every rank does
 
-MPI is only loaded by `world`. From then on an error on one rank ends the job, also outside of `guarded`.
+Only `world` loads MPI. From then on an error on one rank ends the job, also outside of `guarded`.
 """
 
 from __future__ import annotations
@@ -20,55 +20,35 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from pgfmd.errors import WRITTEN_IS_VALID, PgfmdError
+from pgfmd.errors import WRITTEN_IS_VALID, LaunchError, PgfmdError
 
 from . import faults
+from .launchers import is_launched, launched
 from .processes import end_with_launcher
 from .streams import complain
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 PATIENCE = 5.0
-"""Time [s] that a rank with an error waits for the others to have it too, before it ends the job."""
-_LAUNCHERS = (
-    ("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"),
-    ("PMI_SIZE", "PMI_RANK"),
-    ("MV2_COMM_WORLD_SIZE", "MV2_COMM_WORLD_RANK"),
-    ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID"),
-)
-"""Variables in which launchers tell a process how many there are, and which one it is."""
-
-
-class LaunchError(PgfmdError):
-    """MPI can't be loaded, or the processes that were started don't see each other."""
-
-    exit_code = 5
+"""Time [s] that a rank with an error waits for the others to have the same error, before it ends the job."""
 
 
 class RelayedError(PgfmdError):
-    """An error of rank 0, on the other ranks."""
+    """Raised on the other ranks for an error of rank 0."""
 
     def __init__(self, message: str, exit_code: int):
         super().__init__(message)
         self.exit_code = exit_code
 
 
-def launched() -> tuple[int, int]:
-    """(processes, rank) as the launcher's environment tells; (1, 0) where there is none."""
-    for size, rank in _LAUNCHERS:
-        if os.environ.get(size, "").isdecimal() and os.environ.get(rank, "0").isdecimal():
-            return int(os.environ[size]), int(os.environ.get(rank, "0"))
-    return 1, 0
-
-
 def world():
     """MPI's communicator of all ranks. Raises LaunchError if the launcher started more processes than MPI sees.
 
-    From here on no rank outlives its launcher; and an exception that nothing catches, or a sys.exit with another code
-    than 0, ends all ranks if it does not come on all of them.
+    After this call, no rank survives its launcher. An uncaught exception, or a sys.exit with a code other than 0, ends
+    all ranks unless it happens on all of them.
     """
     processes, _ = launched()
-    if any(size in os.environ for size, _ in _LAUNCHERS):
+    if is_launched():
         end_with_launcher()
     try:
         from mpi4py import MPI
@@ -86,9 +66,9 @@ def world():
 
 
 def communicator(comm, what: str):
-    """A communicator for a function of the Python interface: the one given, or of this process alone.
+    """The communicator for a function of the Python interface: the given one, or one of this process alone.
 
-    Raises LaunchError where several processes were started, and it is not said whether they work together.
+    Raises LaunchError if several processes were started and no communicator is given.
     """
     if comm is not None:
         return comm
@@ -104,7 +84,7 @@ def communicator(comm, what: str):
 
 
 def on_first(comm, action: Callable[[], Any]) -> Any:
-    """The result of `action` on rank 0, on every rank; a PgfmdError of it is one on every rank. Collective."""
+    """The result of `action` on rank 0, on every rank. A PgfmdError is raised on every rank. Collective."""
     result, failure = None, None
     if comm.rank == 0:
         try:
@@ -112,7 +92,7 @@ def on_first(comm, action: Callable[[], Any]) -> Any:
         except PgfmdError as error:
             failure = error
     if comm.size > 1:
-        # Of objects of any size: MPI's own broadcast refuses more than 2 GiB, on rank 0 alone.
+        # For objects of any size: MPI's own broadcast refuses more than 2 GiB, on rank 0 alone.
         from mpi4py.util.pkl5 import Intracomm
 
         comm = Intracomm(comm)
@@ -125,20 +105,20 @@ def on_first(comm, action: Callable[[], Any]) -> Any:
 
 
 def listen() -> None:
-    """From here on USR1, USR2 and XCPU end no process. What comes before a run can answer it (stop_signals.py) is
-    remembered; what comes after it, when there is nothing left to stop or save, is not heeded."""
+    """After this call, USR1, USR2 and XCPU do not end the process. Signals before the start of a run (stop_signals.py)
+    are remembered. Signals after its end are ignored, because there is nothing to stop or save."""
     if threading.current_thread() is threading.main_thread():
         for number in _REMEMBERED:
             signal.signal(number, lambda number, frame: _early.append(number))
 
 
 def is_ignored(number: int) -> bool:
-    """Whether the caller has this signal ignored, as nohup does."""
+    """Whether the caller has set this signal to be ignored, like nohup."""
     return signal.getsignal(number) == signal.SIG_IGN
 
 
 def take_early() -> list[int]:
-    """The signals that have come since `listen`, or since this was last asked."""
+    """The signals received since `listen`, or since the last call."""
     found = _early[:]
     _early.clear()
     return found
@@ -149,7 +129,7 @@ _REMEMBERED = (signal.SIGUSR1, signal.SIGUSR2, signal.SIGXCPU)
 
 
 class _Exit(SystemExit):
-    """What sys.exit raises. Keeps track of whether it ends the process, or something has caught it."""
+    """Raised by sys.exit. Records whether it ends the process, or was caught."""
 
     leaving: _Exit | None = None
 
@@ -160,7 +140,7 @@ class _Exit(SystemExit):
     @property
     def code(self) -> object:
         if sys._getframe().f_back is None:
-            # Nobody's frame: it is the interpreter that asks, on its way out.
+            # Without a calling frame it is the interpreter that asks, at exit.
             _Exit.leaving = self
         return None if not self.args else self.args[0] if len(self.args) == 1 else self.args
 
@@ -170,9 +150,9 @@ def _exit(status: object = None) -> None:
 
 
 def _watch_for_faults(MPI) -> None:
-    """Makes errors, and exits that tell of one, end all ranks. MPI itself would wait for the others, without an end.
+    """Makes errors, and exits with an error code, end all ranks. MPI itself would wait for the others for ever.
 
-    An exit with 0 is no fault: ranks may be done earlier than others.
+    An exit with code 0 is not an error: ranks may finish earlier than others.
     """
     if sys.exit is _exit:
         return
@@ -210,11 +190,11 @@ def _watch_for_faults(MPI) -> None:
 
 @contextmanager
 def guarded(comm) -> Iterator[None]:
-    """Around what all ranks do: whatever ends it on one of them ends the job, within seconds.
+    """A context for collective work: an exception on one rank ends the whole job within seconds.
 
-    A PgfmdError that every rank has ends in one message and SystemExit with its exit code. One that a single rank has,
-    and any other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a
-    message and exit code 130 (mpirun may turn it into its own); HUP likewise, unless it is ignored.
+    A PgfmdError on all ranks is printed once, and raises SystemExit with its exit code. A PgfmdError on some ranks, and
+    any other exception including SystemExit, is reported with its rank and aborts MPI. Ctrl-C and TERM print a message
+    and end with exit code 130 (mpirun may replace it by its own); so does HUP, unless it is ignored.
     """
     listen()
     alone = comm.size == 1
@@ -246,8 +226,8 @@ def guarded(comm) -> Iterator[None]:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
-        # Not put back: the same signal may come twice, and must not end a run that has just been stopped by it. And not
-        # left to a handler: on its way out, Python puts the default in the place of those.
+        # The handlers are not restored, because the same signal may come twice and must not end a run that it has just
+        # stopped. They are set to ignore, because Python resets its own handlers to the default at exit.
         for number in (*_REMEMBERED, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
     if meeting is not None:
@@ -258,13 +238,14 @@ _INTERRUPTION = f"interrupted. {WRITTEN_IS_VALID}"
 
 
 def _stopper(comm) -> Callable[[int, Any], None]:
-    """What to do on Ctrl-C: alone, unwind; among ranks there is no way to unwind together, so end the job."""
+    """The handler of Ctrl-C: raises KeyboardInterrupt on a single rank; several ranks can't unwind together, so ends
+    the job."""
 
     def stop(number: int, frame: Any) -> None:
         if comm.size == 1:
             raise KeyboardInterrupt
         if comm.rank:
-            # Rank 0 speaks, and its abort ends this rank too.
+            # Rank 0 prints the message, and its abort ends this rank as well.
             time.sleep(PATIENCE)
         complain(_INTERRUPTION)
         comm.Abort(INTERRUPTED)
@@ -273,9 +254,9 @@ def _stopper(comm) -> Callable[[int, Any], None]:
 
 
 def _all_here(meeting) -> bool:
-    """Whether every rank comes here within PATIENCE.
+    """Whether every rank arrives here within PATIENCE.
 
-    On MPI's own communicator too, in the middle of other calls: if not all ranks come, the job ends anyway.
+    This may use MPI's world communicator in the middle of other calls: if not all ranks arrive, the job ends anyway.
     """
     request = meeting.Ibarrier()
     latest = time.monotonic() + PATIENCE

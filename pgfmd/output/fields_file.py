@@ -223,7 +223,7 @@ class FieldsFile:
         for start, rows in row_pieces.rows_on_root(self._comm, values, first):
             # What is left is taken in any case: the others wait until it is.
             if problem is None:
-                problem = attempt(what, lambda: self._write_rows(name, frame, start, rows))[1]
+                problem = attempt(what, partial(self._write_rows, name, frame, start, rows))[1]
         if problem is not None:
             raise problem
 

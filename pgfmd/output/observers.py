@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from pgfmd.scene import Scene
     from pgfmd.solver.simulation import Event, Simulation
 
-INDENTATION_OFFSET = 0.0
-"""k [m] of indentation = -d - k: zero, indentation counts from the first touch of the undeformed surface."""
-
 
 class Curve(Observer):
     """Writes a row of `curve.csv`, and of `energy.csv` where energies are followed, for each accepted step.
@@ -79,7 +76,7 @@ def curve_row(simulation: Simulation) -> CurveRow:
     phase = simulation.phases[state.phase - _at_turn_of_phase(simulation)]
     return CurveRow(
         time=state.time, displacement=simulation.punch_position,
-        indentation=-simulation.punch_position - INDENTATION_OFFSET, force=state.force,
+        indentation=-simulation.punch_position, force=state.force,
         contact_area=state.contact_points * cell, overlap_area=state.overlap_points * cell,
         near_area=state.near_points * cell, u_inf=state.far_displacement, step=state.last_step, phase=phase.name,
     )  # fmt: skip

@@ -15,6 +15,7 @@ from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES, Table
 from pgfmd.host import launch
 from pgfmd.parts import topography_of
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
+from pgfmd.schemes import registry
 from pgfmd.solver.sites import SitePoints
 
 from . import observers
@@ -75,8 +76,7 @@ class Outputs:
         patches, contacts = self._open(PATCHES), self._open(SITES)
         periodic = scene.punch.radius is None
         sites = launch.on_first(comm, lambda: _sites_of(scene))
-        # Explicit steps follow every motion of the surface: they know no jumps.
-        jumps = scene.solver.scheme != "gfmd"
+        jumps = registry.scheme_of(scene).jumps
         watch = ContactWatch(contacts, points, SitePoints(points, sites), jumps)
         places = watch.places if points.whole is points else SitePoints(points.whole, sites)
         level = simulation.scheme.law.contact_gap
@@ -125,18 +125,12 @@ def _sites_of(scene: Scene) -> ContactSites:
 
 def _surface(simulation: Simulation, scene: Scene) -> observers.Surface:
     """How this scene's whole surface is had."""
-    scheme = simulation.scheme
-    if scene.solver.scheme == "gfmd":
-        plane = scheme.plane
-        return observers.Surface(
-            lambda state: plane.real.ravel(), lambda rows: (rows.reshape(plane.real.shape), plane.row_start)
-        )
-    points = simulation.points
+    scheme, points = simulation.scheme, simulation.points
     if scene.substrate.boundary == "periodic" and not points.mirror:
-        whole_cell = scheme.solver.convolve.whole_cell
-    else:
-        # A free surface needs a larger transform of its own, and mirror images one that knows of none.
-        def whole_cell(load: np.ndarray) -> tuple[np.ndarray, int]:
-            return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(load))
+        return observers.Surface(scheme.surface_of, scheme.whole_cell)
 
-    return observers.Surface(lambda state: state.load, whole_cell)
+    def whole_cell(load: np.ndarray) -> tuple[np.ndarray, int]:
+        # A free surface needs a larger transform of its own, and mirror images one that knows of none.
+        return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(load))
+
+    return observers.Surface(scheme.surface_of, whole_cell)

@@ -118,7 +118,7 @@ class ContactWatch(Observer):
 
     def _told(self, changed: np.ndarray) -> str:
         counts = self.places.sites.count(changed)
-        return "; ".join(f"{count} {kind}" for count, kind in zip(counts, KINDS) if count)
+        return "; ".join(f"{count} {kind}" for count, kind in zip(counts, KINDS, strict=True) if count)
 
     def _nearest(self, x: float, y: float) -> str:
         sites = self.places.sites

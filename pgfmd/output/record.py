@@ -9,9 +9,9 @@ import resource
 import sys
 
 from pgfmd.files.storage import plain
-from pgfmd.parts import inertia_of_scene
 from pgfmd.restart.history import History
 from pgfmd.results import uncertainty
+from pgfmd.schemes import registry
 
 from . import observers
 
@@ -29,7 +29,7 @@ def record_of(simulation, scene, comm, history: History) -> dict:
         "finished": state.finished,
         "scheme": scene.solver.scheme,
         "precision": scene.solver.precision,
-        **_numerics(scene),
+        **registry.scheme_of(scene).numerics_of(scene),
         "mirror": simulation.points.mirror,
         "ranks": comm.size,
         "n": scene.grid.n,
@@ -49,7 +49,8 @@ def record_of(simulation, scene, comm, history: History) -> dict:
         "viscous_J": energies.viscous if scene.output.energy else None,
         "released_J": energies.released,
         "energy_residual": energies.largest_residual / abs(energies.work) if audit else None,
-        "indentation_offset_m": observers.INDENTATION_OFFSET,
+        # Indentation counts from the first touch of the undeformed surface. Readers ask, as it need not.
+        "indentation_offset_m": 0.0,
         "peak_rss_bytes": memory,
         "versions": history.now.versions,
         "links": links,
@@ -57,11 +58,8 @@ def record_of(simulation, scene, comm, history: History) -> dict:
     return plain(record)
 
 
-def _numerics(scene) -> dict:
-    """What the scheme was run with: its accuracy and order, or its inertia."""
-    if scene.solver.scheme == "gfmd":
-        inertia = inertia_of_scene(scene)
-        return {"omega_rad_s": inertia.frequency, "dt_s": inertia.step}
+def accuracy_and_order(scene) -> dict:
+    """What the record tells of steps that follow an accuracy."""
     return {"accuracy": scene.solver.accuracy, "order": scene.solver.order}
 
 

@@ -43,7 +43,7 @@ class CohesiveLaw:
     range: float
     attractive: bool = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (self.work_of_adhesion > 0 and self.range > 0):
             raise ValueError("work_of_adhesion and range must be positive")
 

@@ -44,8 +44,10 @@ SHORT = 1.5
 """A Newton step this long, in spacings of that lattice, leads to a site close by."""
 DIFFERENCE = 1e-3
 """Step of the finite differences, in wavelengths: fourth order leaves 1e-10 of a gradient, rounding 1e-12."""
-AT_A_TIME, BESIDE = 2**20, 3
-"""Points of that lattice looked at at a time, and rows beside them."""
+AT_A_TIME = 2**20
+"""Points of that lattice that are examined at a time."""
+BESIDE = 3
+"""Neighbouring rows on either side, which differences and their minima need."""
 MOST_ITERATIONS = 50
 FAR = 0.2
 """A search that has come this far from where it began, in wavelengths, is given up: others began nearer."""
@@ -215,7 +217,7 @@ def _candidates(face: Topography, reach: float, in_row: bool) -> tuple[Array, Ar
         chosen[: begin - first] = chosen[begin - first + some :] = False
         row, column = np.nonzero(chosen)
         found.append((line[column], line[first + row]))
-    return tuple(np.concatenate(places) for places in zip(*found))
+    return tuple(np.concatenate(places) for places in zip(*found, strict=True))
 
 
 def _chosen(face: Topography, x: Array, y: Array) -> NDArray[np.bool_]:

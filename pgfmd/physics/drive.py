@@ -18,11 +18,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-PRELOAD, DETACHED = "preload", "detached"
-"""Events that end the phases without a duration."""
+PRELOAD = "preload"
+"""Event that ends the approach."""
+DETACHED = "detached"
+"""Event that ends the retraction, and with it the programme: the state, the tables and `run.json` then say so."""
 
 OVERSHOOT = 0.02
-"""Way of the automatic turn to its deepest point, or back from it, whichever is longer, in ranges of adhesion."""
+"""Travel of the punch in the automatic turn before or after the deepest point, whichever is longer, in ranges of
+adhesion."""
 
 
 def automatic_turn(reach: float, speed: float, retract_speed: float) -> float:

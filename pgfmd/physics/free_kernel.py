@@ -26,8 +26,12 @@ FAR_NODES = 4  # per direction: error below 1e-13 at FAR
 TABLE_REACH = 36.0  # film thicknesses; the slowest decay (bonded, incompressible) is exp(-0.78 r/h): 1e-13 is left
 TABLE_STEP = 0.0125
 HIGHEST_WAVE_NUMBER = 25.0  # times thickness: ratio_deficit is 1e-18 there
-PANEL_WIDTH, PANEL_NODES = 0.25, 14
-COARSEST_CELL = 2.0  # film thicknesses
+PANEL_WIDTH = 0.25
+"""Width of a panel of the Hankel integral, over x = q h."""
+PANEL_NODES = 14
+"""Gauss nodes of a panel."""
+COARSEST_CELL = 2.0
+"""Largest grid spacing, in film thicknesses."""
 
 
 def _corner(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -52,8 +56,8 @@ def inverse_distance_over_cell(
     x, y = dx[~near], dy[~near]
     far = np.zeros(x.shape)
     nodes, weights = np.polynomial.legendre.leggauss(FAR_NODES)
-    for node_x, weight_x in zip(nodes, weights):
-        for node_y, weight_y in zip(nodes, weights):
+    for node_x, weight_x in zip(nodes, weights, strict=True):
+        for node_y, weight_y in zip(nodes, weights, strict=True):
             far += weight_x * weight_y / np.hypot(x + node_x * width / 2, y + node_y * height / 2)
     result[~near] = width * height / 4 * far
     return result
@@ -159,8 +163,8 @@ class FreeFilm:
         count = math.ceil(math.log(1e12) / (2 * math.log(4 / half)))
         nodes, weights = np.polynomial.legendre.leggauss(count)
         mean = np.zeros(x.shape)
-        for node_x, weight_x in zip(nodes, weights):
-            for node_y, weight_y in zip(nodes, weights):
+        for node_x, weight_x in zip(nodes, weights, strict=True):
+            for node_y, weight_y in zip(nodes, weights, strict=True):
                 distance = np.hypot(x / self.thickness + half * node_x, y / self.thickness + half * node_y)
                 mean += weight_x * weight_y / 4 * table(distance)
         return mean

@@ -186,7 +186,7 @@ class HeightMap:
         else:
             # The spline of samples that go on beyond the edge is level from a few of them on.
             ends = ((-EDGE, count - 1 + EDGE) for count in self.heights.shape)
-            rows, columns = (np.clip(place, *end) for place, end in zip((rows, columns), ends))
+            rows, columns = (np.clip(place, *end) for place, end in zip((rows, columns), ends, strict=True))
         from scipy.ndimage import map_coordinates
 
         found, height = np.empty(rows.shape), max(1, WHOLE // self.heights.shape[1])
@@ -207,7 +207,7 @@ class HeightMap:
             self._kept.clear()
             row, column = (np.arange(-MARGIN, count + MARGIN) for count in (height, self.heights.shape[1]))
             places = [index % count if self.periodic else np.clip(index, 0, count - 1)
-                      for index, count in zip((row + stripe * height, column), self.heights.shape)]  # fmt: skip
+                      for index, count in zip((row + stripe * height, column), self.heights.shape, strict=True)]  # fmt: skip
             samples = self.heights[places[0]].astype(float)[:, places[1]]
             self._kept["coefficients"] = spline_filter(samples, self.order, output=float) if self.order > 1 else samples
             self._kept["stripe"] = stripe

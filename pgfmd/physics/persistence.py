@@ -104,10 +104,7 @@ def _basins(rank: Numbers, steps: Steps, periodic: bool) -> tuple[Numbers, Numbe
 def _neighbours(values: Numbers, steps: Steps, periodic: bool) -> Iterator[tuple[Numbers, Numbers]]:
     """For each step the values of all pixels' neighbours there, and the way around the cell to them. Beyond a border
     the value is the number of pixels, more than any rank or basin."""
-    if periodic:
-        padded = np.pad(values, 1, mode="wrap")
-    else:
-        padded = np.pad(values, 1, constant_values=values.size)
+    padded = np.pad(values, 1, mode="wrap") if periodic else np.pad(values, 1, constant_values=values.size)
     rows, columns = values.shape
     up, right = (np.zeros(count + 2, np.int32) for count in values.shape)
     if periodic:

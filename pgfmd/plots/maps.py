@@ -101,7 +101,7 @@ class Maps:
         for axis in axes[len(self.snapshots) :]:
             axis.remove()
         self.axes = list(axes[: len(self.snapshots)])
-        for axis, snapshot in zip(self.axes, self.snapshots):
+        for axis, snapshot in zip(self.axes, self.snapshots, strict=True):
             self._frame(axis, snapshot)
         self._scale_bar(self.axes[(rows - 1) * self.columns])
         if len(self.snapshots) < len(results.labels):
@@ -170,7 +170,7 @@ def contact_figure(
     shades = [each.grey for each in classes]
     look = {"cmap": ListedColormap(shades), "norm": BoundaryNorm(np.arange(len(shades) + 1) - 0.5, len(shades))}
     maps = Maps(results, "gap")
-    for axis, snapshot in zip(maps.axes, maps.snapshots):
+    for axis, snapshot in zip(maps.axes, maps.snapshots, strict=True):
         maps.draw(axis, class_numbers(maps.values(snapshot), classes), **look)
     patches = [Patch(facecolor=each.grey, edgecolor="0.25", linewidth=0.5, label=each.label) for each in classes]
     columns = len(patches) if len(maps.axes) > 2 else 2
@@ -188,7 +188,7 @@ def stress_figure(results: Results) -> Any:
     limit, clipped = robust_limit(frames.values())
     factor, unit = (1e6, "MPa") if limit >= 1e6 else (1e3, "kPa") if limit >= 1e3 else (1.0, "Pa")
     image = None
-    for axis, (snapshot, traction) in zip(maps.axes, frames.items()):
+    for axis, traction in zip(maps.axes, frames.values(), strict=True):
         image = maps.draw(axis, traction / factor, cmap=cm.vik, vmin=-limit / factor, vmax=limit / factor)
     extend = "both" if clipped else "neither"
     bar = maps.figure.colorbar(image, ax=maps.axes, shrink=0.8, aspect=25, pad=0.02, extend=extend)

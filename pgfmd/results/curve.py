@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE, EVENTS
+from pgfmd.schemes import registry
 
 from . import uncertainty
 from .reading import Results
 
 Array = NDArray[np.float64]
-WHOLE = "detached"
-"""How a run finishes whose loop is closed (`finished` in `run.json`)."""
 TOLD = (
     "preload_N", "largest_force_N", "pull_off_force_N", "snap_in_force_N", "pull_off_force_uncertainty_N",
     "snap_in_force_uncertainty_N", "time_to_preload_s", "work_of_separation_uncertainty_J", "work_uncertainty_J",
@@ -103,7 +102,7 @@ class Loop:
         offset = float(results.run.get("indentation_offset_m") or 0.0)
         phase = column(curve, "phase")
         scene = results.scene
-        slow = scene.get("solver", {}).get("scheme") == "quasistatic"
+        slow = registry.scheme_in(scene.get("solver", {})).timeless
         held = not slow or scene.get("drive", {}).get("control") == "load"
         name = name or results.directory.name
         loop = cls(

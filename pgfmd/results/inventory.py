@@ -79,6 +79,12 @@ class Inventory:
         """How the run finished, as its record says; empty if it has none, or failed."""
         return self.record["finished"] if self.record and not self.failure else ""
 
+    @property
+    def why_stopped(self) -> str:
+        """What the newest valid checkpoint was written for at last: a signal, a limit of time; empty if the run was to
+        go on."""
+        return self.valid.head.get("why") or "" if self.valid else ""
+
     def rows_from(self, start: int) -> int:
         """Lines of the curve from an offset on."""
         return count_ends(self.tail.path, start) if self.tail else 0

@@ -20,14 +20,17 @@ from pgfmd.forecast.progress import Moment, outlook
 from pgfmd.parts import drive_of
 from pgfmd.restart.resume import OF_EARLIER
 from pgfmd.scene import Scene, parse_scene
+from pgfmd.schemes import registry
 
 from .inventory import Checkpoint, Inventory, take_inventory
 
 RUNNING, FINISHED, RESUMABLE, DAMAGED, EMPTY = "running", "finished", "resumable", "damaged", "empty"
-GOOD_SPAN, LEAST_SPAN = 10.0, 1.0
-"""Time [s] over which a rate is taken, where there is as much of it, and at least."""
+GOOD_SPAN = 10.0
+"""Time [s] over which a rate is averaged, if available."""
+LEAST_SPAN = 1.0
+"""Least time [s] over which a rate is averaged."""
 LOST_AFTER = 3600.0
-"""Time [s] without a sign of life after which a run on another host is doubted."""
+"""Time [s] without new data after which a run on another host may be dead."""
 
 
 @dataclass
@@ -125,7 +128,7 @@ def _ending(found: Inventory) -> str:
         return f"killed or lost: {found.holder}"
     if found.rows_from(found.valid.curve_bytes):
         return "ended by an error after its last checkpoint: see its output"
-    return f"stopped by {found.valid.head.get('why') or 'a signal or a limit of time'}"
+    return f"stopped by {found.why_stopped or 'a signal or a limit of time'}"
 
 
 def _describe(status: Status, found: Inventory) -> None:
@@ -225,7 +228,9 @@ def _row_of(valid: Checkpoint | None, tail: CurveTail | None, names: list[str]) 
 def _moment(status: Status, found: Inventory, scene: Scene, tail: CurveTail | None, row: CurveRow) -> Moment:
     state, dwelt = found.valid.state if found.valid else None, 0
     met = state is not None and state["phase"] > 0
-    if tail is not None and scene.drive.dwell > 0.0 and scene.solver.scheme != "gfmd" and row.phase != "approach":
+    # Explicit steps have one length, whatever the phase.
+    counts = scene.drive.dwell > 0.0 and not registry.scheme_of(scene).explicit
+    if tail is not None and counts and row.phase != "approach":
         dwelt = scene.output.every * count_ends(tail.path, ending=",dwell")
     return Moment(
         row.phase, row.time, row.displacement, row.force, row.step, status.steps,

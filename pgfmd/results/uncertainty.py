@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from pgfmd.schemes import registry
+
 from .reading import Results
 
 SECOND_ORDER = 2.0
@@ -29,14 +31,14 @@ UNBALANCED = 0.05
 
 def share_of(solver: Mapping[str, Any]) -> float:
     """By which share forces and works of a run may be off for the errors of its steps. NaN where nothing is known of
-    them: explicit steps (`gfmd`) have no accuracy.
+    them, as explicit steps have no accuracy.
 
     solver: `scheme`, `accuracy` and `order`, of the section `solver` of a scene, or of `run.json`.
     """
-    accuracy = solver.get("accuracy")
-    if solver.get("scheme") == "gfmd" or not isinstance(accuracy, (int, float)):
+    accuracy, scheme = solver.get("accuracy"), registry.scheme_in(solver)
+    if not scheme.has_accuracy or not isinstance(accuracy, (int, float)):
         return math.nan
-    first = solver.get("scheme", "inertialess") == "inertialess" and solver.get("order", 2) == 1
+    first = scheme.has_orders and solver.get("order", 2) == 1
     return (FIRST_ORDER if first else SECOND_ORDER) * accuracy
 
 

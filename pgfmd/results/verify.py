@@ -10,6 +10,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -75,7 +76,7 @@ def verify(folder: Path) -> Iterator[Part]:
         yield _about_previous(newest, previous, inventory)
     head = newest.head or previous.head
     for table in TABLES:
-        part = _guarded(folder / table.file, lambda path: _table(path, table, head, inventory))
+        part = _guarded(folder / table.file, partial(_table, table=table, head=head, inventory=inventory))
         if part:
             yield part
     yield from _fields(folder / storage.FIELDS_FILE, head, inventory)

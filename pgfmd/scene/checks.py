@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator
 
 from pgfmd.errors import Problem
+from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
 from .draft import MISSING, Draft, Unread, example
@@ -21,9 +22,12 @@ from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
 ROUNDING = 1.0 + 1e-9
 LONGEST_TIME = 1e15
-SINGLE_ROUNDING, SINGLE_SHARE, FINEST_SINGLE = 6e-8, 0.02, 1e-3
-"""Single precision: its rounding, which the traction f = (w - w_hist)/J carries times E(inf)/E(0); what share of the
-accuracy that may be; and the finest accuracy."""
+SINGLE_ROUNDING = 6e-8
+"""Rounding error of single precision. The traction f = (w - w_hist)/J has this error times E(inf)/E(0)."""
+SINGLE_SHARE = 0.02
+"""Largest allowed error of the traction in single precision, as a fraction of the accuracy."""
+FINEST_SINGLE = 1e-3
+"""Finest accuracy in single precision."""
 _MIXED = 'set solver.precision = "mixed"'
 
 
@@ -81,13 +85,13 @@ def free_punch_has_room(draft: Draft) -> Iterator[Problem]:
 
 
 def curvature_has_an_axis(draft: Draft) -> Iterator[Problem]:
-    if draft["punch.radius"] is None and math.isfinite(draft["punch.curvature_radius"]):
-        if "radius" not in PATTERNS[draft["punch.pattern"]][0]:
-            yield draft.problem(
-                "punch.curvature_radius",
-                "no curvature for a profile that fills the whole cell",
-                "delete it, or give punch.radius",
-            )
+    bounded = draft["punch.radius"] is not None or "radius" in PATTERNS[draft["punch.pattern"]][0]
+    if math.isfinite(draft["punch.curvature_radius"]) and not bounded:
+        yield draft.problem(
+            "punch.curvature_radius",
+            "no curvature for a profile that fills the whole cell",
+            "delete it, or give punch.radius",
+        )
 
 
 def punch_covers_grid_points(draft: Draft) -> Iterator[Problem]:
@@ -206,8 +210,8 @@ def geometric_times_are_finite(draft: Draft) -> Iterator[Problem]:
         )
 
 
-def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
-    if draft["solver.scheme"] != "gfmd":
+def inertia_is_given(draft: Draft) -> Iterator[Problem]:
+    if registry.named(draft["solver.scheme"]).section != "solver.gfmd":
         return
     keys = ("omega", "dt")
     given = [draft.given(f"solver.gfmd.{name}") for name in keys]
@@ -222,31 +226,44 @@ def gfmd_can_run(draft: Draft) -> Iterator[Problem]:
         # Resolved scenes of old runs have their defaults there.
         if all(given) and draft[f"solver.gfmd.{name}"] != GfmdKeys.model_fields[name].default:
             yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
-    if draft["substrate.boundary"] == "free":
-        cure = 'set substrate.boundary = "periodic", or solver.scheme = "inertialess"'
-        yield draft.problem("substrate.boundary", "a periodic cell, because the scheme gfmd steps its modes", cure)
 
 
-def gfmd_is_double(draft: Draft) -> Iterator[Problem]:
-    if draft["solver.scheme"] == "gfmd" and draft["solver.precision"] not in ("auto", "double"):
-        yield draft.problem("solver.precision", "'double' with the scheme gfmd", "delete it")
+def scheme_has_the_boundary(draft: Draft) -> Iterator[Problem]:
+    why = registry.named(draft["solver.scheme"]).periodic_only
+    if why and draft["substrate.boundary"] == "free":
+        cure = f'set substrate.boundary = "periodic", or solver.scheme = "{registry.DEFAULT}"'
+        yield draft.problem("substrate.boundary", f"a periodic cell, because {why}", cure)
 
 
-def quasistatic_alone_has_a_machine(draft: Draft) -> Iterator[Problem]:
+def scheme_has_the_precision(draft: Draft) -> Iterator[Problem]:
+    scheme = registry.named(draft["solver.scheme"])
+    if draft["solver.precision"] not in ("auto", *scheme.precisions):
+        words = " or ".join(f"'{precision}'" for precision in scheme.precisions)
+        yield draft.problem("solver.precision", f"{words} with the scheme {scheme.name}", "delete it")
+
+
+def scheme_has_the_machine(draft: Draft) -> Iterator[Problem]:
     control, stiffness = draft["drive.control"], draft["drive.machine_stiffness"]
-    if draft["solver.scheme"] == "quasistatic":
+    scheme = registry.named(draft["solver.scheme"])
+    if scheme.has_machine:
         if control == "load" and math.isfinite(stiffness):
             yield draft.problem("drive.machine_stiffness", "no such key under load control", "delete it")
-        return
-    cure = 'delete it, or set solver.scheme = "quasistatic"'
-    if control == "load":
-        yield draft.problem("drive.control", "'displacement', as only the scheme quasistatic controls a load", cure)
-    if math.isfinite(stiffness):
-        expected = "no such key, as only the scheme quasistatic has a machine with a spring"
-        yield draft.problem("drive.machine_stiffness", expected, cure)
-    if draft["solver.modulus"] == "instantaneous":
-        expected = "'relaxed', as only the scheme quasistatic has a modulus of its own"
-        yield draft.problem("solver.modulus", expected, cure)
+    elif control == "load" or math.isfinite(stiffness):
+        who, cure = _only([entry.name for entry in registry.entries() if entry.has_machine])
+        if control == "load":
+            yield draft.problem("drive.control", f"'displacement', as {who} controls a load", cure)
+        if math.isfinite(stiffness):
+            expected = f"no such key, as {who} has a machine with a spring"
+            yield draft.problem("drive.machine_stiffness", expected, cure)
+    if not scheme.has_modulus and draft["solver.modulus"] == "instantaneous":
+        who, cure = _only([entry.name for entry in registry.entries() if entry.has_modulus])
+        yield draft.problem("solver.modulus", f"'relaxed', as {who} has a modulus of its own", cure)
+
+
+def _only(names: list[str]) -> tuple[str, str]:
+    """Which schemes alone have something, and how to have it, or do without."""
+    cure = "delete it, or set solver.scheme = " + " or ".join(f'"{name}"' for name in names)
+    return f"only the scheme {' or '.join(names)}", cure
 
 
 def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
@@ -265,7 +282,7 @@ def single_precision_is_enough(draft: Draft) -> Iterator[Problem]:
 
 def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
     precision = draft["solver.precision"]
-    if draft["solver.scheme"] != "quasistatic" or precision in ("auto", "double"):
+    if not registry.named(draft["solver.scheme"]).has_machine or precision in ("auto", "double"):
         return
     if draft["drive.control"] == "load":
         # The soft spring is a thousand times longer than the punch goes.
@@ -293,9 +310,10 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     substrate_is_of_one_kind,
     prony_series_is_sound,
     geometric_times_are_finite,
-    gfmd_can_run,
-    gfmd_is_double,
-    quasistatic_alone_has_a_machine,
+    inertia_is_given,
+    scheme_has_the_boundary,
+    scheme_has_the_precision,
+    scheme_has_the_machine,
     single_precision_is_enough,
     springs_are_not_single,
 )

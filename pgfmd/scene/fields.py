@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
-from pydantic_core import PydanticCustomError, PydanticUndefined
+from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, PydanticUndefined, core_schema
 
 from pgfmd.units import DIMENSIONS, UnitError, decimal_comma, format_quantity, parse_quantity
 
@@ -43,8 +45,8 @@ def number(
     words: texts allowed instead. infinite: whether "inf" is allowed. count: 0 for a list of any length but 0, else the
     length wanted; None for a single value.
     """
-    extra = dict(dimension=dimension, above=above, at_least=at_least, at_most=at_most)
-    extra |= dict(words=list(words), infinite=infinite, count=count)
+    extra = {"dimension": dimension, "above": above, "at_least": at_least, "at_most": at_most}
+    extra |= {"words": list(words), "infinite": infinite, "count": count}
     return Field(default, description=meaning, json_schema_extra=extra)
 
 
@@ -58,6 +60,23 @@ def quantity(dimension: str, meaning: str, default: Any = REQUIRED, **limits: An
 def key(meaning: str, default: Any = REQUIRED, **limits: Any) -> Any:
     """A field that is a word, a whole number, a text or a truth value; pydantic's own limits apply."""
     return Field(default, description=meaning, **limits)
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Marks a text as one of those that `words` gives when it is read: `Annotated[str, OneOf(names)]`."""
+
+    words: Callable[[], tuple[str, ...]]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self._read)
+
+    def _read(self, value: object) -> str:
+        words = self.words()
+        if isinstance(value, str) and value in words:
+            return value
+        *others, last = (f"'{word}'" for word in words)
+        raise PydanticKnownError("literal_error", {"expected": " or ".join([", ".join(others), last][not others :])})
 
 
 def limits_text(extra: dict[str, Any]) -> str:

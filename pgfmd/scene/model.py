@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import PrivateAttr
 
+from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity
 
 from .fields import Section, key, number, quantity, written
@@ -257,12 +258,14 @@ class Scene(Section):
 
         if isinstance(source, Scene):
             given = source.given
+        elif isinstance(source, Mapping):
+            given = Given.of(with_units(source))
         else:
-            given = Given.of(with_units(source)) if isinstance(source, Mapping) else Given.read(source)
-        named = dict(
-            title=title, punch=punch, substrate=substrate, rheology=rheology, adhesion=adhesion, drive=drive, grid=grid,
-            solver=solver, output=output,
-        )  # fmt: skip
+            given = Given.read(source)
+        named = {
+            "title": title, "punch": punch, "substrate": substrate, "rheology": rheology, "adhesion": adhesion,
+            "drive": drive, "grid": grid, "solver": solver, "output": output,
+        }  # fmt: skip
         changes = {name: value for name, value in named.items() if value is not None}
         found = scene_of(given.changed(with_units(changes)))
         # What pydantic keeps of a model. It is not validated anew: resolved values need not be ones that may be given.
@@ -366,11 +369,10 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "rheology":
         required, optional = RHEOLOGIES[scene.rheology.model]
         return frozenset(Rheology.model_fields) - required - optional - {"model"}
-    if section == "solver.gfmd":
-        if scene.solver.scheme != "gfmd":
-            return frozenset(GfmdKeys.model_fields)
-        if scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
-            return frozenset(INSTEAD_OF_OMEGA_AND_DT)
+    if section in registry.sections() and section != registry.scheme_of(scene).section:
+        return frozenset(SECTIONS[section].model_fields)
+    if section == "solver.gfmd" and scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
+        return frozenset(INSTEAD_OF_OMEGA_AND_DT)
     return frozenset()
 
 

@@ -1,11 +1,17 @@
 """The precision that a scene with `solver.precision = "auto"` is computed in, and why. No MPI.
 
-It follows from measurements: scripts/precision.py, docs/work_precision.md.
+It follows from measurements: scripts/studies/precision/run.py, docs/evidence/work_precision.md.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .model import Scene
+
+from pgfmd.schemes import registry
 
 FINEST_MIXED = 1e-5
 """The finest accuracy at which mixed precision was found to have the error of double."""
@@ -22,18 +28,16 @@ class Choice:
     reason: str
 
 
-def best_precision(scene) -> Choice:
+def best_precision(scene: Scene) -> Choice:
     """The precision that is best for a scene: mixed where that has the error of double and costs less, else double.
 
     A pure function of the resolved scene, whatever its own precision is.
     """
-    solver, side = scene.solver, transform_side_about(scene)
-    if solver.scheme == "gfmd":
-        return Choice("double", "the scheme gfmd has no other")
+    solver, side, scheme = scene.solver, transform_side_about(scene), registry.scheme_of(scene)
     if scene.drive.control == "load":
         return Choice("double", "load control has no other")
-    if solver.scheme == "quasistatic":
-        return Choice("double", "quasi-static paths in mixed precision have been measured on small grids only")
+    if scheme.only_double:
+        return Choice("double", scheme.only_double)
     if solver.accuracy < FINEST_MIXED:
         return Choice("double", f"an accuracy below {FINEST_MIXED:g} is at the rounding of single corrections")
     if side < LEAST_SIDE:
@@ -41,7 +45,7 @@ def best_precision(scene) -> Choice:
     return Choice("mixed", f"it has the error of double for accuracies down to {FINEST_MIXED:g}, and costs less")
 
 
-def transform_side_about(scene) -> int:
+def transform_side_about(scene: Scene) -> int:
     """About how many points a side the transforms have: those of the cell, or twice those across a punch alone."""
     n, radius = scene.grid.n, scene.punch.radius
     if scene.substrate.boundary == "periodic" or radius is None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import PrivateAttr, field_validator
 
-from .fields import Section, key, number, quantity, refuse
+from pgfmd.schemes import registry
+
+from .fields import OneOf, Section, key, number, quantity, refuse
 
 PRECISIONS = ("auto", "double", "mixed", "single")
 INSTEAD_OF_OMEGA_AND_DT = ("omega_tau", "steps_per_tau", "fast_pull")
@@ -45,10 +47,8 @@ class GfmdKeys(Section):
 class Solver(Section):
     """The numerics."""
 
-    scheme: Literal["inertialess", "gfmd", "quasistatic"] = key(
-        "`inertialess`: the massless limit by implicit steps; `gfmd`: the paper's explicit scheme; `quasistatic`: "
-        "infinitely slow, a path of equilibria with jumps",
-        "inertialess",
+    scheme: Annotated[str, OneOf(registry.names)] = key(
+        "; ".join(f"`{entry.name}`: {entry.meaning}" for entry in registry.entries()), registry.DEFAULT
     )
     modulus: Literal["relaxed", "instantaneous"] = key(
         "modulus of `quasistatic`: `relaxed`, E(0), or `instantaneous`, E(infinity)", "relaxed"

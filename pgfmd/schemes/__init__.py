@@ -1,6 +1,6 @@
-"""Time-stepping schemes.
+"""Schemes: what a step is, and which steps are taken. Each is a folder with its kernels, controller and audit.
 
-`inertialess`, the massless limit by implicit steps: it takes a State and a trial step and gives back a Trial, which the
-controller alone accepts. `gfmd`, the paper's explicit scheme: it moves the State on. What the simulation asks of both:
-`points`, `height`, `law`, `audit`, `pairs`, `transform_seconds`, `new_state`, `start`, `measure`.
+`base` has what is asked of a scheme and of its controller, `registry` the schemes there are, with what each can do
+(`entry`), and `path_following` what those share that go from one equilibrium to the next. In a scheme's folder `plugin` alone
+knows of scenes; nothing else imports it but by its entry.
 """

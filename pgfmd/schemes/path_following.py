@@ -10,7 +10,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from pgfmd.errors import RunError
+from pgfmd.errors import WRITTEN_IS_VALID, RunError
 from pgfmd.solver import contact_kernels, kernels
 from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.solver.extrapolation import lagrange_weights
@@ -25,6 +25,8 @@ FORCE_ROUNDING = 10.0
 LARGER_PRELOAD = 10.0
 """Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just
 do: elsewhere on the path rounding may be worse."""
+SINGLE_NOISE = 1e-7
+"""Error of a step's energies in single precision, as a share of those at stake."""
 DRIFT_SHARE = 1e-2
 """Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
 
@@ -79,7 +81,7 @@ class PathFollowing:
             raise RunError(
                 f"the preload is not found in step {state.counters.steps + 1} (t = {state.time:.6g} s, d = "
                 f"{state.position:.6g} m, "
-                f"force {trial.force:.3g} N). What has been written so far is valid. {self.advice(state, trial)}"
+                f"force {trial.force:.3g} N). {WRITTEN_IS_VALID} {self.advice(state, trial)}"
             )
 
     def _least_preload(self, state: State, trial: Trial) -> float:
@@ -87,6 +89,14 @@ class PathFollowing:
         rounded = float(np.finfo(self.solver.dtype).eps) * self._scale(state, trial)
         smallest = FORCE_ROUNDING * rounded / (self.solver.force_share * EVENT_TOLERANCE)
         return LARGER_PRELOAD * max(trial.left_over * self.solver.force_scale, smallest)
+
+    def surface_of(self, state: State) -> np.ndarray:
+        """The load w, of which the surface of the whole cell is made."""
+        return state.load
+
+    def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
+        """The surface [m] of the periodic cell under a load: rows of this rank, and the first one's index. Collective."""
+        return self.solver.convolve.whole_cell(kept)
 
     @property
     def pairs(self) -> int:
@@ -189,8 +199,8 @@ class PathFollowing:
             return
         raise RunError(
             f"time stands still in step {state.counters.steps + 1} ({trial.phase.name}, t = {state.time:.6g} s, d = "
-            f"{state.position:.6g} m): steps of {trial.step:.3g} s vanish in it. What has been written so far is "
-            f"valid. {self.advice(state, trial)}"
+            f"{state.position:.6g} m): steps of {trial.step:.3g} s vanish in it. {WRITTEN_IS_VALID} "
+            f"{self.advice(state, trial)}"
         )
 
     def _remember(self, state: State, trial: Trial) -> None:

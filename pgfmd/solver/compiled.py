@@ -16,7 +16,7 @@ import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, TypeVar
 
 import llvmlite.binding
 import numba
@@ -25,13 +25,18 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
 from numba.core.dispatcher import Dispatcher
 
 CURE = "NUMBA_CACHE_DIR names a folder to keep them in"
+_COMPILED = ("**/*kernels.py", "hashing.py", "physics/cohesion/*.py")
+"""Sources, in the package, of what is compiled."""
 
 
-def compiled(**options: Any) -> Callable[[Callable], Any]:
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+
+def compiled(**options: Any) -> Callable[[Kernel], Kernel]:
     """A decorator: `numba.njit` with these options and without Python's lock, and a cache that forgives everything."""
 
-    def decorate(function: Callable) -> Any:
-        kernel = numba.njit(nogil=True, **options)(function)
+    def decorate(function: Kernel) -> Kernel:
+        kernel: Kernel = numba.njit(nogil=True, **options)(function)
         # A plain function where NUMBA_DISABLE_JIT is set.
         if isinstance(kernel, Dispatcher):
             # What `cache=True` sets, of another class.
@@ -39,6 +44,12 @@ def compiled(**options: Any) -> Callable[[Callable], Any]:
         return kernel
 
     return decorate
+
+
+def inlined(function: Kernel) -> Kernel:
+    """A decorator for what kernels call: it becomes a part of each of them."""
+    part: Kernel = numba.njit(inline="always")(function)
+    return part
 
 
 def hear(listener: Callable[[str], None] | None) -> None:
@@ -85,8 +96,9 @@ def _mark_of(what: str) -> Path | None:
 
 @functools.cache
 def _sources() -> str:
-    """A digest of the sources of all kernels."""
-    texts = (source.read_bytes() for source in sorted(Path(__file__).parent.glob("*kernels.py")))
+    """A digest of the sources of all kernels, wherever they are in the package."""
+    package = Path(__file__).parents[1]
+    texts = (source.read_bytes() for pattern in _COMPILED for source in sorted(package.glob(pattern)))
     return hashlib.sha256(b"\0".join(texts)).hexdigest()
 
 
@@ -166,10 +178,8 @@ class KernelCache(NullCache):
             return cache.load_overload(sig, target_context)
         except Exception as problem:  # whatever unpickling makes of half a file
             _note("damage", f"note: damaged kernels in {cache.cache_path} ({_reason(problem)}): compiled anew")
-            try:
+            with contextlib.suppress(Exception):  # the same file will fail again when it is to be written
                 cache.flush()
-            except Exception:  # the same file will fail again when it is to be written
-                pass
             return None
 
     def _save(self, cache: FunctionCache | None, sig: Any, data: Any) -> str | None:
@@ -220,7 +230,7 @@ class _TemporaryLocator(_UserWideLocator):
 
 
 class _TemporaryImpl(CompileResultCacheImpl):
-    _locator_classes = [_TemporaryLocator]
+    _locator_classes: ClassVar = [_TemporaryLocator]
 
 
 class _TemporaryCache(_Cache):

@@ -7,10 +7,17 @@ iteration is the only transform.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import kernels
+
+if TYPE_CHECKING:
+    from pgfmd.physics.cohesion import CohesiveLaw
+
+    from .grid import PunchPoints
+    from .tiles import Convolves
 
 UNSURE = 1e-6
 """A curvature along a direction below this share of its terms is not trusted to the difference of two numbers."""
@@ -35,7 +42,7 @@ class ConjugateGradients:
     poll = staticmethod(lambda: None)
     """Called once an iteration of CG, on every rank: may raise Interrupted (interruption.py)."""
 
-    def __init__(self, points, operator, law, floating: bool):
+    def __init__(self, points: PunchPoints, operator: Convolves, law: CohesiveLaw, floating: bool):
         self.points, self.operator, self.law, self.floating = points, operator, law, floating
         vectors = [points.zeros(operator.dtype) for _ in "krstpyz"]
         self.curvature, self.r, self.s, self.t, self.p, self.y, self.z = vectors

@@ -72,7 +72,7 @@ class Descent:
         self._rows = np.zeros((10, solver.points.rows))
 
     def solve(
-        self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False,
+        self, position: float, history: np.ndarray, compliance: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool = False,
         timid: bool = False, largest_force: float = 0.0,
     ) -> Outcome:  # fmt: skip
         """As NewtonSolver.solve."""

@@ -16,9 +16,10 @@ import numpy as np
 
 from . import drift_kernels as kernels
 
-ROUNDING, SINGLE_ROUNDING = 4e-16, 2e-7
-"""Standard deviation of the drift of a freshly evaluated surface, relative to its size, in double and single
-precision."""
+ROUNDING = 4e-16
+"""Standard deviation of the drift of a freshly evaluated surface in double precision, relative to its size."""
+SINGLE_ROUNDING = 2e-7
+"""The same in single precision."""
 
 
 class Drift:

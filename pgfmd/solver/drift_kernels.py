@@ -12,7 +12,7 @@ _compile = compiled()
 
 
 @_compile
-def lower_factor(rows):
+def lower_factor(rows: np.ndarray) -> np.ndarray:
     """The lower triangular factor L (k, min(k, m)) of rows (k, m) with the same covariance, L L^T = rows rows^T. By
     Householder's reflections from the right."""
     count, length = rows.shape
@@ -43,7 +43,7 @@ def lower_factor(rows):
 
 
 @_compile
-def extrapolated(factor, weights, noise):
+def extrapolated(factor: np.ndarray, weights: np.ndarray, noise: float) -> np.ndarray:
     """The factor with a row in front: weights factor, and a noise of its own, `noise` sqrt(1 + weights^2)."""
     known = factor.shape[0]
     wide = np.zeros((known + 1, factor.shape[1] + 1))
@@ -58,7 +58,7 @@ def extrapolated(factor, weights, noise):
 
 
 @_compile
-def disturbed(factor, amount, renewed):
+def disturbed(factor: np.ndarray, amount: float, renewed: bool) -> np.ndarray:
     """The factor with a noise of its own in the first row, instead of what was there where that is renewed."""
     wide = np.zeros((factor.shape[0], factor.shape[1] + 1))
     wide[:, 1:] = factor

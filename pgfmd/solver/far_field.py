@@ -9,13 +9,21 @@ They are what tractions at the two points would do to the points under the punch
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .node import Node
 from .transform import Pruned
 
+if TYPE_CHECKING:
+    from .grid import PunchPoints
+    from .multiplier import Compliance
+    from .transform import Plane
 
-def far_weights(compliance, points) -> np.ndarray:
+
+def far_weights(compliance: Compliance, points: PunchPoints) -> np.ndarray:
     """Weights [m/Pa] of the local points under the punch, (size,), such that u_inf [m] = sum of weights * w over all
     ranks. Collective.
 
@@ -42,10 +50,10 @@ def far_weights(compliance, points) -> np.ndarray:
 class Synthesis(Pruned):
     """Sums of waves at the points under the punch, real, in double precision: half a pair of transforms a call."""
 
-    def __init__(self, points, n: int):
+    def __init__(self, points: PunchPoints, n: int):
         super().__init__(points, n, "estimate", np.float64)
 
-    def __call__(self, columns) -> np.ndarray:
+    def __call__(self, columns: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Sum over kx and ky of a(kx, ky) exp(2 pi i (kx x + ky y)/n) at the local points (size,), x and y counted from
         the block's first row and column; collective.
 
@@ -80,7 +88,7 @@ class FarPoints:
     means of the nearest points are too coarse.)
     """
 
-    def __init__(self, plane):
+    def __init__(self, plane: Plane):
         n = plane.n
         middle, middle_weights = (n // 2 + _AROUND, _MIDPOINT) if n % 2 == 0 else (np.array([n // 2]), np.ones(1))
         rows = np.concatenate([_AROUND, middle]) % n

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 PIECE = 2**17
 """Numbers looked at at a time: no copy of a whole array is made."""
@@ -26,7 +30,7 @@ def first_not_finite(lines: np.ndarray) -> tuple[int, int] | None:
     return None
 
 
-def not_finite_on(comm, arrays: dict[str, np.ndarray]) -> str:
+def not_finite_on(comm: Intracomm, arrays: dict[str, np.ndarray]) -> str:
     """The first number of the ranks' shares of some arrays that is not finite, as "name[line, column] = nan on rank 1",
     counted in the whole; empty if all are. Collective.
 

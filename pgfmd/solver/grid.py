@@ -9,11 +9,18 @@ the number of ranks.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+    from numpy.typing import DTypeLike
+
 
 MOST_KINDS = 12
 """Numbers a row that are brought to all ranks at a time, at most."""
@@ -83,7 +90,7 @@ class PunchPoints:
     """
 
     def __init__(
-        self, grid: Grid, radius: float | None, comm, slab: tuple[int, int] | None = None, mirror: str = ""
+        self, grid: Grid, radius: float | None, comm: Intracomm, slab: tuple[int, int] | None = None, mirror: str = ""
     ):  # fmt: skip
         assert mirror in ("", "x", "xy") and not (mirror and grid.n % 2), "points on an axis have fewer images"
         self.grid, self.radius, self.comm, self.mirror = grid, radius, comm, mirror
@@ -131,7 +138,7 @@ class PunchPoints:
             last = np.maximum(first, last)
         return first, last
 
-    def zeros(self, dtype=np.float64) -> np.ndarray:
+    def zeros(self, dtype: DTypeLike = np.float64) -> np.ndarray:
         """A new point vector of zeros (size,)."""
         return np.zeros(self.size, dtype)
 
@@ -221,7 +228,8 @@ class PunchPoints:
     def all_rows(self, local: np.ndarray) -> np.ndarray:
         """One number of each kind a row, for the local rows (kinds, rows), gathered from all ranks: (kinds, all rows).
 
-        Sums and maxima taken over the result have the same bits on every rank and for any number of ranks. It is good until the next call. Collective.
+        Sums and maxima taken over the result have the same bits on every rank and for any number of ranks. It is good
+        until the next call. Collective.
         """
         if self.comm.size == 1:
             return local
@@ -251,7 +259,7 @@ class PunchPoints:
         return out.tolist()
 
     @cached_property
-    def _reduce(self):
+    def _reduce(self) -> Callable[[np.ndarray, int, int, np.ndarray], None]:
         # Points are also counted where nothing is computed.
         from .kernels import reduce_rows
 

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 EVERY = 0.5
 """Time [s] between two questions, about."""
@@ -25,7 +29,7 @@ class Question:
     asked: whether this rank wants to. How many iterations lie between two questions is rank 0's to say, by its clock.
     """
 
-    def __init__(self, comm, asked: Callable[[], bool]):
+    def __init__(self, comm: Intracomm, asked: Callable[[], bool]):
         self._comm, self._asked = comm, asked
         self._pause = self._left = FIRST
         self._last = time.perf_counter()

@@ -9,6 +9,7 @@ over unsigned indices, as the test for negative ones keeps them from being vecto
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numba
 import numpy as np
@@ -27,25 +28,25 @@ _compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
 
 # Numbers of no sign are in the order of their bits. The largest of these is found many at a time, of the numbers
 # themselves one by one.
-def bits_of(number):
+def bits_of(number: np.floating) -> np.integer:
     """The bits of a number as an integer."""
     return number.view(np.int32 if number.dtype == np.float32 else np.int64)
 
 
-def number_of(bits):
+def number_of(bits: np.integer) -> np.floating:
     """The number of these bits."""
     return bits.view(np.float32 if bits.dtype == np.int32 else np.float64)
 
 
 @overload(bits_of, inline="always")
-def _bits_of(number):
+def _bits_of(number: numba.types.Type) -> Callable:
     if number == numba.types.float32:
         return lambda number: np.float32(number).view(np.int32)
     return lambda number: np.float64(number).view(np.int64)
 
 
 @overload(number_of, inline="always")
-def _number_of(bits):
+def _number_of(bits: numba.types.Type) -> Callable:
     if bits == numba.types.int32:
         return lambda bits: np.int32(bits).view(np.float32)
     return lambda bits: np.int64(bits).view(np.float64)
@@ -54,7 +55,7 @@ def _number_of(bits):
 # Conjugate gradients
 # ---------------------------------------------------------------------------------------------------
 @_compile_sums
-def dot(a, b, offset, rows):
+def dot(a: np.ndarray, b: np.ndarray, offset: np.ndarray, rows: np.ndarray) -> None:
     """rows[0] of a b."""
     for row in range(offset.size - 1):
         total = 0.0
@@ -64,7 +65,10 @@ def dot(a, b, offset, rows):
 
 
 @_compile_sums
-def turn_direction(z, r, beta, k, p, y, offset, rows):
+def turn_direction(
+    z: np.ndarray, r: np.ndarray, beta: float, k: np.ndarray, p: np.ndarray, y: np.ndarray, offset: np.ndarray,
+    rows: np.ndarray,
+) -> None:  # fmt: skip
     """p = z + beta p;  y = r + beta y, so that A y = p;  rows[0] of p (y + K p)."""
     for row in range(offset.size - 1):
         total = 0.0
@@ -78,7 +82,7 @@ def turn_direction(z, r, beta, k, p, y, offset, rows):
 
 
 @_compile_maxima
-def survey(z, r, k, offset, rows):
+def survey(z: np.ndarray, r: np.ndarray, k: np.ndarray, offset: np.ndarray, rows: np.ndarray) -> None:
     """What a correction z = A r of CG asks of all ranks. rows[0] of r z;  rows[1] of z K z;  rows[2] of K z;  rows[3]:
     the largest |z| over points that interact (K != 0), row by row."""
     none = bits_of(z.dtype.type(0.0))
@@ -99,7 +103,10 @@ def survey(z, r, k, offset, rows):
 
 # Rows do not matter here, so the last bits of a number must not depend on where it stands: no sum may be contracted.
 @_compile
-def turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, last, rows):
+def turn_and_advance(
+    z: np.ndarray, beta: float, alpha: float, k: np.ndarray, p: np.ndarray, y: np.ndarray, s: np.ndarray,
+    t: np.ndarray, r: np.ndarray, first: bool, last: bool, rows: np.ndarray,
+) -> None:  # fmt: skip
     """p = z + beta p;  y = r + beta y;  s += alpha p;  t += alpha y;  r -= alpha (y + K p), in one pass, in the precision
     of the vectors; the first one begins with all of them zero, whatever is in them, the last one leaves p, y and r.
 
@@ -151,7 +158,10 @@ def turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, last, rows):
 
 
 @_compile_maxima
-def advance(alpha, p, y, k, s, t, r, offset, rows):
+def advance(
+    alpha: float, p: np.ndarray, y: np.ndarray, k: np.ndarray, s: np.ndarray, t: np.ndarray, r: np.ndarray,
+    offset: np.ndarray, rows: np.ndarray,
+) -> None:  # fmt: skip
     """s += alpha p;  t += alpha y;  r -= alpha (y + K p).
 
     rows[0], rows[1]: the largest |alpha p| and |s| over points that interact (K != 0), row by row;  rows[2] of r.
@@ -174,7 +184,7 @@ def advance(alpha, p, y, k, s, t, r, offset, rows):
 
 
 @_compile
-def largest_in_rows(values, k, offset, rows):
+def largest_in_rows(values: np.ndarray, k: np.ndarray, offset: np.ndarray, rows: np.ndarray) -> None:
     """rows[0]: the largest |value| over points that interact (K != 0), row by row."""
     for row in range(offset.size - 1):
         largest = 0.0
@@ -185,7 +195,7 @@ def largest_in_rows(values, k, offset, rows):
 
 
 @_compile
-def move(u, w, s, t, step, weight):
+def move(u: np.ndarray, w: np.ndarray, s: np.ndarray, t: np.ndarray, step: float, weight: float) -> None:
     """u += step s;  w += weight t."""
     for i in range(u.size):
         u[i] += step * s[i]
@@ -195,14 +205,17 @@ def move(u, w, s, t, step, weight):
 # Prediction and its error
 # ----------------------------------------------------------------------------------------------
 @_compile
-def combine(c0, a0, c1, a1, c2, a2, out):
+def combine(c0: float, a0: np.ndarray, c1: float, a1: np.ndarray, c2: float, a2: np.ndarray, out: np.ndarray) -> None:
     """out = c0 a0 + c1 a1 + c2 a2."""
     for i in range(out.size):
         out[i] = c0 * a0[i] + c1 * a1[i] + c2 * a2[i]
 
 
 @_compile
-def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
+def largest_difference_near(
+    c0: float, a0: np.ndarray, c1: float, a1: np.ndarray, c2: float, a2: np.ndarray, u: np.ndarray,
+    height: np.ndarray, position: float, reach: float,
+) -> tuple[float, float]:  # fmt: skip
     """max |u - (c0 a0 + c1 a1 + c2 a2)| and max |u - a0| over points whose gap, by one or the other, is below reach; 0
     without any."""
     none = bits_of(0.0)
@@ -219,7 +232,7 @@ def largest_difference_near(c0, a0, c1, a1, c2, a2, u, height, position, reach):
 # Sums over rows
 # ----------------------------------------------------------------------------------------------
 @_compile_sums
-def reduce_rows(rows, sums, images, out):
+def reduce_rows(rows: np.ndarray, sums: int, images: int, out: np.ndarray) -> None:
     """out: `images` times the sums over all rows of the first `sums` kinds of numbers, the largest of the others."""
     for kind in range(sums):
         total = 0.0

@@ -11,6 +11,8 @@ times a_j. Lines are passed as real arrays, real and imaginary parts in turns.
 
 from __future__ import annotations
 
+import numpy as np
+
 from .compiled import compiled
 
 # Products and sums may be contracted: that depends on the machine alone.
@@ -18,14 +20,16 @@ _compile = compiled(fastmath={"contract", "nsz"})
 
 
 @_compile
-def scatter_pairs(vector, offset, row, count, scale, lines):
-    """Lines of scale * (row `row + 2 l` + i times the next one), zero behind; `count` rows, the last maybe alone."""
+def scatter_pairs(
+    vector: np.ndarray, offset: np.ndarray, row: int, count: int, scale: float, lines: np.ndarray
+) -> None:
+    """Lines of scale * (row `row + 2 pair` + i times the next one), zero behind; `count` rows, the last maybe alone."""
     length = lines.shape[1] // 2
-    for l in range(lines.shape[0]):
-        line = lines[l]
+    for pair in range(lines.shape[0]):
+        line = lines[pair]
         line[:] = 0
-        for h in range(min(2, count - 2 * l)):
-            start, size = offset[row + 2 * l + h], offset[row + 2 * l + h + 1] - offset[row + 2 * l + h]
+        for h in range(min(2, count - 2 * pair)):
+            start, size = offset[row + 2 * pair + h], offset[row + 2 * pair + h + 1] - offset[row + 2 * pair + h]
             for j in range((size + 1) // 2):
                 line[2 * j + h] = scale * vector[start + 2 * j]
             for j in range(size // 2):
@@ -33,7 +37,7 @@ def scatter_pairs(vector, offset, row, count, scale, lines):
 
 
 @_compile
-def gather_pairs(lines, offset, row, count, vector):
+def gather_pairs(lines: np.ndarray, offset: np.ndarray, row: int, count: int, vector: np.ndarray) -> None:
     """The inverse of `scatter_pairs`, without scale."""
     length = lines.shape[1] // 2
     for i in range(count):
@@ -46,11 +50,11 @@ def gather_pairs(lines, offset, row, count, vector):
 
 
 @_compile
-def separate(lines, cosine, sine, rows):
-    """rows[2 l], rows[2 l + 1]: A and B of line l; cosine, sine of theta, for k up to N/2."""
+def separate(lines: np.ndarray, cosine: np.ndarray, sine: np.ndarray, rows: np.ndarray) -> None:
+    """rows[2 pair], rows[2 pair + 1]: A and B of line `pair`; cosine, sine of theta, for k up to N/2."""
     length = lines.shape[1] // 2
-    for l in range(lines.shape[0]):
-        z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
+    for pair in range(lines.shape[0]):
+        z, a, b = lines[pair], rows[2 * pair], rows[2 * pair + 1]
         a[0], b[0] = z[0] + z[0], z[1] + z[1]
         for k in range(1, length // 2 + 1):
             m, c, s = length - k, cosine[k], sine[k]
@@ -63,11 +67,11 @@ def separate(lines, cosine, sine, rows):
 
 
 @_compile
-def join(rows, cosine, sine, lines):
+def join(rows: np.ndarray, cosine: np.ndarray, sine: np.ndarray, lines: np.ndarray) -> None:
     """The inverse of `separate`, N times: what transforms back to the lines."""
     length = lines.shape[1] // 2
-    for l in range(lines.shape[0]):
-        z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
+    for pair in range(lines.shape[0]):
+        z, a, b = lines[pair], rows[2 * pair], rows[2 * pair + 1]
         z[0], z[1] = a[0], b[0]
         for k in range(1, length // 2 + 1):
             m, c, s = length - k, cosine[k], sine[k]
@@ -78,7 +82,7 @@ def join(rows, cosine, sine, lines):
 
 
 @_compile
-def halve_pairs(multiplier):
+def halve_pairs(multiplier: np.ndarray) -> None:
     """Multipliers of two neighbouring columns become half their sum and half their difference, in their place."""
     for j in range(0, multiplier.shape[0], 2):
         first, second = multiplier[j], multiplier[j + 1]
@@ -88,7 +92,7 @@ def halve_pairs(multiplier):
 
 
 @_compile
-def multiply_pairs(lines, multiplier, column, count):
+def multiply_pairs(lines: np.ndarray, multiplier: np.ndarray, column: int, count: int) -> None:
     """Real columns a + i b in each of `count` lines, transformed along y: each times its own multiplier.
 
     Z'(q) = S Z(q) + D conj Z(-q), with S and D of `halve_pairs`.
@@ -106,7 +110,9 @@ def multiply_pairs(lines, multiplier, column, count):
 
 
 @_compile
-def multiply_mirrored(lines, multiplier, column, count, cosine, sine):
+def multiply_mirrored(
+    lines: np.ndarray, multiplier: np.ndarray, column: int, count: int, cosine: np.ndarray, sine: np.ndarray
+) -> None:
     """Two columns in each of `count` lines, transformed along y: separated, times their multipliers, and joined."""
     length = lines.shape[1] // 2
     for j in range(count):

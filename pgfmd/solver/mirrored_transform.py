@@ -8,13 +8,20 @@ rows and columns go in fixed pairs, so the result has the same bits for any numb
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from . import mirrored_kernels as kernels
-from .grid import share
+from .grid import PunchPoints, share
 from .rows import MirroredRows
 from .tiles import PairOperator, Tiles
 from .transform import EFFORTS, ROW_BYTES, Spectrum, complex_lines, forget_plans
+
+if TYPE_CHECKING:
+    from numpy.typing import DTypeLike
+
+    from .transform import MakeMultiplier
 
 
 class MirroredConvolution(PairOperator):
@@ -25,7 +32,14 @@ class MirroredConvolution(PairOperator):
     transform.Convolution.
     """
 
-    def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
+    def __init__(
+        self,
+        points: PunchPoints,
+        n: int,
+        make_multiplier: MakeMultiplier,
+        effort: str = "estimate",
+        dtype: DTypeLike = np.float64,
+    ):
         assert n % 2 == 0 and points.mirror
         self.points, self.n, self.comm = points, n, points.comm
         self.dtype, self.complex = np.dtype(dtype), np.result_type(dtype, np.complex64)
@@ -43,7 +57,7 @@ class MirroredConvolution(PairOperator):
         if "y" not in points.mirror:
             kernels.halve_pairs(self.multiplier)
 
-    def _plan(self, flags, shares: list[tuple[int, int]]) -> None:
+    def _plan(self, flags: tuple[int, ...], shares: list[tuple[int, int]]) -> None:
         """Buffers and plans for these shares of the complex columns."""
         forget_plans()
         half, points, columns = self._half, self.points, sum(count for _, count in shares)

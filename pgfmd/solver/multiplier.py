@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Protocol
+
 import numpy as np
 
 from .grid import share
-from .transform import Spectrum
+from .transform import MakeMultiplier, Spectrum
+
+Compliance = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""The compliance G0(qx, qy) [m/Pa] of a periodic surface, of wave numbers [rad/m] of shapes that go together."""
+
+
+class FreeCompliance(Protocol):
+    """The compliance of a free surface (physics/free_kernel.py)."""
+
+    def kernel(self, dx: np.ndarray, dy: np.ndarray, spacing: float) -> np.ndarray:
+        """Displacement [m/Pa] at these offsets [m] by a traction on a square of this side [m]."""
+        ...
+
 
 FEW = 1 << 13
 """Numbers that are made at a time where the order does not matter."""
 
 
-def periodic_multiplier(compliance, length: float):
+def periodic_multiplier(compliance: Compliance, length: float) -> MakeMultiplier:
     """Multiplier of a compliance G0(qx, qy) in a cell of this length [m]: fills the columns of a Spectrum."""
 
     def fill(spectrum: Spectrum, multiplier: np.ndarray) -> None:
@@ -24,7 +39,7 @@ def periodic_multiplier(compliance, length: float):
     return fill
 
 
-def free_multiplier(compliance, spacing: float):
+def free_multiplier(compliance: FreeCompliance, spacing: float) -> MakeMultiplier:
     """Multiplier of a free surface: the transform of its kernel on the doubled domain; fills the columns of a Spectrum.
 
     compliance: with `kernel(dx, dy, spacing)`, even in both offsets, so that one quadrant is enough. Each rank

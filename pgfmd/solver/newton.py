@@ -14,19 +14,31 @@ must go down.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import contact_kernels, kernels
 from .conjugate_gradients import ConjugateGradients
+from .grid import PunchPoints
 from .stagnation import MOST_IDLE, Progress
+from .tiles import Convolves
 
+if TYPE_CHECKING:
+    from pgfmd.physics.cohesion import CohesiveLaw
+
+MakeCorrections = Callable[[PunchPoints, Convolves, "CohesiveLaw", bool], ConjugateGradients]
+"""What makes the finder of corrections, as ConjugateGradients is made."""
+Sums = tuple[float, float, float, float]
+"""Of f, r and Gamma, and the growth of the rest of Phi, per area of a point."""
 SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32", "float32"): 1e-6}
 """How far Phi may rise by rounding, relative to itself: by the precision of u and w, and of the corrections."""
-SLIDES, MOST_SLIDE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), 4.0
-"""A saddle is left by first this many ranges of adhesion, by less where that leads upward, and by twice as much again
-and again, up to the last number, as long as that leads down."""
+SLIDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
+"""Lengths of the first move away from a saddle point, in ranges of adhesion: the first that decreases the potential."""
+MOST_SLIDE = 4.0
+"""Longest such move. The length is doubled up to this as long as the potential decreases."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +75,37 @@ class Outcome:
         )
 
 
+@dataclass(frozen=True)
+class _Problem:
+    """What a solve is given, as `NewtonSolver.solve` names it. u and w move."""
+
+    position: float
+    history: np.ndarray
+    compliance: float
+    u: np.ndarray
+    w: np.ndarray
+
+
+@dataclass
+class _Course:
+    """A solve so far, as Outcome has it at its end; pull [Pa], adhesive and drop [J/m^2]: sums over points."""
+
+    pull: float
+    adhesive: float
+    newton_iterations: int = 0
+    cg_iterations: int = 0
+    drop: float = 0.0
+    met_negative_curvature: bool = False
+    moved: float = 0.0
+    renewed: bool = False
+
+    def correct(self, iterations: int, bent: bool) -> None:
+        """One more correction, of so many iterations of CG; bent: whether Phi bends down along it."""
+        self.newton_iterations += 1
+        self.cg_iterations += iterations
+        self.met_negative_curvature = self.met_negative_curvature or bent
+
+
 class NewtonSolver:
     """Solves implicit steps on point vectors. Holds the work arrays; keeps nothing from one solve to the next.
 
@@ -83,7 +126,8 @@ class NewtonSolver:
     """The force out of balance, relative to the force scale, may be this share of the tolerance."""
 
     def __init__(
-        self, points, convolve, height: np.ndarray, law, force_scale: float, rough=None, corrections=ConjugateGradients
+        self, points: PunchPoints, convolve: Convolves, height: np.ndarray, law: CohesiveLaw, force_scale: float,
+        rough: Convolves | None = None, corrections: MakeCorrections = ConjugateGradients,
     ):  # fmt: skip
         self.force_scale = force_scale
         # A traction on the whole plane has a mean, and a half-space no compliance for it.
@@ -99,8 +143,8 @@ class NewtonSolver:
         self._rows = np.zeros((4, points.rows))
 
     def solve(
-        self, position: float, history: np.ndarray, compliance: float, u, w, tolerance: float, jump: bool = False,
-        timid: bool = False, largest_force: float = 0.0,
+        self, position: float, history: np.ndarray, compliance: float, u: np.ndarray, w: np.ndarray, tolerance: float,
+        jump: bool = False, timid: bool = False, largest_force: float = 0.0,
     ) -> Outcome:  # fmt: skip
         """Moves u [m] and w [Pa] (in place, consistent: u = G0 w) to a minimum of Phi downhill of where they are.
 
@@ -112,50 +156,52 @@ class NewtonSolver:
         where rounding allows no better balance, one that is good beside this force will do. Where it does not converge,
         u and w stay at the lowest Phi found.
         """
-        trust, way, cg_count, negative, self._renewed = 1.0, 0.0, 0, False, False
-        (pull, imbalance, potential, _), drop = self._evaluate(position, u, w, 0.0, 0.0, history, compliance), 0.0
+        problem = _Problem(position, history, compliance, u, w)
+        pull, imbalance, potential, _ = self._evaluate(problem, 0.0)
+        course, trust, last_pull = _Course(pull, potential), 1.0, pull
         if not math.isfinite(potential):
-            return self._outcome(False, 0, 0, pull, drop, potential, negative, way)
-        last_pull = pull
+            return self._outcome(course, False)
         unbalanced = self.force_share * tolerance * self.force_scale / self.points.grid.cell_area
         progress, noise = Progress(tolerance, unbalanced), 0.0
         for count in range(1, 1 + (self.largest_jump_count if jump else self.largest_newton_count)):
             used, size, bent = self.cg.correct(compliance, tolerance, unbalanced, trust, imbalance)
-            cg_count, negative = cg_count + used, negative or bent
-            if timid and (bent or way + size > self.timid_way):
+            course.correct(used, bent)
+            if timid and (bent or course.moved + size > self.timid_way):
                 break
             longest = trust / size if size > trust or (bent and size > 0.0) else 1.0
-            shortest = self._shortest(tolerance, size, everywhere=self._renewed and not timid)
-            scale, (pull, imbalance, trial, growth) = self._go_down(
-                position, u, w, history, compliance, potential, longest, shortest
-            )
+            shortest = self._shortest(tolerance, size, everywhere=course.renewed and not timid)
+            scale, (course.pull, imbalance, trial, growth) = self._go_down(problem, course.adhesive, longest, shortest)
             if scale == 0.0:
                 # Not downhill along a direction that should be: u has drifted off G0 w, or rounding is reached.
-                if self._renewed:
+                if course.renewed:
                     break
                 self.convolve(w, u)
-                self._renewed = True
-                pull, imbalance, potential, _ = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+                course.renewed = True
+                course.pull, imbalance, course.adhesive, _ = self._evaluate(problem, 0.0)
                 continue
             kernels.move(u, w, self.cg.s, self.cg.t, scale, scale * compliance)
             # Where the mean load balances by itself, the force is known as well as the last correction has left it.
-            unsettled = max(abs(imbalance), abs(pull - last_pull) if self.floating else 0.0)
-            last_pull = pull
-            gained, potential = potential - trial - growth, trial
-            drop += gained
+            unsettled = max(abs(imbalance), abs(course.pull - last_pull) if self.floating else 0.0)
+            last_pull = course.pull
+            gained, course.adhesive = course.adhesive - trial - growth, trial
+            course.drop += gained
             small = size < tolerance or (self.cg.forcing + size) * size < tolerance
             if scale == 1.0 and not bent and small and unsettled <= unbalanced:
-                return self._outcome(True, count, cg_count, pull, drop, potential, negative, way + size)
+                course.moved += size
+                return self._outcome(course, True)
             noise = self._noise(compliance, u, w) if count == MOST_IDLE else noise
-            if progress.stalls(drop, self._slack_of(potential) + noise, size, unsettled):
-                enough, left_over = self._settle_for(progress, bent, size, unsettled, pull, largest_force)
-                return self._outcome(enough, count, cg_count, pull, drop, potential, negative, way + size, left_over)
+            if progress.stalls(course.drop, self._slack_of(course.adhesive) + noise, size, unsettled):
+                enough, left_over = self._settle_for(progress, bent, size, unsettled, course.pull, largest_force)
+                course.moved += size
+                return self._outcome(course, enough, left_over)
             moved = scale * size
-            way += moved
+            course.moved += moved
             trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
-        return self._outcome(False, count, cg_count, pull, drop, potential, negative, way)
+        return self._outcome(course, False)
 
-    def _settle_for(self, progress, bent, size, unsettled, pull, largest_force) -> tuple[bool, float]:
+    def _settle_for(
+        self, progress: Progress, bent: bool, size: float, unsettled: float, pull: float, largest_force: float
+    ) -> tuple[bool, float]:
         """Whether what a stalled solve has reached will do, and Outcome.left_over."""
         if bent or size >= progress.tolerance:
             return False, 0.0
@@ -167,7 +213,7 @@ class NewtonSolver:
         """How far Phi may rise by rounding, per area of a point."""
         return self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
 
-    def _noise(self, compliance, u, w) -> float:
+    def _noise(self, compliance: float, u: np.ndarray, w: np.ndarray) -> float:
         """What the rounding of u alone makes of Phi, per area of a point: the end of a soft spring is so far away that
         corrections vanish in it. Collective."""
         squares = []
@@ -184,34 +230,38 @@ class NewtonSolver:
             size = self.points.maximum_of(float(np.abs(self.cg.s).max(initial=0.0))) / self.law.range
         return 1e-3 * tolerance / max(size, 1.0)
 
-    def _go_down(self, position, u, w, history, compliance, potential, longest, shortest):
+    def _go_down(self, problem: _Problem, potential: float, longest: float, shortest: float) -> tuple[float, Sums]:
         """Halves the step along s until Phi does not rise; (step, what `_evaluate` gives there), step 0 where it always
         rises."""
         scale = longest
         slack = self._slack_of(potential)
         while scale >= shortest:
-            values = self._evaluate(position, u, w, scale, scale * compliance, history, compliance)
+            values = self._evaluate(problem, scale)
             if values[2] + values[3] <= potential + slack:
                 return scale, values
             scale *= 0.5
-        return 0.0, self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+        return 0.0, self._evaluate(problem, 0.0)
 
-    def slide(self, position: float, history, compliance: float, u, w, mode, dual) -> float:
+    def slide(
+        self, position: float, history: np.ndarray, compliance: float, u: np.ndarray, w: np.ndarray, mode: np.ndarray,
+        dual: np.ndarray,
+    ) -> float:  # fmt: skip
         """Moves u [m] and w [Pa] along a mode of negative curvature, to about the lowest Phi either way; by how much it
         fell [J].
 
         mode [m] and its dual A^-1 mode [Pa]. A saddle is left that far that no descent leads back. Where there is no
         lower place either way, nothing moves, and traction and curvature are those of the surface as it is. Collective.
         """
+        problem = _Problem(position, history, compliance, u, w)
         self.cg.s[:], self.cg.t[:] = mode, dual
         whole = self.law.range / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
-        values = self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+        values = self._evaluate(problem, 0.0)
         start, best, best_step = values[2], -self._slack * abs(values[2]), 0.0
         for first in SLIDES:
             for sign in (1.0, -1.0):
                 step = sign * first * whole
                 while abs(step) <= MOST_SLIDE * whole:
-                    values = self._evaluate(position, u, w, step, step * compliance, history, compliance)
+                    values = self._evaluate(problem, step)
                     if not values[2] + values[3] - start < best:
                         break
                     best, best_step = values[2] + values[3] - start, step
@@ -219,26 +269,27 @@ class NewtonSolver:
             if best_step:
                 kernels.move(u, w, self.cg.s, self.cg.t, best_step, best_step * compliance)
                 return -best * self.points.grid.cell_area
-        self._evaluate(position, u, w, 0.0, 0.0, history, compliance)
+        self._evaluate(problem, 0.0)
         return 0.0
 
-    def _outcome(
-        self, converged, newton_count, cg_count, pull, drop, adhesive, negative, moved, left_over=0.0
-    ) -> Outcome:  # fmt: skip
+    def _outcome(self, course: _Course, converged: bool, left_over: float = 0.0) -> Outcome:
         if not converged:
             # The next solve begins without a move along these, 0 s and 0 t, so they must be numbers.
             self.cg.s[:] = 0.0
             self.cg.t[:] = 0.0
         area = self.points.grid.cell_area
-        energies = drop * area, adhesive * area
-        found = -pull * area, *energies, negative, moved, left_over, self._renewed
-        return Outcome(converged, newton_count, cg_count, *found)
+        return Outcome(
+            converged, course.newton_iterations, course.cg_iterations, -course.pull * area, course.drop * area,
+            course.adhesive * area, course.met_negative_curvature, course.moved, left_over, course.renewed,
+        )  # fmt: skip
 
-    def _evaluate(self, position, u, w, step, weight, history, compliance):
+    def _evaluate(self, problem: _Problem, step: float) -> Sums:
         """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets
         traction, curvature and residual at u + step s."""
         contact_kernels.evaluate(
-            self.height, position, u, w, self.cg.s, self.cg.t, step, weight, history, compliance,
-            self.law_numbers, self.points.offset, self.traction, self.curvature, self.cg.r, self._rows,
+            self.height, problem.position, problem.u, problem.w, self.cg.s, self.cg.t, step, step * problem.compliance,
+            problem.history, problem.compliance, self.law_numbers, self.points.offset, self.traction, self.curvature,
+            self.cg.r, self._rows,
         )  # fmt: skip
-        return self.points.reduced(self._rows, 4)
+        pull, imbalance, adhesive, growth = self.points.reduced(self._rows, 4)
+        return pull, imbalance, adhesive, growth

@@ -12,8 +12,15 @@ import math
 import time
 import weakref
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from mpi4py.MPI import Intracomm, Win, buffer
+    from numpy.typing import DTypeLike
 
 _LINE = 64
 """Bytes of a cache line: flags of two ranks must not share one."""
@@ -24,7 +31,7 @@ _NAP = 2e-5
 """Time [s] of such a sleep; the system adds about 50 us."""
 
 
-def _mpi():
+def _mpi() -> ModuleType:
     """mpi4py's MPI, which a single process need not load."""
     from mpi4py import MPI
 
@@ -35,8 +42,8 @@ def _mpi():
 class _Piece:
     """Memory shared by the ranks of a node: its window, a buffer a rank, their sizes [bytes]."""
 
-    window: object
-    buffers: list
+    window: Win
+    buffers: list[buffer]
     sizes: list[int]
     free: bool = True
 
@@ -59,7 +66,7 @@ class Node:
 
     _key: int | None = None
 
-    def __init__(self, comm, colour: int | None = None):
+    def __init__(self, comm: Intracomm, colour: int | None = None):
         MPI = _mpi()
         self.comm = comm
         shared = comm.Split_type(MPI.COMM_TYPE_SHARED)
@@ -77,13 +84,13 @@ class Node:
         self.count = comm.allreduce(int(self.local.rank == 0))
 
     @classmethod
-    def of(cls, comm) -> Node:
+    def of(cls, comm: Intracomm) -> Node:
         """The node of this rank of a communicator. Collective where it is asked for the first time."""
         found = comm.Get_attr(cls._key) if cls._key is not None else None
         return cls.arrange(comm) if found is None else found
 
     @classmethod
-    def arrange(cls, comm, colour: int | None = None) -> Node:
+    def arrange(cls, comm: Intracomm, colour: int | None = None) -> Node:
         """Makes the nodes of a communicator; ranks of different colours are taken to be on different ones. Collective."""
         if cls._key is None:
             cls._key = _mpi().Comm.Create_keyval()
@@ -104,7 +111,7 @@ class Node:
         self.local.Barrier()
         return True
 
-    def take(self, owner: object, size: int) -> list:
+    def take(self, owner: object, size: int) -> list[buffer]:
         """Memory that the ranks of the node share for as long as `owner` lives: one buffer a rank, this one's of at
         least `size` bytes. Collective on the node; MemoryError, on all of its ranks, where there is no more.
 
@@ -144,7 +151,7 @@ class Node:
         self._pieces = kept
 
     @classmethod
-    def leave(cls, comm) -> None:
+    def leave(cls, comm: Intracomm) -> None:
         """Gives back what is shared on a communicator that is to be freed, but what an object still holds. Collective.
 
         MPI itself would give windows back at its end, in an order that differs between ranks of which only some have had
@@ -264,7 +271,7 @@ class Transposition:
     others' `columns`, so nothing is copied; others are sent, into their place at once, and sent back.
     """
 
-    def __init__(self, comm, rows: list[tuple[int, int]], columns: list[tuple[int, int]], dtype):
+    def __init__(self, comm: Intracomm, rows: list[tuple[int, int]], columns: list[tuple[int, int]], dtype: DTypeLike):
         self.comm, self._node, rank = comm, None, comm.rank
         dtype, total = np.dtype(dtype), sum(count for _, count in rows)
         mine, here = slice(rows[rank][0], sum(rows[rank])), [rank]

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,9 @@ from pgfmd.physics.contact_sites import KINDS, ContactSites
 
 from .grid import PunchPoints
 from .sites import SitePoints, reduced
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 Numbers = NDArray[np.int64]
 
@@ -121,12 +125,12 @@ def _of_all(points: PunchPoints, mine: Numbers) -> Numbers:
             f"and MPI can't gather more than {MOST}: set output.patches = false, or use fewer ranks"
         )
     whole = np.empty((len(mine), sum(counts)), np.int64)
-    for values, every in zip(np.ascontiguousarray(mine, np.int64), whole):
+    for values, every in zip(np.ascontiguousarray(mine, np.int64), whole, strict=True):
         comm.Allgatherv(values, [every, counts])
     return whole
 
 
-def _across_ranks(comm, edges: Numbers, sizes: list[int], periodic: bool) -> Numbers:
+def _across_ranks(comm: Intracomm, edges: Numbers, sizes: list[int], periodic: bool) -> Numbers:
     """Pairs of labels that meet between this rank's first row and the last row of the rank before it, (2, pairs).
 
     edges: the labels of this rank's first and last row.

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pgfmd.physics.drive import PRELOAD, Phase
 
-PRELOAD_TOLERANCE, PRELOAD_SHARE, CLOSE_TO_PRELOAD = 1e-4, 0.1, 0.95
-"""The preload is met to this fraction, or to that share of a smaller tolerance: a late turn shifts the whole way back.
-From the last fraction of it on, steps are solved tightly."""
+PRELOAD_TOLERANCE = 1e-4
+"""Relative error with which the preload is met: a late turn would shift the whole retraction."""
+PRELOAD_SHARE = 0.1
+"""The same as a fraction of the tolerance of a step, if that is smaller."""
+CLOSE_TO_PRELOAD = 0.95
+"""From this fraction of the preload on, steps are solved to a smaller tolerance."""
 
 
 def slack_of(preload: float, tolerance: float) -> float:

@@ -6,17 +6,20 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
-from pgfmd.physics.drive import Drive
+from pgfmd.physics.drive import DETACHED, Drive
 
 from .finite import not_finite_on
 from .interruption import Interrupted, Question
 from .preload_search import PRELOAD_TOLERANCE
 from .state import State
 
-FINISHED = "detached"
+if TYPE_CHECKING:
+    from pgfmd.schemes.base import Scheme, StepController
+
 STOPPED_PRELOAD = "preload not reached"
 STOPPED_STEPS = "max_steps reached"
 
@@ -46,11 +49,10 @@ class Observer:
 class Simulation:
     """A tack test: scheme, controller, programme and state, with observers (`Observer`) that hear of each step.
 
-    scheme: of schemes/; controller: controller.Controller, or fixed_steps.FixedSteps for an explicit scheme. deepest
-    [m]: indentation at which an approach is given up.
+    scheme, controller: what schemes.base says of them. deepest [m]: indentation at which an approach is given up.
     """
 
-    def __init__(self, scheme, controller, drive: Drive, deepest: float, max_steps: int):
+    def __init__(self, scheme: Scheme, controller: StepController, drive: Drive, deepest: float, max_steps: int):
         self.scheme, self.controller, self.drive = scheme, controller, drive
         self.points, self.deepest, self.max_steps = scheme.points, deepest, max_steps
         self.phases = drive.phases
@@ -128,8 +130,7 @@ class Simulation:
     @contextmanager
     def _heeding(self, question: Question | None) -> Iterator[None]:
         """Within this, solves ask whether they are to be given up; the state is then as it was."""
-        # Explicit steps solve nothing, and never take long.
-        solver = getattr(self.scheme, "solver", None)
+        solver = self.scheme.solver
         if question is None or solver is None:
             yield
             return
@@ -181,7 +182,7 @@ class Simulation:
         elif self.retracting and state.smallest_gap >= self.scheme.law.reach:
             # From its deepest point on the punch only gets faster, and a surface that is left to itself slower, so that
             # the two don't meet again.
-            state.finished = FINISHED
+            state.finished = DETACHED
         elif phase.name == "approach" and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
         if not state.finished and state.counters.steps >= self.max_steps:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pgfmd.physics.contact_sites import ContactSites
 
 from .grid import PunchPoints
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 Numbers = NDArray[np.int64]
 
@@ -62,7 +67,7 @@ def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
     return np.where(index == none, -1, index)
 
 
-def reduced(comm, values: NDArray, operation: str) -> NDArray:
+def reduced(comm: Intracomm, values: NDArray, operation: str) -> NDArray:
     """Numbers reduced over all ranks, by "SUM", "MIN" or "MAX"."""
     if comm.size == 1 or not values.size:
         return values

@@ -7,6 +7,7 @@ array as this rank's share of a whole along the last axis, and goes by the metad
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -35,6 +36,16 @@ class Energies:
         return self.work - stored - self.viscous - self.released
 
 
+class Solved(Protocol):
+    """A trial step, or a single solve, and its iterations."""
+
+    @property
+    def newton_iterations(self) -> int: ...
+
+    @property
+    def cg_iterations(self) -> int: ...
+
+
 @dataclass
 class Counters:
     """What a run has cost so far."""
@@ -46,7 +57,7 @@ class Counters:
     transform_pairs: int = 0
     jumps: int = 0
 
-    def take(self, solved) -> None:
+    def take(self, solved: Solved) -> None:
         """Adds the iterations of a Trial, or of the Outcome of a single solve."""
         self.newton_iterations += solved.newton_iterations
         self.cg_iterations += solved.cg_iterations
@@ -63,7 +74,7 @@ class State:
     `past_steps`: up to two earlier ends of steps, newest first, and the steps [s] that led away from
     them, with the forces [N] there; drift: factor of the covariance of
     u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try; followed [s]: how long
-    steps may be that follow an instability (load_steps.py). least_force [N]: the lowest
+    steps may be that follow an instability (schemes/quasistatic/controller.py). least_force [N]: the lowest
     force within the last step; pull_off_force, snap_in_force [N]: within all steps of the retraction, and of the
     approach, zero or below; *_at_ends: at the ends of these steps; largest_force [N]: at the end of any, zero or
     above. contact_points, overlap_points, near_points: how many have a gap below the law's contact_gap, below zero, and

@@ -9,11 +9,19 @@ rows, a batch of rows writes stretches of some cache lines, and a block is still
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from . import transform_kernels as kernels
 from .node import Transposition
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+    from numpy.typing import DTypeLike
+
+    from .grid import PunchPoints
+    from .rows import Rows
 
 
 class Tiles(Transposition):
@@ -23,7 +31,10 @@ class Tiles(Transposition):
     transformed, and places: where its rows are then, (all rows,), by default the first ones.
     """
 
-    def __init__(self, comm, rows, columns, dtype, width: int, length: int, places: np.ndarray | None = None):
+    def __init__(
+        self, comm: Intracomm, rows: list[tuple[int, int]], columns: list[tuple[int, int]], dtype: DTypeLike, width: int,
+        length: int, places: np.ndarray | None = None,
+    ):  # fmt: skip
         super().__init__(comm, rows, columns, dtype)
         total, self.count = self.columns.shape
         self.rows, self.width = rows[comm.rank][1], width
@@ -63,6 +74,24 @@ class Tiles(Transposition):
         kernels.store_columns(buffer, self._ends, self.count, self.width, column, places, self._tiles)
 
 
+class Convolves(Protocol):
+    """What solvers ask of an operator between point vectors, u = G * w (transform.Convolution). pairs: of transforms so far;
+    seconds [s]: spent in them. mean_compliance: G of an even traction."""
+
+    points: PunchPoints
+    dtype: np.dtype
+    mean_compliance: float
+
+    @property
+    def pairs(self) -> int: ...
+
+    @property
+    def seconds(self) -> float: ...
+
+    def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
+        """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
+
+
 class PairOperator:
     """An operator between point vectors that takes one pair of transforms a call: rows there, columns, rows back. Counts
     its calls in `pairs` and their time [s] in `seconds`.
@@ -70,6 +99,10 @@ class PairOperator:
     `_rows` (rows.py) transforms rows, `_transposition` (tiles.py) makes columns of them, which `_convolve_columns` convolves.
     """
 
+    points: PunchPoints
+    dtype: np.dtype
+    _rows: Rows
+    _transposition: Tiles
     pairs, seconds = 0, 0.0
 
     def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
@@ -81,6 +114,9 @@ class PairOperator:
         self.pairs += 1
         self.seconds += time.perf_counter() - start
         return displacement
+
+    def _convolve_columns(self) -> None:
+        raise NotImplementedError
 
     def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
         """Point vector -> transformed along x, columns whole on each rank."""

@@ -14,22 +14,29 @@ made with FFTW_ESTIMATE unless asked otherwise, so the result has the same bits 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from mpi4py_fft import PFFT, fftw, newDistArray
 from mpi4py_fft.pencil import Pencil, Subcomm
 
 from . import transform_kernels as kernels
-from .grid import share
+from .grid import PunchPoints, share
 from .node import Node, Transposition
-from .rows import PackedRows, RealRows
+from .rows import ComplexLines, PackedRows, RealLines, RealRows
 from .tiles import PairOperator, Tiles
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+    from numpy.typing import DTypeLike
+
 EFFORTS = {"estimate": fftw.FFTW_ESTIMATE, "measure": fftw.FFTW_MEASURE}
-_COLUMN_BYTES, ROW_BYTES = 1 << 18, 1 << 19
-"""Working set of one batch of columns, a quarter of a usual second-level cache, or of rows: these are written into tiles in
-longer stretches if there are more of them (n = 4096, double: 8 instead of 4 make rows 1.5 times as fast)."""
+_COLUMN_BYTES = 1 << 18
+"""Working set of one batch of columns: a quarter of a usual second-level cache."""
+ROW_BYTES = 1 << 19
+"""Working set of one batch of rows. Larger batches are written into tiles in longer stretches (n = 4096, double: 8
+instead of 4 rows make them 1.5 times as fast)."""
 _LARGEST_BATCH = 16
 """Most transforms done at a time. With 8, those below n = 1024 take 4 to 25 % longer; with more, ranks that have few
 columns do more transforms than they need."""
@@ -53,7 +60,9 @@ def forget_plans() -> None:
     fftw.forget_wisdom()
 
 
-def complex_lines(length: int, count: int, dtype, flags, room: int = _COLUMN_BYTES):
+def complex_lines(
+    length: int, count: int, dtype: DTypeLike, flags: tuple[int, ...], room: int = _COLUMN_BYTES
+) -> ComplexLines:
     """A buffer for a batch of complex lines of this length, out of `count` of all ranks together, and their transforms
     forward and backward, in place. room [bytes]: that a batch should not take more of."""
     lines = fftw.aligned((_batch(length, np.dtype(dtype).itemsize, count, room), length), dtype=dtype, fill=0)
@@ -61,7 +70,7 @@ def complex_lines(length: int, count: int, dtype, flags, room: int = _COLUMN_BYT
     return lines, forward, fftw.ifftn(lines, axes=(1,), flags=flags, output_array=lines)
 
 
-def real_lines(length: int, count: int, dtype, flags):
+def real_lines(length: int, count: int, dtype: DTypeLike, flags: tuple[int, ...]) -> RealLines:
     """Buffers for a batch of real lines of this length, out of `count` of all ranks together, and for their half spectra;
     the transforms from one to the other, and back."""
     kind = np.result_type(dtype, np.complex64)
@@ -80,7 +89,7 @@ class Spectrum:
     out of 0 ... n//2; y-indices run over `ky` = 0 ... n//2, as G is even in them.
     """
 
-    def __init__(self, n: int, comm, shares: list[tuple[int, int]] | None = None):
+    def __init__(self, n: int, comm: Intracomm, shares: list[tuple[int, int]] | None = None):
         self.n, self.width, self.comm = n, n // 2 + 1, comm
         self.shares = shares or [share(self.width, comm.size, rank) for rank in range(comm.size)]
         self.first_column, self.column_count = self.shares[comm.rank]
@@ -104,13 +113,17 @@ class Spectrum:
         Node.of(self.comm).trim()
 
 
+MakeMultiplier = Callable[[Spectrum, np.ndarray], None]
+"""What fills an array (columns, n//2 + 1) with G/n^2 for a Spectrum's columns (multiplier.py)."""
+
+
 class Pruned(PairOperator):
     """What transforms between point vectors and the columns of a Spectrum need: buffers and plans.
 
     points: PunchPoints; n: points a side of the transform; effort: of FFTW's planner; dtype: of real numbers.
     """
 
-    def __init__(self, points, n: int, effort: str, dtype):
+    def __init__(self, points: PunchPoints, n: int, effort: str, dtype: DTypeLike):
         self.points, self.n, self.comm = points, n, points.comm
         self.dtype, self.complex = np.dtype(dtype), np.result_type(dtype, np.complex64)
         self.spectrum, flags = Spectrum(n, points.comm), (EFFORTS[effort],)
@@ -134,7 +147,14 @@ class Convolution(Pruned):
     as `periodic_multiplier`.
     """
 
-    def __init__(self, points, n: int, make_multiplier, effort: str = "estimate", dtype=np.float64):
+    def __init__(
+        self,
+        points: PunchPoints,
+        n: int,
+        make_multiplier: MakeMultiplier,
+        effort: str = "estimate",
+        dtype: DTypeLike = np.float64,
+    ):
         super().__init__(points, n, effort, dtype)
         assert min((points.nb + 1) // 2, self.spectrum.width) >= self.comm.size, (
             "more ranks than pairs of rows, or columns"
@@ -198,7 +218,7 @@ class Plane:
     after a forward multiplies by n^2. Counts pairs (as backward transforms) and the time of both.
     """
 
-    def __init__(self, comm, n: int, effort: str = "estimate"):
+    def __init__(self, comm: Intracomm, n: int, effort: str = "estimate"):
         self.comm, self.n = comm, n
         forget_plans()
         self._plan = _whole_plane(comm, n, effort)
@@ -250,20 +270,20 @@ class Plane:
         return np.ascontiguousarray(gathered.T).sum(axis=1)
 
 
-def _whole_plane(comm, n: int, effort: str) -> PFFT:
+def _whole_plane(comm: Intracomm, n: int, effort: str) -> PFFT:
     """mpi4py-fft's pair of transforms. It measures plans unless told otherwise, and then the last bits of a run depend
     on how busy the machine was when it began."""
     name = {"estimate": "FFTW_ESTIMATE", "measure": "FFTW_MEASURE"}[effort]
     return PFFT(comm, (n, n), axes=(0, 1), dtype=np.float64, grid=(-1, 1), planner_effort=name)
 
 
-def plain_pair(comm, n: int, effort: str = "estimate"):
+def plain_pair(comm: Intracomm, n: int, effort: str = "estimate") -> Callable[[], None]:
     """mpi4py-fft's own r2c + c2r pair on the whole n x n plane, for comparison: a function that does one."""
     plan = _whole_plane(comm, n, effort)
     real, spectral = newDistArray(plan, False), newDistArray(plan, True)
     real[:] = 1.0
 
-    def pair():
+    def pair() -> None:
         plan.forward(real, spectral)
         plan.backward(spectral, real)
 

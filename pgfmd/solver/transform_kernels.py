@@ -7,13 +7,17 @@ columns lie tiles (tiles.py).
 
 from __future__ import annotations
 
+import numpy as np
+
 from .compiled import compiled
 
 _compile = compiled()
 
 
 @_compile
-def scatter_rows(vector, offset, first, row, count, scale, line):
+def scatter_rows(
+    vector: np.ndarray, offset: np.ndarray, first: np.ndarray, row: int, count: int, scale: float, line: np.ndarray
+) -> None:
     """line[i, first:last] = scale * (row `row + i` of the point vector), zero in the rest."""
     for i in range(count):
         start, stop, column = offset[row + i], offset[row + i + 1], first[row + i]
@@ -26,7 +30,9 @@ def scatter_rows(vector, offset, first, row, count, scale, line):
 
 
 @_compile
-def gather_rows(line, offset, first, row, count, vector):
+def gather_rows(
+    line: np.ndarray, offset: np.ndarray, first: np.ndarray, row: int, count: int, vector: np.ndarray
+) -> None:
     """The inverse of `scatter_rows`, without scale."""
     for i in range(count):
         start, stop, column = offset[row + i], offset[row + i + 1], first[row + i]
@@ -34,19 +40,23 @@ def gather_rows(line, offset, first, row, count, vector):
 
 
 @_compile
-def scatter_packed(vector, offset, first, row, count, scale, lines):
-    """Lines of scale * (row `row + 2 l` + i times the next one), zero in the rest; `count` rows, the last maybe alone."""
-    for l in range(lines.shape[0]):
-        line = lines[l]
+def scatter_packed(
+    vector: np.ndarray, offset: np.ndarray, first: np.ndarray, row: int, count: int, scale: float, lines: np.ndarray
+) -> None:
+    """Lines of scale * (row `row + 2 pair` + i times the next one), zero in the rest; `count` rows, the last maybe alone."""
+    for pair in range(lines.shape[0]):
+        line = lines[pair]
         line[:] = 0
-        for h in range(min(2, count - 2 * l)):
-            start, stop, column = offset[row + 2 * l + h], offset[row + 2 * l + h + 1], first[row + 2 * l + h]
+        for h in range(min(2, count - 2 * pair)):
+            start, stop, column = offset[row + 2 * pair + h], offset[row + 2 * pair + h + 1], first[row + 2 * pair + h]
             for j in range(stop - start):
                 line[2 * (column + j) + h] = scale * vector[start + j]
 
 
 @_compile
-def gather_packed(lines, offset, first, row, count, vector):
+def gather_packed(
+    lines: np.ndarray, offset: np.ndarray, first: np.ndarray, row: int, count: int, vector: np.ndarray
+) -> None:
     """The inverse of `scatter_packed`, without scale."""
     for i in range(count):
         line, h = lines[i // 2], i % 2
@@ -56,11 +66,11 @@ def gather_packed(lines, offset, first, row, count, vector):
 
 
 @_compile
-def separate_packed(lines, half, rows):
-    """rows[2 l], rows[2 l + 1]: half spectra of the two rows a + i b in line l, from Z_k = A_k + i B_k. half: 1/2, in their precision."""
+def separate_packed(lines: np.ndarray, half: float, rows: np.ndarray) -> None:
+    """rows[2 pair], rows[2 pair + 1]: half spectra of the two rows a + i b in line pair, from Z_k = A_k + i B_k. half: 1/2, in their precision."""
     n = lines.shape[1] // 2
-    for l in range(lines.shape[0]):
-        z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
+    for pair in range(lines.shape[0]):
+        z, a, b = lines[pair], rows[2 * pair], rows[2 * pair + 1]
         a[0], a[1], b[0], b[1] = z[0], 0, z[1], 0
         for k in range(1, n // 2 + 1):
             m = n - k
@@ -69,11 +79,11 @@ def separate_packed(lines, half, rows):
 
 
 @_compile
-def join_packed(rows, lines):
+def join_packed(rows: np.ndarray, lines: np.ndarray) -> None:
     """The inverse of `separate_packed`; imaginary parts of a real row's first and middle number don't count."""
     n = lines.shape[1] // 2
-    for l in range(lines.shape[0]):
-        z, a, b = lines[l], rows[2 * l], rows[2 * l + 1]
+    for pair in range(lines.shape[0]):
+        z, a, b = lines[pair], rows[2 * pair], rows[2 * pair + 1]
         z[0], z[1] = a[0], b[0]
         for k in range(1, (n + 1) // 2):
             m = n - k
@@ -84,7 +94,9 @@ def join_packed(rows, lines):
 
 
 @_compile
-def put_rows(hat, count, first, row, rows, columns, width, block):
+def put_rows(
+    hat: np.ndarray, count: int, first: int, row: int, rows: int, columns: int, width: int, block: np.ndarray
+) -> None:
     """Some rows, from column `first` on, into the tiles of a block: rows `row` to `row + count` of its `rows`."""
     for start in range(0, columns, width):
         wide = min(width, columns - start)
@@ -95,7 +107,9 @@ def put_rows(hat, count, first, row, rows, columns, width, block):
 
 
 @_compile
-def take_rows(block, count, first, row, rows, columns, width, hat):
+def take_rows(
+    block: np.ndarray, count: int, first: int, row: int, rows: int, columns: int, width: int, hat: np.ndarray
+) -> None:
     """The inverse of `put_rows`."""
     for start in range(0, columns, width):
         wide = min(width, columns - start)
@@ -106,7 +120,10 @@ def take_rows(block, count, first, row, rows, columns, width, hat):
 
 
 @_compile
-def load_columns(tiles, ends, columns, width, column, places, begin, end, buffer):
+def load_columns(
+    tiles: np.ndarray, ends: np.ndarray, columns: int, width: int, column: int, places: np.ndarray, begin: int,
+    end: int, buffer: np.ndarray,
+) -> int:  # fmt: skip
     """buffer[j, places[i]] = row i of column `column + j`, for one group of columns; zeros from `begin` to `end`.
 
     Rows of rank s: `ends[s]` to `ends[s + 1]`. Returns how many columns there are.
@@ -132,7 +149,9 @@ def load_columns(tiles, ends, columns, width, column, places, begin, end, buffer
 
 
 @_compile
-def store_columns(buffer, ends, columns, width, column, places, tiles):
+def store_columns(
+    buffer: np.ndarray, ends: np.ndarray, columns: int, width: int, column: int, places: np.ndarray, tiles: np.ndarray
+) -> None:
     """The inverse of `load_columns`: what is beyond the places is left out."""
     wide = min(width, columns - column)
     for s in range(ends.size - 1):
@@ -151,7 +170,7 @@ def store_columns(buffer, ends, columns, width, column, places, tiles):
 
 
 @_compile
-def multiply_columns(lines, multiplier, column, count):
+def multiply_columns(lines: np.ndarray, multiplier: np.ndarray, column: int, count: int) -> None:
     """Lines of complex numbers, as real ones in turns: of index ky times G(column + j, |ky|)."""
     n = lines.shape[1] // 2
     for j in range(count):

@@ -7,15 +7,22 @@ from dataclasses import dataclass, field
 
 from pgfmd.physics.drive import Phase
 
-from .retardation import StepWeights
-
+SAFETY = 0.85
+"""The length of the next step is chosen for this fraction of the tolerance."""
+LARGEST_GROWTH = 2.0
+"""Largest ratio of the lengths of the next step and the last."""
+STRONGEST_CUT = 0.2
+"""Smallest ratio of the lengths of the next step and the last."""
 SMALLEST_SHARE = 0.03
-"""The error is at least this share of the distance to the extrapolated surface. For steps much shorter than those
-before, a smooth motion has a far smaller one; but a jump does not shrink with the step, and would pass for one."""
+"""Lower bound of the error, as a fraction of the distance to the extrapolated surface. In steps much shorter than those
+before, the error of a smooth motion is far smaller; but a jump does not shrink with the step, and must not be taken for
+a smooth motion."""
 FEW_STEPS_SHARE = 0.25
-"""The same where fewer than three ends of steps are known: a safe guess, as the steps after a kink are small."""
-SURFACE_SHARE, CURVE_SHARE = 0.05, 0.25
-"""Elastic scenes: the error, as a share of the distance to the extrapolated surface, and to the extrapolated force."""
+"""The same if fewer than three ends of steps are known: a conservative value, as the steps after a kink are small."""
+SURFACE_SHARE = 0.05
+"""Error of the surface in elastic scenes, as a fraction of the distance to the extrapolated surface."""
+CURVE_SHARE = 0.25
+"""Error of the force in elastic scenes, as a fraction of the distance to the extrapolated force."""
 
 
 @dataclass(frozen=True)
@@ -90,4 +97,3 @@ class Trial:
     left_over: float = 0.0
     change: Change | None = None
     forces: list[float] = field(default_factory=list)
-    weights: StepWeights | None = field(default=None, repr=False)

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,12 @@ from . import kernels
 from . import two_grid_kernels as between
 from .conjugate_gradients import ConjugateGradients
 from .grid import Grid, PunchPoints
+from .tiles import Convolves
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
+    from pgfmd.physics.cohesion import CohesiveLaw
 
 MARGIN = 1.5
 """Coarse points reach beyond the punch by so many of their spacings: each point under it then lies between four."""
@@ -38,7 +45,7 @@ COARSE_SHARE = 0.3
 """Tolerance of the problem on the cells, relative to that of the correction."""
 
 
-def coarse_points_of(points: PunchPoints, m: int, comm) -> PunchPoints:
+def coarse_points_of(points: PunchPoints, m: int, comm: Intracomm) -> PunchPoints:
     """The points of a grid of cells of m x m points, n divisible by m, and by 2 m with a mirror, as far as these need them."""
     grid = Grid(points.grid.n // m, points.grid.length)
     radius = None if points.radius is None else points.radius + MARGIN * grid.spacing
@@ -51,7 +58,7 @@ class CoarseGrid:
     [m/Pa]: G0 of the shortest waves that they tell, two spacings long."""
 
     points: PunchPoints
-    operator: object
+    operator: Convolves
     shortest: float
 
 
@@ -61,7 +68,7 @@ class Cells:
     points: PunchPoints; coarse: the PunchPoints of `coarse_points_of`, on one rank.
     """
 
-    def __init__(self, points, coarse):
+    def __init__(self, points: PunchPoints, coarse: PunchPoints) -> None:
         self.points, self.coarse, self.m = points, coarse, points.grid.n // coarse.grid.n
         left = coarse.nb // 2 if coarse.mirror else 0
         top = (coarse.block_start + coarse.top) * self.m
@@ -133,7 +140,7 @@ class TwoGrid(ConjugateGradients):
     its transforms.
     """
 
-    def __init__(self, points, operator, law, floating: bool, coarse: CoarseGrid):
+    def __init__(self, points: PunchPoints, operator: Convolves, law: CohesiveLaw, floating: bool, coarse: CoarseGrid):
         super().__init__(points, operator, law, floating)
         assert not floating, "the cells balance the mean load by its displacement"
         self.d = points.zeros(operator.dtype)

@@ -9,16 +9,15 @@ order of these. So they have the same bits for any number of ranks.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
-from .compiled import compiled
+from .compiled import compiled, inlined
 
 _compile = compiled(fastmath={"reassoc", "contract", "nsz"})
 
 
 @_compile
-def sum_in_rows(v, offset, first, m, sums):
+def sum_in_rows(v: np.ndarray, offset: np.ndarray, first: np.ndarray, m: int, sums: np.ndarray) -> None:
     """sums[c, row]: of v over the points of a row that are in the coarse column c."""
     for row in range(offset.size - 1):
         sums[:, row] = 0.0
@@ -34,7 +33,7 @@ def sum_in_rows(v, offset, first, m, sums):
 
 
 @_compile
-def fold(sums, begin, m, scale, cells):
+def fold(sums: np.ndarray, begin: int, m: int, scale: float, cells: np.ndarray) -> None:
     """cells[I, c] = scale * sum of sums[c, row] over the rows of points in the coarse row I; sums of all ranks' rows, the
     first of which is `begin`."""
     cells[:] = 0.0
@@ -51,7 +50,10 @@ def fold(sums, begin, m, scale, cells):
 
 
 @_compile
-def turn_residual(r, k, offset, first, begin, m, s, line, d, sums):
+def turn_residual(
+    r: np.ndarray, k: np.ndarray, offset: np.ndarray, first: np.ndarray, begin: int, m: int, s: np.ndarray,
+    line: np.ndarray, d: np.ndarray, sums: np.ndarray,
+) -> None:  # fmt: skip
     """d = r - K P s;  sums[c, row]: of -K P s, as of `sum_in_rows`.
 
     P is bilinear between the centres of cells, s (coarse rows + 2, coarse columns + 2) with a rim of one cell. line: room
@@ -85,7 +87,7 @@ def turn_residual(r, k, offset, first, begin, m, s, line, d, sums):
 
 
 @_compile
-def add_cells(cells, offset, first, begin, m, d):
+def add_cells(cells: np.ndarray, offset: np.ndarray, first: np.ndarray, begin: int, m: int, d: np.ndarray) -> None:
     """d += the number of the cell that a point is in."""
     for row in range(offset.size - 1):
         here = cells[(begin + row) // m]
@@ -99,7 +101,10 @@ def add_cells(cells, offset, first, begin, m, d):
 
 
 @_compile
-def roughness(r, k, cells, offset, first, begin, m, rows):
+def roughness(
+    r: np.ndarray, k: np.ndarray, cells: np.ndarray, offset: np.ndarray, first: np.ndarray, begin: int, m: int,
+    rows: np.ndarray,
+) -> None:  # fmt: skip
     """rows[0]: the largest |r - number of its cell| over points that interact (K != 0), row by row; found by the order of
     bits, as in `_told_of`."""
     for row in range(offset.size - 1):
@@ -117,7 +122,10 @@ def roughness(r, k, cells, offset, first, begin, m, rows):
 
 
 @_compile
-def survey(z, d, r, k, p, y, first, offset, rows):
+def survey(
+    z: np.ndarray, d: np.ndarray, r: np.ndarray, k: np.ndarray, p: np.ndarray, y: np.ndarray, first: bool,
+    offset: np.ndarray, rows: np.ndarray,
+) -> None:  # fmt: skip
     """What a direction z with the dual d asks of all ranks. rows[0] of z (d + K z);  rows[1] of r z;  rows[2] of
     z (y + K p), zero in the first direction, which is p and y themselves."""
     for row in range(offset.size - 1):
@@ -134,8 +142,8 @@ def survey(z, d, r, k, p, y, first, offset, rows):
         rows[2, row] = along
 
 
-@numba.njit(inline="always")
-def _told_of(r, s, k, begin, end):
+@inlined
+def _told_of(r: np.ndarray, s: np.ndarray, k: np.ndarray, begin: int, end: int) -> tuple[float, float]:
     """Sum of r, and the largest |s| over points that interact (K != 0), from begin to before end."""
     imbalance, size = 0.0, np.int64(0)
     for i in range(begin, end):
@@ -148,7 +156,10 @@ def _told_of(r, s, k, begin, end):
 
 # One vector is written in a loop: with more, there are too many that might overlap for it to be vectorised.
 @_compile
-def begin_and_advance(alpha, p, y, k, s, t, r, offset, rows):
+def begin_and_advance(
+    alpha: float, p: np.ndarray, y: np.ndarray, k: np.ndarray, s: np.ndarray, t: np.ndarray, r: np.ndarray,
+    offset: np.ndarray, rows: np.ndarray,
+) -> None:  # fmt: skip
     """s = alpha p;  t = alpha y;  r -= alpha (y + K p).
 
     rows[0] of r;  rows[1]: the largest |s| over points that interact (K != 0), row by row.
@@ -166,7 +177,10 @@ def begin_and_advance(alpha, p, y, k, s, t, r, offset, rows):
 
 
 @_compile
-def turn_and_advance(z, d, beta, alpha, k, p, y, s, t, r, offset, rows):
+def turn_and_advance(
+    z: np.ndarray, d: np.ndarray, beta: float, alpha: float, k: np.ndarray, p: np.ndarray, y: np.ndarray,
+    s: np.ndarray, t: np.ndarray, r: np.ndarray, offset: np.ndarray, rows: np.ndarray,
+) -> None:  # fmt: skip
     """p = z + beta p;  y = d + beta y;  s += alpha p;  t += alpha y;  r -= alpha (y + K p). rows: as of
     `begin_and_advance`."""
     alpha, beta = p.dtype.type(alpha), p.dtype.type(beta)

@@ -5,8 +5,9 @@ import subprocess
 import time
 from pathlib import Path
 
-LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
-ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)} | {
+from pgfmd.host.launchers import environment_without
+
+ENVIRONMENT = {name: value for name, value in environment_without().items() if not name.startswith("SLURM_")} | {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
     "OMPI_MCA_rmaps_base_oversubscribe": "1",

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from launching import ENVIRONMENT
 
 from pgfmd.files.tables import CURVE
 from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
 from pgfmd.host import launch
 from pgfmd.results import load
 from pgfmd.scene import load_scene, shipped_text
+from tests.faults.launching import ENVIRONMENT
 
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 

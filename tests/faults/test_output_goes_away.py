@@ -6,11 +6,11 @@ import subprocess
 import sys
 
 import pytest
-from launching import ENVIRONMENT
-from test_processes import LOOP, running
 
 from pgfmd.files.tables import CURVE
 from pgfmd.host import launch
+from tests.faults.launching import ENVIRONMENT
+from tests.faults.test_processes import LOOP, running
 
 pytestmark = [pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks"), pytest.mark.timeout(120)]
 

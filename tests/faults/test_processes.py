@@ -8,10 +8,10 @@ import time
 from contextlib import contextmanager
 
 import pytest
-from launching import ENVIRONMENT
 
 from pgfmd.host import launch
 from pgfmd.host.run_lock import LOCK_FILE, holder
+from tests.faults.launching import ENVIRONMENT
 
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 

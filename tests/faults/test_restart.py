@@ -8,11 +8,11 @@ import time
 from pathlib import Path
 
 import pytest
-from launching import ENVIRONMENT, held_at, wait_for_rows
 
 from pgfmd.host import launch
 from pgfmd.restart.checkpoint_layout import read_head
 from pgfmd.restart.sameness import differences
+from tests.faults.launching import ENVIRONMENT, held_at, wait_for_rows
 
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 
@@ -20,7 +20,7 @@ SCENE = ["tri-tack", "grid.n=48", "solver.accuracy=1e-4", "drive.preload=10 mN",
 LASTING = ["grid.n=128", "solver.accuracy=1e-8"]
 """Makes of it one of some minutes, which outlives whatever the tests do meanwhile."""
 RESUMABLE = 75
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+ROOT = Path(__file__).parents[2]
 
 
 def command(folder: Path, ranks: int, *options: str) -> list[str]:
@@ -221,9 +221,9 @@ def test_a_full_disk_ends_the_run_and_more_room_lets_it_go_on(size, what, ranks,
 # Runs that go on and are killed again, beside whatever else a machine does.
 @pytest.mark.timeout(250)
 def test_kills_at_random_times():
-    """Four of the two hundred that scripts/torture.py does."""
+    """Four of the two hundred that scripts/studies/restart/torture.py does."""
     done = subprocess.run(
-        [sys.executable, SCRIPTS / "torture.py", "--kills", "4", "--seed", "3"],
+        [sys.executable, "-m", "scripts.studies.restart.torture", "--kills", "4", "--seed", "3"], cwd=ROOT,
         env=ENVIRONMENT, capture_output=True, text=True, timeout=240.0,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr

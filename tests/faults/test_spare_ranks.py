@@ -8,9 +8,9 @@ import subprocess
 import sys
 
 import pytest
-from launching import ENVIRONMENT, held_at, wait_for_rows
 
 from pgfmd.host import launch
+from tests.faults.launching import ENVIRONMENT, held_at, wait_for_rows
 
 pytestmark = [
     pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks"),

@@ -5,11 +5,11 @@ import subprocess
 import sys
 import time
 
-import launching
 import pytest
 
 from pgfmd.host import launch
 from pgfmd.restart.sameness import differences
+from tests.faults import launching
 
 # Ranks that wait leave their core to others: cores are few where tests run.
 YIELDING = {"OMPI_MCA_mpi_yield_when_idle": "1"}

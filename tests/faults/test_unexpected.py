@@ -4,9 +4,9 @@ import subprocess
 import sys
 
 import pytest
-from launching import ENVIRONMENT
 
 from pgfmd.host import launch
+from tests.faults.launching import ENVIRONMENT
 
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts its own ranks")
 

@@ -7,9 +7,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-# tests/stopper.py, as pytest finds it.
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from .campaign import CHECK_LIMIT, Campaign, findings, tell
 from .relations import RELATIONS
 from .scenes import make

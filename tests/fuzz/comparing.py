@@ -154,10 +154,11 @@ def within_uncertainty(one: Path, other: Path) -> list[Fault]:
     if STOPPED_STEPS in (first["finished"], second["finished"]):
         # The same number of steps, of other lengths, ends elsewhere.
         return []
-    faults = []
-    for name in ("finished", "scheme", "n", "range_m"):
-        if first[name] != second[name]:
-            faults.append(Fault(f"record differs: {name}", f"{first[name]!r}, {second[name]!r}"))
+    faults = [
+        Fault(f"record differs: {name}", f"{first[name]!r}, {second[name]!r}")
+        for name in ("finished", "scheme", "n", "range_m")
+        if first[name] != second[name]
+    ]
     for name in UNCERTAIN:
         value, found = first[name], second[name]
         if (value is None) != (found is None):

@@ -6,6 +6,7 @@ import types
 import typing
 from dataclasses import dataclass
 
+from pgfmd.scene.fields import OneOf
 from pgfmd.scene.model import SECTIONS
 from pgfmd.units import DIMENSIONS
 
@@ -67,6 +68,7 @@ def _key(section: str, name: str, field) -> Key:
         )  # fmt: skip
     parts = _parts(field.annotation)
     choices = tuple(choice for part in parts if typing.get_origin(part) is typing.Literal for choice in part.__args__)
+    choices = next((mark.words() for mark in field.metadata if isinstance(mark, OneOf)), choices)
     if choices:
         return Key(section, name, "choice", required, choices=choices)
     if bool in parts:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
@@ -15,12 +16,13 @@ import numpy as np
 from pgfmd.errors import PgfmdError, RunError, SceneError
 from pgfmd.files.table_reading import faults_of
 from pgfmd.files.tables import CURVE, TABLES
+from pgfmd.physics.drive import DETACHED
 from pgfmd.results import load
 from pgfmd.results.curve import SAME_STEP
 from pgfmd.results.uncertainty import LEAST_LOOP, UNBALANCED, at_stake
 from pgfmd.results.verify import verify
 from pgfmd.solver.newton import NewtonSolver
-from pgfmd.solver.simulation import FINISHED, STOPPED_PRELOAD, STOPPED_STEPS
+from pgfmd.solver.simulation import STOPPED_PRELOAD, STOPPED_STEPS
 
 from .declarations import KEYS
 from .faults import Fault, of_exception
@@ -179,9 +181,9 @@ def record(run: Folder) -> Iterator[Fault]:
     if not run.finished:
         return
     found = run.record
-    if found["finished"] not in (FINISHED, STOPPED_PRELOAD, STOPPED_STEPS):
+    if found["finished"] not in (DETACHED, STOPPED_PRELOAD, STOPPED_STEPS):
         yield Fault("an end that has no name", str(found["finished"]))
-    if found["finished"] != FINISHED and "stopped early" not in run.said:
+    if found["finished"] != DETACHED and "stopped early" not in run.said:
         yield Fault("a run that stopped early, untold", str(found["finished"]))
     # How far off a result may be follows from the accuracy, which the scheme gfmd has not; works need an audit too.
     untold = tuple(name for name in found if name.endswith(("_uncertainty_N", "_uncertainty_J")))
@@ -191,7 +193,7 @@ def record(run: Folder) -> Iterator[Fault]:
         may_lack = () if found["viscous_J"] is not None else tuple(name for name in untold if name.endswith("_J"))
     may_lack += tuple(name for name in untold if found.get(name.replace("_uncertainty", "")) is None)
     empty = [name for name, value in found.items() if value is None and name not in (*NULLABLE, *may_lack)]
-    if found["finished"] == FINISHED:
+    if found["finished"] == DETACHED:
         empty += [name for name in ("pull_off_force_N", "work_of_separation_J", "preload_N") if found[name] is None]
     if empty:
         yield Fault("null in the record", ", ".join(empty))
@@ -257,7 +259,7 @@ def _areas(run: Folder) -> Iterator[Fault]:
         if (np.abs(points - whole) > 1e-6).any() or whole.min() < 0 or whole.max() > run.scene.grid.n**2:
             yield Fault("curve: an area that is no number of grid points", name)
     order = sorted(zip(run.levels, AREAS, strict=True))
-    for (_, lower), (_, upper) in zip(order[:-1], order[1:], strict=True):
+    for (_, lower), (_, upper) in itertools.pairwise(order):
         if (counts[lower] > counts[upper] + 0.5).any():
             yield Fault(f"curve: more {lower.split('_')[0]} than {upper.split('_')[0]} area")
     told = (0.0, run.results.contact_gap, run.results.near_gap)
@@ -267,7 +269,7 @@ def _areas(run: Folder) -> Iterator[Fault]:
 
 def ends(run: Folder) -> Iterator[Fault]:
     """A punch that is detached carries no force and touches nothing."""
-    if not run.finished or run.record["finished"] != FINISHED:
+    if not run.finished or run.record["finished"] != DETACHED:
         return
     if abs(run.force[-1]) > run.accuracy * run.largest_force + run.unbalanced:
         yield Fault("force at the end of a detached run", f"{run.force[-1]:.3g} of {run.largest_force:.3g} N")
@@ -298,7 +300,9 @@ def events(run: Folder) -> Iterator[Fault]:
             yield Fault("events: none")
         return
     kinds = list(run.column("event", "events"))
-    rows, happened = (zip(*(run.column(title, table) for title in SAME_STEP)) for table in ("curve", "events"))
+    rows, happened = (
+        zip(*(run.column(title, table) for title in SAME_STEP), strict=True) for table in ("curve", "events")
+    )
     there = set(rows)
     lost = [f"{kind} {step}" for kind, step in zip(kinds, happened, strict=True) if step not in there]
     if lost:
@@ -416,7 +420,7 @@ def _sites(run: Folder) -> Iterator[Fault]:
             )
             return
         last = time
-    if run.finished and run.record["finished"] == FINISHED and any(held.values()):
+    if run.finished and run.record["finished"] == DETACHED and any(held.values()):
         yield Fault(
             "sites: in contact at the end of a detached run", str({kind: len(now) for kind, now in held.items()})
         )
@@ -430,7 +434,7 @@ def analysed(run: Folder) -> Iterator[Fault]:
         try:
             analyse(run.path)
         except PgfmdError as error:
-            if run.record["finished"] == FINISHED:
+            if run.record["finished"] == DETACHED:
                 yield Fault("analyse refuses a finished run", str(error)[:300])
 
 

@@ -196,9 +196,8 @@ def _thinned(pair: Pair) -> list[Fault]:
 
 def _gone_on(pair: Pair) -> list[Fault]:
     """Stopped at some steps, and gone on with."""
-    from stopper import StopAfter
-
     import pgfmd.runner
+    from tests.stopper import StopAfter
 
     base = pair.base()
     steps = len((base / "curve.csv").read_text(encoding="utf-8").splitlines()) - 2

@@ -141,8 +141,8 @@ def pgfmd(*arguments: str) -> tuple[int, str]:
 
 NEEDED = (
     "h5netcdf", "pandas", "scipy.fft", "scipy.interpolate", "scipy.ndimage", "scipy.optimize", "xarray",
-    "pgfmd.analysis.summary", "pgfmd.results.verify", "pgfmd.solver.gfmd_kernels", "pgfmd.solver.kernels",
-    "pgfmd.solver.stability_kernels", "pgfmd.solver.transform_kernels",
+    "pgfmd.analysis.summary", "pgfmd.results.verify", "pgfmd.schemes.gfmd.kernels", "pgfmd.solver.kernels",
+    "pgfmd.schemes.quasistatic.stability_kernels", "pgfmd.solver.transform_kernels",
 )  # fmt: skip
 """Modules that a run or its judges load, none of which loads MPI."""
 

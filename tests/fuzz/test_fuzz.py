@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 from pgfmd.files.hdf5 import open_serial
 from pgfmd.host import launch
+from pgfmd.host.launchers import environment_without
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 from pgfmd.scene.fields import quantity
@@ -102,9 +103,8 @@ def fuzz(*commands: str, folder: Path) -> subprocess.CompletedProcess:
     """Commands of the fuzzer, one after the other in a process that has not loaded MPI."""
     calls = " + ".join(f"main({[*command.split(), '--out', str(folder)]})" for command in commands)
     program = f"import sys; from tests.fuzz.__main__ import main; sys.exit({calls})"
-    alone = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX_", "PMI_"))}
     return subprocess.run(
-        [sys.executable, "-c", program], cwd=Path(__file__).parents[2], env=alone, capture_output=True, text=True,
+        [sys.executable, "-c", program], cwd=Path(__file__).parents[2], env=environment_without(), capture_output=True, text=True,
         timeout=110, check=False,
     )  # fmt: skip
 
@@ -200,7 +200,7 @@ DAMAGE = {
     "curve: force [N] not finite": table("curve.csv", lambda lines: cell(lines, 5, 3, "nan")),
     "curve: near_area [m^2] below 0": table("curve.csv", lambda lines: cell(lines, 5, 6, "-5.625e-9")),
     "curve: phase none of": table("curve.csv", lambda lines: cell(lines, 5, -1, "pause")),
-    "curve: time [s] falls": table("curve.csv", lambda lines: lines[:5] + [lines[6], lines[5]] + lines[7:]),
+    "curve: time [s] falls": table("curve.csv", lambda lines: [*lines[:5], lines[6], lines[5], *lines[7:]]),
     "curve: equal rows": table("curve.csv", lambda lines: lines[:5] + lines[4:]),
     "curve: indentation is not -displacement": table("curve.csv", lambda lines: cell(lines, 5, 2, "1e-9")),
     "curve: phases out of order": table("curve.csv", lambda lines: cell(lines, 5, -1, "retract")),

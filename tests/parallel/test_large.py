@@ -148,7 +148,7 @@ def test_the_start_allocates_what_is_foretold_and_shrinks_with_the_ranks(comm, s
     # Buffers of a fixed size, and tables and plans of the first time, don't count.
     monkeypatch.setattr("pgfmd.solver.transform._LARGEST_BATCH", 1)
     assemble(make(32), comm)
-    monkeypatch.setattr("pgfmd.assemble.Inertialess", ready)
+    monkeypatch.setattr("pgfmd.schemes.inertialess.scheme.Inertialess", ready)
     scene, shared, moments, trim = make(640), 0, [], Node.trim
     if comm.size > 1:
         node = Node.of(comm)

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy import ndimage
-from stopper import StopAfter
 
 import pgfmd.runner
+from pgfmd.errors import Stopped
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
 from pgfmd.physics.topography import Topography
-from pgfmd.restart.keeper import Stopped
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
 from pgfmd.runner import Options, run_scene
@@ -20,6 +19,7 @@ from pgfmd.scene import load_scene
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.solver.patches import label_contact, patches_of
 from pgfmd.solver.sites import SitePoints
+from tests.stopper import StopAfter
 
 pytestmark = pytest.mark.mpi
 

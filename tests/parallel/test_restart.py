@@ -11,21 +11,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from stopper import StopAfter
 
 import pgfmd.runner
 from pgfmd.assemble import assemble
-from pgfmd.errors import ResultError, RunError, SceneError
+from pgfmd.errors import ResultError, RunError, SceneError, Stopped
 from pgfmd.files.packing import arrays_of
 from pgfmd.host.launch import RelayedError
 from pgfmd.restart import checkpoint_file
 from pgfmd.restart.checkpoint_layout import Damaged, examine, read_head
 from pgfmd.restart.checkpoints import Checkpoints
-from pgfmd.restart.keeper import Stopped, Timing
+from pgfmd.restart.keeper import Timing
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, precision
+from tests.stopper import StopAfter
 
 pytestmark = pytest.mark.mpi
 
@@ -87,7 +87,10 @@ def silent(line):
     pass
 
 
-def run(name, comm, folder, *more, options=Options()):
+DEFAULTS = Options()
+
+
+def run(name, comm, folder, *more, options=DEFAULTS):
     source, *changes = SCENES[name]
     return run_scene(load_scene(source, [*changes, *more]), comm, folder, silent, options)
 
@@ -245,7 +248,7 @@ def test_a_number_that_is_not_finite_is_named_and_never_becomes_the_newest(comm,
 def test_a_full_disk_leaves_the_checkpoint_of_before(comm, folder, limit):
     checkpoints = Checkpoints(folder, comm)
     checkpoints.save({"state": {"number": 1}}, {"a": np.zeros(9)})
-    with file_size_limit(limit), pytest.raises(ResultError, match="checkpoint.h5: could not be written"):
+    with file_size_limit(limit), pytest.raises(ResultError, match=r"checkpoint\.h5: could not be written"):
         checkpoints.save({"state": {"number": 2}}, {"a": share_of(np.zeros(10_000), comm)})
     comm.Barrier()
     assert sorted(os.listdir(folder)) == ["checkpoint.h5"]
@@ -349,7 +352,7 @@ def test_rows_that_the_checkpoint_knows_must_be_there(comm, folder, stopping_aft
         lines = curve.read_text().splitlines(keepends=True)
         curve.write_text("".join(lines[:5] + lines[6:]))
     comm.Barrier()
-    with pytest.raises(ResultError, match="its first .* rows are not those that the checkpoint knows"):
+    with pytest.raises(ResultError, match=r"its first .* rows are not those that the checkpoint knows"):
         run("one element", comm, folder / "out")
 
 
@@ -378,7 +381,7 @@ def test_results_without_a_checkpoint_are_not_overwritten(comm, folder):
         for name in ("checkpoint.h5", "run.json"):
             (folder / "out" / name).unlink()
     comm.Barrier()
-    with pytest.raises((ResultError, RelayedError), match="but no checkpoint.h5 to go on from"):
+    with pytest.raises((ResultError, RelayedError), match=r"but no checkpoint\.h5 to go on from"):
         run("one element", comm, folder / "out")
 
 
@@ -391,7 +394,7 @@ def test_few_rows_are_results_too(comm, folder, stopping_after):
         (folder / "out" / "checkpoint.h5").unlink()
         (folder / "out" / "checkpoint.previous.h5").unlink()
     comm.Barrier()
-    with pytest.raises((ResultError, RelayedError), match="but no checkpoint.h5 to go on from"):
+    with pytest.raises((ResultError, RelayedError), match=r"but no checkpoint\.h5 to go on from"):
         run("one element", comm, folder / "out", "output.every=1000")
 
 
@@ -436,7 +439,7 @@ def test_all_ranks_keep_the_precision_that_the_run_began_with(comm, folder, stop
 
 
 def test_only_known_keys_can_be_allowed(comm, folder):
-    with pytest.raises((SceneError, RelayedError), match="--allow = 'drive.dwel': expected output.every"):
+    with pytest.raises((SceneError, RelayedError), match=r"--allow = 'drive\.dwel': expected output\.every"):
         run("one element", comm, folder / "out", options=Options(allow=("drive", "drive.dwel")))
 
 

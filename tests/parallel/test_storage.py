@@ -19,6 +19,7 @@ from pgfmd.files import fields_layout
 from pgfmd.files.storage import RESULTS, agree, make_directory, on_root, set_aside, write_run_json
 from pgfmd.files.table_writing import TableFile
 from pgfmd.files.tables import CURVE, ENERGY, CurveRow, EnergyRow
+from pgfmd.host.launchers import environment_without
 from pgfmd.output.fields_file import FieldsFile
 
 pytestmark = pytest.mark.mpi
@@ -165,7 +166,7 @@ def test_run_json_keeps_order_and_turns_what_json_lacks_into_null(comm, folder):
 def test_run_json_survives_a_full_disk(comm, folder):
     path = folder / "run.json"
     write_run_json(path, comm, {"steps": 1})
-    with file_size_limit(100), pytest.raises(ResultError, match="run.json: could not be written: File too large"):
+    with file_size_limit(100), pytest.raises(ResultError, match=r"run\.json: could not be written: File too large"):
         write_run_json(path, comm, {"text": "x" * 200})
     assert json.loads(path.read_text()) == {"steps": 1}
     assert list(folder.iterdir()) == [path]
@@ -253,9 +254,13 @@ def test_curve_refuses_a_foreign_table_and_missing_rows(comm, folder):
 def test_full_disk_leaves_whole_lines(comm, folder):
     path = folder / "curve.csv"
     curve = TableFile(CURVE, path, comm)
-    with file_size_limit(400), pytest.raises(ResultError) as caught:
+
+    def fill():
         for k in range(1, 50):
             curve.append(row(k))
+
+    with file_size_limit(400), pytest.raises(ResultError) as caught:
+        fill()
     assert str(caught.value) == f"{path}: could not be written: File too large"
     text = path.read_text()
     assert text.endswith("approach\n") and len(text.splitlines()) == curve.rows + 1 > 2
@@ -265,7 +270,7 @@ def test_full_disk_leaves_whole_lines(comm, folder):
 
 
 def test_folder_that_is_gone(comm, folder):
-    with pytest.raises(ResultError, match="curve.csv: could not be opened: No such file or directory"):
+    with pytest.raises(ResultError, match=r"curve\.csv: could not be opened: No such file or directory"):
         TableFile(CURVE, folder / "gone" / "curve.csv", comm)
 
 
@@ -380,7 +385,7 @@ def test_foreign_grid_and_foreign_file_are_refused(comm, folder):
     if comm.rank == 0:
         (folder / "text.h5").write_text("no HDF5")
     comm.Barrier()
-    with pytest.raises(ResultError, match="text.h5: can't be continued.*it is damaged"):
+    with pytest.raises(ResultError, match=r"text\.h5: can't be continued.*it is damaged"):
         open_fields(folder / "text.h5", comm)
     assert (folder / "text.h5").read_text() == "no HDF5"
 
@@ -425,11 +430,6 @@ def test_a_crash_at_any_point_of_an_addition_is_undone(comm, folder, monkeypatch
     assert fields.frames == 2
 
 
-def outside_mpi() -> dict[str, str]:
-    """The environment of a process that is not one of the ranks."""
-    return {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMIX_", "PMI_"))}
-
-
 KILLED = """
 import sys, numpy as np
 from mpi4py import MPI
@@ -448,7 +448,7 @@ def test_killed_at_random_times_the_file_is_always_continued(comm, folder):
     path, random, frames = folder / "fields.h5", np.random.default_rng(1), 0
     for _ in range(4):
         command = [sys.executable, "-c", KILLED, str(path)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=outside_mpi())
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment_without())
         assert process.stdout.readline().startswith("open")
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(random.uniform(0.05, 0.3))
@@ -478,7 +478,9 @@ def test_somebody_who_looks_at_snapshots_does_not_stop_the_run(comm, folder):
     reader = None
     if comm.rank == 0:
         command = [sys.executable, "-c", READER, str(path)]
-        reader = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=outside_mpi())
+        reader = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment_without()
+        )
         assert reader.stdout.readline() == "open\n"
     comm.Barrier()
     try:

@@ -28,7 +28,7 @@ def passed(node, action):
     names = ("messages", "sent", "meetings", "gathers")
     before = [getattr(node, name) for name in names]
     action()
-    return {name: getattr(node, name) - old for name, old in zip(names, before)}
+    return {name: getattr(node, name) - old for name, old in zip(names, before, strict=True)}
 
 
 def counted(traffic):

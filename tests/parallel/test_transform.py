@@ -57,7 +57,10 @@ def by_numpy(plane, compliance):
     return np.fft.ifft2(np.fft.fft2(plane) * compliance(q[None, :], q[:, None])).real
 
 
-def periodic(points, compliance=HalfSpace(MODULUS)):
+HALF_SPACE = HalfSpace(MODULUS)
+
+
+def periodic(points, compliance=HALF_SPACE):
     return Convolution(points, points.grid.n, periodic_multiplier(compliance, LENGTH))
 
 
@@ -67,7 +70,7 @@ def free(points, reach=None):
 
 
 COMPLIANCES = {
-    "half-space": HalfSpace(MODULUS),
+    "half-space": HALF_SPACE,
     "prestrained": HalfSpace(MODULUS, (1.3, 0.7)),
     "film": Film(2e6, 0.49, 0.2e-3, "bonded"),
 }

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from stopper import StopAfter
 
 import pgfmd.runner
-from pgfmd.restart.keeper import Stopped
+from pgfmd.errors import Stopped
 from pgfmd.restart.sameness import differences
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.solver.two_grid import Cells, coarse_points_of
+from tests.stopper import StopAfter
 
 pytestmark = pytest.mark.mpi
 

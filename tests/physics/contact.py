@@ -1,4 +1,4 @@
-"""Areas of contact at every step of a run, for the tests of contact and the figures of docs/validation.md."""
+"""Areas of contact at every step of a run, for the tests of contact and the figures of docs/evidence/validation.md."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
-from runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 from pgfmd.assemble import assemble
 from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.solver.simulation import Observer
+from tests.physics.runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 SPHERE = 10e-3
 """Radius [m] of the sphere of the scene `hertz`."""

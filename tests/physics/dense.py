@@ -11,9 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.linalg import eigvalsh
 
 from pgfmd import parts
 from pgfmd.physics.drive import PRELOAD
+from pgfmd.schemes.gfmd.plugin import inertia_of_scene
+from pgfmd.solver.simulation import Observer
 
 RTOL = 1e-11
 
@@ -100,7 +103,7 @@ class WithInertia(_Programme):
     method = "DOP853"
 
     def __init__(self, scene):
-        self.frequency = parts.inertia_of_scene(scene).frequency
+        self.frequency = inertia_of_scene(scene).frequency
         elements = parts.series_of(scene.rheology).elements
         law = parts.law_of(scene.adhesion)
         # Of w [Pa], of w' [Pa/s], of the branches.
@@ -156,3 +159,27 @@ class Massless(_Programme):
 
     def force(self, d, y):
         return -self.punch.area * self.traction(d, y).sum()
+
+
+class LowestCurvatures(Observer):
+    """Keeps, in `lowest`, the lowest curvature of the energy at the end of each step, by an eigenvalue of the whole matrix.
+
+    Relative to the elastic energy's own: 1 without adhesion, below 0 at a saddle.
+    """
+
+    def __init__(self, simulation):
+        points, self.scheme = simulation.points, simulation.scheme
+        dense, unit = np.zeros((points.size, points.size)), np.zeros(points.size)
+        for i in range(points.size):
+            unit[:], unit[i] = 0.0, 1.0
+            self.scheme.solver.convolve(unit, dense[i])
+        self.root, self.lowest = np.linalg.cholesky(dense), []
+
+    def observe(self, simulation, event):
+        """Takes in a step; where nothing attracts, there is nothing to be told."""
+        state, law = simulation.state, self.scheme.law
+        bend = law.curvature(state.position + self.scheme.height - state.displacement)
+        near = np.flatnonzero(bend)
+        if event.kind in ("step", "jump") and near.size:
+            matrix = (self.root[near].T * bend[near]) @ self.root[near]
+            self.lowest.append(1.0 + eigvalsh(matrix, subset_by_index=[0, 0])[0])

@@ -1,4 +1,4 @@
-"""Whole runs without files, for the tests of this folder and for scripts/validate.py: a scene in, its curve out."""
+"""Whole runs without files, for the tests of this folder and for scripts/studies/validation/errors.py: a scene in, its curve out."""
 
 from __future__ import annotations
 

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 from mpi4py import MPI
-from runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 from pgfmd.assemble import assemble
 from pgfmd.reference import jkr
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.solver.simulation import Observer
+from tests.physics.runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 
 class Areas(Observer):
@@ -45,7 +45,7 @@ def test_the_radius_of_a_sticky_sphere_tends_to_that_of_jkr_and_that_of_overlap_
     inside, where JKR's changes sign."""
     errors = []
     for n in (48, 96, 192):
-        simulation, force, contact, overlap, _, _, back = areas(
+        _, force, contact, overlap, _, _, back = areas(
             "hertz", f"grid.n={n}", "adhesion.law=cosine", "adhesion.range_factor=0.04", "drive.preload=0.2 mN",
             "solver.scheme=quasistatic",
         )  # fmt: skip

@@ -4,7 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from contact import (
+
+from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.reference import hertz, jkr, maugis
+from pgfmd.reference.cohesive_sphere import equilibrium
+from tests.physics.contact import (
     ABOUT,
     CELL,
     SPHERE,
@@ -17,11 +21,7 @@ from contact import (
     sticky_wave,
     viscoelastic_sphere,
 )
-from runs import CONTACT_MODULUS, WORK_OF_ADHESION
-
-from pgfmd.physics.cohesion import CohesiveLaw
-from pgfmd.reference import hertz, jkr, maugis
-from pgfmd.reference.cohesive_sphere import equilibrium
+from tests.physics.runs import CONTACT_MODULUS, WORK_OF_ADHESION
 
 LOADING, UNLOADING = ("approach",), ("turn", "retract")
 

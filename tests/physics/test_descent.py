@@ -7,10 +7,11 @@ from mpi4py import MPI
 
 from pgfmd.assemble import assemble
 from pgfmd.scene import load_scene
+from pgfmd.schemes.quasistatic.soft_mode import SoftMode
 from pgfmd.solver import contact_kernels, descent_kernels
 from pgfmd.solver.descent import FLAT, Descent, newton_step
 from pgfmd.solver.simulation import Observer
-from pgfmd.solver.soft_mode import SoftMode
+from tests.physics.dense import LowestCurvatures
 
 
 def scene(name, n, *changes):
@@ -149,26 +150,6 @@ def test_a_loop_takes_two_thirds_of_the_transforms_of_newtons_method():
     assert -state.pull_off_force == pytest.approx(3.1714e-3, rel=3e-3)
 
 
-class DenseCurvature(Observer):
-    """Observer that keeps the lowest curvature at the end of each step, of the whole matrix."""
-
-    def __init__(self, simulation):
-        points, self.scheme = simulation.points, simulation.scheme
-        dense, unit = np.zeros((points.size, points.size)), np.zeros(points.size)
-        for i in range(points.size):
-            unit[:], unit[i] = 0.0, 1.0
-            self.scheme.solver.convolve(unit, dense[i])
-        self.root, self.lowest = np.linalg.cholesky(dense), []
-
-    def observe(self, simulation, event):
-        state, law = simulation.state, self.scheme.law
-        gap = state.position + self.scheme.height - state.displacement
-        bend = law.stiffness * np.where(gap < 0, 1.0, np.where(gap < law.range, np.cos(np.pi * gap / law.range), 0.0))
-        near = np.flatnonzero(bend)
-        matrix = (self.root[near].T * bend[near]) @ self.root[near]
-        self.lowest.append(1.0 + scipy.linalg.eigvalsh(matrix, subset_by_index=[0, 0])[0])
-
-
 def test_three_iterations_find_saddles_that_one_would_pass(monkeypatch):
     lowest, pairs = [], []
     for blind in (False, True):
@@ -177,7 +158,7 @@ def test_three_iterations_find_saddles_that_one_would_pass(monkeypatch):
             monkeypatch.setattr(SoftMode, "most_iterations", 1)
             monkeypatch.setattr(SoftMode, "_softened", lambda *_: False)
         simulation = assemble(scene("hex-tack", 32, "drive.preload=5 mN", "solver.accuracy=0.03"), MPI.COMM_SELF)
-        watch = DenseCurvature(simulation)
+        watch = LowestCurvatures(simulation)
         earlier = simulation.scheme.pairs
         simulation.observers.append(watch)
         state = simulation.run()

@@ -6,7 +6,6 @@ What is left of an error is said beside each tolerance: h is the grid spacing, a
 import numpy as np
 import pytest
 from mpi4py import MPI
-from runs import CONTACT_MODULUS, RIGID, SINUSOID, WORK_OF_ADHESION, orders, radius_of_traction, run
 
 from pgfmd.assemble import convolution_of
 from pgfmd.physics.free_kernel import FreeHalfSpace
@@ -17,6 +16,7 @@ from pgfmd.solver.far_field import far_weights
 from pgfmd.solver.grid import Grid, PunchPoints
 from pgfmd.solver.multiplier import free_multiplier, periodic_multiplier
 from pgfmd.solver.transform import Convolution
+from tests.physics.runs import CONTACT_MODULUS, RIGID, SINUSOID, WORK_OF_ADHESION, orders, radius_of_traction, run
 
 SPHERE = 10e-3
 TENSION = np.pi * WORK_OF_ADHESION * SPHERE

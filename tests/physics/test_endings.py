@@ -47,7 +47,7 @@ def test_a_preload_below_rounding_is_an_error_and_the_cure_works(keys):
 
 def test_what_single_precision_cannot_balance_mixed_precision_can():
     tiny = ("flat-punch", "grid.n=8", QUASISTATIC, "drive.preload=1e-13 N")
-    with pytest.raises(RunError, match='Set solver.precision = "mixed"'):
+    with pytest.raises(RunError, match=r'Set solver\.precision = "mixed"'):
         finish(*tiny, "solver.precision=single")
     assert finish(*tiny, "solver.precision=mixed").state.preload == pytest.approx(1e-13, rel=1e-3)
 

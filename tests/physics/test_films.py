@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from runs import CONTACT_MODULUS, RIGID, SINUSOID, orders, run
 from scipy.integrate import quad
 
 from pgfmd.reference import film
+from tests.physics.runs import CONTACT_MODULUS, RIGID, SINUSOID, orders, run
 
 THICKNESS = 5.3 * 375e-6
 """Thickness [m] for which the radius of the punch is the paper's, a = h/5.3."""

@@ -6,9 +6,9 @@ adhesive zone at the rim is as wide as the range lets it be. At a fixed range fa
 
 import numpy as np
 import pytest
-from runs import CONTACT_MODULUS, RADIUS, RIGID, WORK_OF_ADHESION, orders, pull, run
 
 from pgfmd.reference import flat_punch
+from tests.physics.runs import CONTACT_MODULUS, RADIUS, RIGID, WORK_OF_ADHESION, orders, pull, run
 
 KENDALL = flat_punch.pull_off_force(RADIUS, CONTACT_MODULUS, WORK_OF_ADHESION)
 WORK = flat_punch.work_of_separation(RADIUS, WORK_OF_ADHESION)
@@ -57,13 +57,13 @@ def test_kendalls_pull_off_is_the_limit_of_short_ranges(elastic):
 
 def test_elastic_work_of_separation(elastic):
     """2 gamma A, what the contact stores until it breaks. Stiffness and pull-off are too small; their errors cancel."""
-    for one, tolerance in zip(elastic, (0.05, 0.04, 0.02)):
+    for one, tolerance in zip(elastic, (0.05, 0.04, 0.02), strict=True):
         assert one.work_of_separation() == pytest.approx(WORK, rel=tolerance)
 
 
 def test_work_of_separation_of_the_run_is_that_of_its_steps(elastic):
     """The audit's parabolas against trapezoids. Steps as long as the range: 3 % at n = 32 (end points: 20 %)."""
-    for one, tolerance in zip(elastic, (0.05, 0.03, 0.02)):
+    for one, tolerance in zip(elastic, (0.05, 0.03, 0.02), strict=True):
         assert one.state.energies.work_of_separation == pytest.approx(one.work_of_separation(), rel=tolerance)
 
 

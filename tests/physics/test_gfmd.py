@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 from mpi4py import MPI
-from runs import run
 
 from pgfmd import parts
 from pgfmd.assemble import assemble
 from pgfmd.errors import SceneError
 from pgfmd.scene import load_scene
+from pgfmd.schemes.gfmd.plugin import inertia_of_scene
+from tests.physics.runs import run
 
 FIVE = (
     "rheology.model=geometric", "rheology.elements=5", "rheology.time_ratio=6", "rheology.exponent=0.8",
@@ -115,9 +116,7 @@ def test_the_papers_rule_is_unstable_for_elastic_grids_above_128():
 
 
 def test_fast_pulls_shorten_the_step_and_keep_omega_dt():
-    slow, fast = (
-        parts.inertia_of_scene(load_scene("tri-tack", [GFMD, f"drive.speed={speed} um/s"])) for speed in (1, 1e5)
-    )
+    slow, fast = (inertia_of_scene(load_scene("tri-tack", [GFMD, f"drive.speed={speed} um/s"])) for speed in (1, 1e5))
     assert (slow.limited_by, fast.limited_by) == ("relaxation", "motion")
     assert slow.step == pytest.approx(20e-6) and slow.frequency == pytest.approx(2 * math.pi / 400e-6)
     scene = load_scene("tri-tack")

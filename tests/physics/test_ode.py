@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from dense import Massless, WithInertia
-from runs import run
+
+from tests.physics.dense import Massless, WithInertia
+from tests.physics.runs import run
 
 SMALL = ("grid.n=16", "punch.wavelength=300 um", "drive.speed=200 um/s", "drive.preload=4 mN", "output.energy=false")
 FIVE = (

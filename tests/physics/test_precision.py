@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from runs import run
+
+from tests.physics.runs import run
 
 SCENE = ("grid.n=48", "drive.speed=20 um/s", "drive.preload=10 mN")
 

@@ -8,12 +8,12 @@ import scipy.interpolate
 import scipy.linalg
 import scipy.optimize
 from mpi4py import MPI
-from runs import SINUSOID
 
 from pgfmd import parts
 from pgfmd.assemble import assemble
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.solver.simulation import Observer
+from tests.physics.runs import SINUSOID
 
 QUASISTATIC = "solver.scheme=quasistatic"
 
@@ -138,7 +138,7 @@ def test_unique_equilibria_are_those_of_another_minimiser(overrides):
     reference = WholePlane(scene)
     if "solver.modulus=instantaneous" in overrides:
         reference.root /= math.sqrt(250.0)
-    simulation, first = run(scene)
+    simulation, _ = run(scene)
     if "adhesion.law=repulsive" not in overrides:
         assert simulation.state.counters.jumps == 0
     preloaded = simulation.state.preload_time
@@ -227,7 +227,7 @@ def test_the_lowest_curvature_is_that_of_the_dense_matrix():
 
 def test_a_saddle_that_symmetry_holds_is_left():
     scene = flat_pair()
-    simulation, path = run(scene)
+    simulation, _ = run(scene)
     state = simulation.state
     assert state.counters.jumps > 0 and state.finished
     # Without the search, Newton's method keeps the symmetry of its start, and finds saddles.
@@ -287,7 +287,7 @@ def test_each_minimum_has_no_lower_place_beside_it():
 def test_other_precisions_release_the_same(precision):
     common = ["grid.n=32", QUASISTATIC, "drive.preload=2 mN", "solver.accuracy=0.02"]
     double, _ = run(load_scene("hex-tack", common))
-    other, path = run(load_scene("hex-tack", [*common, f"solver.precision={precision}"]))
+    other, _ = run(load_scene("hex-tack", [*common, f"solver.precision={precision}"]))
     energies, expected = other.state.energies, double.state.energies
     assert energies.released == pytest.approx(expected.released, rel=0.1)
     assert abs(energies.residual) < 0.06 * energies.released
@@ -327,7 +327,7 @@ def test_a_spring_leaves_the_curve_of_the_punch_and_opens_the_loop():
 
 def test_a_dead_load_pulls_off_at_the_largest_tension():
     common = ["grid.n=32", QUASISTATIC, "drive.preload=2 mN", "solver.accuracy=3e-3"]
-    driven, path = run(load_scene("hex-tack", common))
+    driven, _ = run(load_scene("hex-tack", common))
     loaded, path_of_load = run(load_scene("hex-tack", [*common, "drive.control=load"]))
     assert loaded.state.finished == driven.state.finished == "detached"
     assert loaded.state.preload == pytest.approx(2e-3, rel=1e-3)
@@ -386,11 +386,11 @@ def test_a_run_without_jumps_comes_back_as_it_went(name, n, accuracy):
 
 def test_the_instantaneous_body_is_a_stiffer_one():
     common = ["grid.n=32", QUASISTATIC, "adhesion.law=repulsive", "adhesion.range=0.2 um", "solver.accuracy=1e-4"]
-    soft, path = run(load_scene("flat-punch", [*common, "drive.preload=1 mN"]))
-    hard, other = run(load_scene("flat-punch", [*common, "drive.preload=1 mN", "solver.modulus=instantaneous"]))
+    _, path = run(load_scene("flat-punch", [*common, "drive.preload=1 mN"]))
+    _, other = run(load_scene("flat-punch", [*common, "drive.preload=1 mN", "solver.modulus=instantaneous"]))
     kappa = parts.series_of(load_scene("flat-punch", common).rheology).kappa_inf
     # The same body with another modulus.
-    changed, third = run(
+    _, third = run(
         load_scene("flat-punch", [*common, "drive.preload=1 mN", f"substrate.youngs_modulus={2 * kappa} MPa"])
     )
     deepest = [-min(row[0] for row in each.rows) for each in (path, other, third)]

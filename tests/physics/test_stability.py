@@ -1,13 +1,14 @@
 """Runs far from the shipped scenes end with a finite result, a force of zero, and an energy audit that closes.
 
-A subset of the table of scripts/stability.py, on small grids, odd and prime ones among them.
+A subset of the table of scripts/studies/stability/run.py, on small grids, odd and prime ones among them.
 """
 
 import math
 
 import numpy as np
 import pytest
-from runs import run
+
+from tests.physics.runs import run
 
 ELASTIC = "rheology.model=elastic"
 JITTER = "punch.height_jitter=50 nm"

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mpi4py import MPI
-from runs import run
 
 from pgfmd.errors import RunError, SceneError
 from pgfmd.output.record import record_of
@@ -16,8 +15,9 @@ from pgfmd.physics.drive import OVERSHOOT, Drive, Phase, automatic_turn
 from pgfmd.restart.history import History
 from pgfmd.restart.scene_changes import review
 from pgfmd.scene import load_scene
-from pgfmd.schemes.energy_audit import tension_of
-from pgfmd.solver.retardation import IMPLICIT_EULER
+from pgfmd.schemes.inertialess.audit import tension_of
+from pgfmd.schemes.inertialess.retardation import IMPLICIT_EULER
+from tests.physics.runs import run
 
 FEW = ("grid.n=32", "drive.speed=1 um/s", "solver.accuracy=0.003")
 TACK, PUNCH = ("tri-tack", *FEW, "drive.preload=1 mN"), ("flat-punch", *FEW, "drive.preload=5 mN")
@@ -97,7 +97,7 @@ def test_a_turn_that_follows_a_changed_speed_may_change_along():
     before, faster, allow = ["drive.dwell=1 s"], ["drive.retract_speed=5 um/s"], ("drive.retract_speed",)
     old = load_scene("tri-tack", before).drive.turn_time
     assert set(review_of(0, faster, allow)) == {"drive.retract_speed", "drive.turn_time"}
-    with pytest.raises(SceneError, match="--allow drive.turn_time"):
+    with pytest.raises(SceneError, match=r"--allow drive\.turn_time"):
         review_of(0, [*faster, "drive.turn_time=1 s"], allow)
     # In the dwell half of the turn is over, and as it was.
     with pytest.raises(SceneError, match=f'the dwell has begun: keep drive.turn_time = "{old!r} s"'):
@@ -108,7 +108,7 @@ def test_a_turn_that_follows_a_changed_speed_may_change_along():
 def test_a_start_beyond_the_preload_is_refused():
     start = ("hertz", "grid.n=16", "drive.clearance=-20 um")
     for scheme in ("inertialess", "quasistatic"):
-        with pytest.raises(RunError, match="force is 0.03.*more than drive.preload = 1e-05 N.*Raise drive.preload"):
+        with pytest.raises(RunError, match=r"force is 0\.03.*more than drive\.preload = 1e-05 N.*Raise drive\.preload"):
             run(*start, f"solver.scheme={scheme}", "drive.preload=10 uN")
     begun = run(*start, "drive.preload=40 mN")
     assert begun.state.finished == "detached" and begun.state.preload == pytest.approx(0.04, rel=1e-3)

@@ -1,5 +1,6 @@
 """Viscoelastic contact: a mode, a sinusoid and Lee-Radok's sphere in closed form; tack tests against tighter runs."""
 
+import itertools
 import math
 
 import numpy as np
@@ -11,7 +12,7 @@ from pgfmd.physics.drive import Phase
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import prony, sinusoid, ting
 from pgfmd.scene import load_scene, scene_from_mapping
-from pgfmd.solver.retardation import SDIRK2, step_weights
+from pgfmd.schemes.inertialess.retardation import SDIRK2, step_weights
 from pgfmd.solver.simulation import Observer
 
 MODULUS, POISSON = 2e6, 0.495
@@ -259,8 +260,8 @@ def test_error_of_the_sinusoid_falls_with_the_accuracy(name):
         # The audit counts from the first state, which is in contact already.
         audit.append(state.energies.largest_residual / state.energies.viscous)
     assert errors[0] < 5e-3
-    assert all(fine < 0.5 * coarse for coarse, fine in zip(errors, errors[1:], strict=False))
-    assert audit[0] < 0.01 and all(fine < 0.5 * coarse for coarse, fine in zip(audit, audit[1:], strict=False))
+    assert all(fine < 0.5 * coarse for coarse, fine in itertools.pairwise(errors))
+    assert audit[0] < 0.01 and all(fine < 0.5 * coarse for coarse, fine in itertools.pairwise(audit))
 
 
 # A sphere, while its contact grows -----------------------------------------------------------------------------------

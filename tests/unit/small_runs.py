@@ -4,22 +4,27 @@ import math
 from pathlib import Path
 
 from mpi4py import MPI
-from stopper import StopAfter
 
 import pgfmd.runner
+from pgfmd.errors import Stopped
 from pgfmd.files.hdf5 import open_serial
-from pgfmd.restart.keeper import Stopped, Timing
+from pgfmd.restart.keeper import Timing
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
+from tests.stopper import StopAfter
 
 SCENE = ("tri-tack", "grid.n=24", "drive.preload=1 mN", 'output.snapshots=["1 s"]')
 """About 70 steps, the preload at the 43rd; snapshots at 1 s, the preload, and the largest tension."""
 
 
-def run(folder: Path, *changes: str, stop_after: float = math.inf, every: float = 600.0) -> Path:
-    """Runs SCENE into a folder, until it is finished or has made so many steps; returns the folder."""
+def run(
+    folder: Path, *changes: str, stop_after: float = math.inf, every: float = 600.0, stop_for: int = StopAfter.number
+) -> Path:
+    """Runs SCENE into a folder, until it is finished or has made so many steps; returns the folder. stop_for: number of
+    a signal, or keeper.OUT_OF_TIME."""
     source, *others = SCENE
-    before, pgfmd.runner.StopSignals, StopAfter.steps = pgfmd.runner.StopSignals, StopAfter, stop_after
+    before, pgfmd.runner.StopSignals = pgfmd.runner.StopSignals, StopAfter
+    StopAfter.steps, StopAfter.number = stop_after, stop_for
     try:
         scene = load_scene(source, [*others, *changes])
         run_scene(scene, MPI.COMM_SELF, folder, lambda line: None, Options(timing=Timing(every)))

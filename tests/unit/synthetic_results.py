@@ -3,6 +3,7 @@
 Hertz's pressure and closed-form gap, shifted by a constant pull, so that the numbers have the right look and size.
 """
 
+import itertools
 import json
 from pathlib import Path
 
@@ -28,7 +29,7 @@ GAPS = ("contact_gap_m", "near_gap_m")
 def history(rows: int) -> list[CurveRow]:
     """Approach to 20 um, short turn and dwell, retraction with a larger pull."""
     found = []
-    for k, s in enumerate(np.linspace(0, 1, rows)):
+    for s in np.linspace(0, 1, rows):
         indentation = 1e-6 * (-4 + 24 * s / 0.4 if s < 0.4 else 20 if s < 0.5 else 20 - 32 * (s - 0.5) / 0.5)
         phase = "approach" if s < 0.38 else "turn" if s < 0.4 else "dwell" if s < 0.5 else "retract"
         way_back = max(s - 0.5, 0) / 0.5
@@ -114,7 +115,7 @@ def as_version_0_1(folder: Path) -> Path:
 def write_energy(file: TableFile, found: list[CurveRow]) -> None:
     """Work of the punch by the trapezoidal rule; the other terms of about the size and course of a real audit."""
     work = viscous = released = 0.0
-    for before, row in zip(found, found[1:]):
+    for before, row in itertools.pairwise(found):
         work += 0.5 * (row.force + before.force) * (row.indentation - before.indentation)
         elastic = 0.4 * row.force * max(row.indentation, 0.0)
         adhesive = -0.05 * row.contact_area
@@ -127,7 +128,7 @@ def write_energy(file: TableFile, found: list[CurveRow]) -> None:
 def write_contact(directory: Path, comm, found: list[CurveRow]) -> None:
     """One patch and one summit, in contact while there is an area; the loss of it is a jump."""
     sites, patches, events = (TableFile(table, directory / table.file, comm) for table in (SITES, PATCHES, EVENTS))
-    for before, row in zip(found, found[1:]):
+    for before, row in itertools.pairwise(found):
         joins, leaves = row.contact_area > 0 == before.contact_area, before.contact_area > 0 == row.contact_area
         if joins or leaves:
             site = ("summit", 0, 0.0, 0.0, "joins" if joins else "leaves", joins, 1)

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from analysis_loops import MODULUS, WORK, loop_of
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
@@ -16,6 +15,7 @@ from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import jkr
 from pgfmd.results.curve import measure
 from pgfmd.scene import load_scene
+from tests.unit.analysis_loops import MODULUS, WORK, loop_of
 
 RADIUS = 140e-6
 STRENGTH = math.pi * WORK / (2 * 0.5e-6)
@@ -35,7 +35,7 @@ def crack_law():
     return CrackLaw(SERIES, MODULUS, WORK, STRENGTH)
 
 
-@pytest.mark.parametrize("name, count, factor", [("tri-tack", 23, 9 / 8), ("hex-tack", 42, 9 / 4)])
+@pytest.mark.parametrize(("name", "count", "factor"), [("tri-tack", 23, 9 / 8), ("hex-tack", 42, 9 / 4)])
 def test_summits_of_the_papers_punches(name, count, factor):
     scene = load_scene(name, ["grid.n=64"])
     found = summits_of(scene)
@@ -43,7 +43,7 @@ def test_summits_of_the_papers_punches(name, count, factor):
     assert len(found) == count
     np.testing.assert_allclose(found.radius, expected, rtol=1e-4)
     assert np.ptp(found.height) < 1e-15 and np.hypot(found.x, found.y).max() <= 375e-6
-    nearest = [np.sort(np.hypot(found.x - x, found.y - y))[1] for x, y in zip(found.x, found.y)]
+    nearest = [np.sort(np.hypot(found.x - x, found.y - y))[1] for x, y in zip(found.x, found.y, strict=True)]
     spacing = scene.punch.wavelength / (1 if name == "tri-tack" else math.sqrt(3))
     np.testing.assert_allclose(nearest, spacing, rtol=1e-9)
 
@@ -90,7 +90,7 @@ def test_equal_summits_give_so_many_times_jkr(count):
             assert loop.force[k] == 0.0
             continue
         # The stable branch has the contact radii beyond that of the end.
-        radius = brentq(lambda a: jkr.indentation(a, RADIUS, MODULUS, WORK) - depth, end.contact_radius, RADIUS)
+        radius = brentq(lambda a, d=depth: jkr.indentation(a, RADIUS, MODULUS, WORK) - d, end.contact_radius, RADIUS)
         expected = count * float(jkr.force(radius, RADIUS, MODULUS, WORK))
         assert loop.force[k] == pytest.approx(expected, rel=0, abs=1e-6 * preload)
     assert loop.force.max() == pytest.approx(preload, rel=1e-6)

@@ -5,9 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from analysis_loops import flat_punch_loop, loop_of, triangle, write_folder
 from matplotlib.image import imread
-from small_runs import run
 from typer.testing import CliRunner
 
 from pgfmd.analysis import pictures
@@ -17,6 +15,8 @@ from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
 from pgfmd.errors import ResultError
 from pgfmd.scene import shipped_text
+from tests.unit.analysis_loops import flat_punch_loop, loop_of, triangle, write_folder
+from tests.unit.small_runs import run
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_a_run_that_has_just_begun_is_analysed_as_far_as_it_goes(tmp_path):
 
 def measured(path, loop, stiffness):
     """A measurement of a loop with a machine of this stiffness [N/m]."""
-    rows = zip((1e6 * (loop.indentation + loop.force / stiffness)).tolist(), (1e3 * loop.force).tolist())
+    rows = zip((1e6 * (loop.indentation + loop.force / stiffness)).tolist(), (1e3 * loop.force).tolist(), strict=True)
     path.write_text("displacement (um),force (mN)\n" + "".join(f"{x!r},{f!r}\n" for x, f in rows))
     return path
 

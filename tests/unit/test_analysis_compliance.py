@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from analysis_loops import flat_punch_loop, loop_of, triangle, write_folder
 from mpi4py import MPI
 
 from pgfmd.analysis.comparison import fitted_offset, overlay, rms_difference
@@ -17,6 +16,7 @@ from pgfmd.results import load
 from pgfmd.results.curve import Loop, net_work
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
+from tests.unit.analysis_loops import flat_punch_loop, loop_of, triangle, write_folder
 
 
 def some_loop(stiffness=3e3, scatter=0.0):

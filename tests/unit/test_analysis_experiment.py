@@ -49,7 +49,7 @@ def test_signs_are_told_and_a_contradiction_is_refused(tmp_path):
     turned = read_experiment(path, "out", "tension")
     np.testing.assert_array_equal(turned.force, plain.force)
     np.testing.assert_array_equal(turned.indentation, plain.indentation)
-    with pytest.raises(MeasurementError, match="--positive-displacement in|out"):
+    with pytest.raises(MeasurementError, match=r"--positive-displacement in\|out"):
         read_experiment(path, "out", "compression")
     with pytest.raises(ValueError, match="'in' or 'out'"):
         read_experiment(path, "up")
@@ -63,7 +63,7 @@ def test_a_curve_of_pgfmd_itself_is_a_measurement_too(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "header, rows, words",
+    ("header", "rows", "words"),
     [
         ("displacement,force (mN)", ROWS, "column 'displacement': expected a unit of length, found none"),
         ("displacement (mN),force (mN)", ROWS, '"1 mN" is a force'),
@@ -102,7 +102,7 @@ def test_empty_cells_at_the_end_and_equal_times_are_fine(tmp_path):
 
 def test_cells_beyond_the_header_need_a_name_where_commas_part_nothing(tmp_path):
     path = write(tmp_path / "exp.csv", "displacement (um);force (mN)", ROWS, ";")
-    with pytest.raises(MeasurementError, match="found 3 .*; give every column a name in the header"):
+    with pytest.raises(MeasurementError, match=r"found 3 .*; give every column a name in the header"):
         read_experiment(path)
 
 
@@ -113,11 +113,11 @@ def test_many_wrong_lines_are_counted(tmp_path):
 
 
 def test_files_that_are_no_tables(tmp_path):
-    with pytest.raises(MeasurementError, match="missing.csv: could not be read"):
+    with pytest.raises(MeasurementError, match=r"missing\.csv: could not be read"):
         read_experiment(tmp_path / "missing.csv")
     (tmp_path / "empty.csv").write_text("\n# nothing\n")
     with pytest.raises(MeasurementError, match="found an empty file"):
         read_experiment(tmp_path / "empty.csv")
     (tmp_path / "raw.csv").write_bytes(b"\x00\x81\xff\x00")
-    with pytest.raises(MeasurementError, match="raw.csv: could not be read: not a text file"):
+    with pytest.raises(MeasurementError, match=r"raw\.csv: could not be read: not a text file"):
         read_experiment(tmp_path / "raw.csv")

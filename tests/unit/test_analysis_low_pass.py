@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from analysis_loops import loop_of, triangle
 
 from pgfmd.analysis.low_pass import filtered, low_pass
+from tests.unit.analysis_loops import loop_of, triangle
 
 RESOLUTION = 1e-7
 

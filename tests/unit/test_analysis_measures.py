@@ -5,8 +5,6 @@ import shutil
 
 import numpy as np
 import pytest
-from analysis_loops import MODULUS, PUNCH, WORK, flat_punch_loop, loop_of, triangle, write_folder
-from small_runs import run
 
 from pgfmd.analysis.bulges import bulges
 from pgfmd.analysis.contact_stiffness import stiffness_at, stiffness_table, unloading_stiffness
@@ -16,6 +14,8 @@ from pgfmd.reference import flat_punch, hertz
 from pgfmd.results import load
 from pgfmd.results.curve import Loop, dip, measure, net_work, net_work_of_rows, separation_of_rows, work_of_separation
 from pgfmd.results.sites import site_loads
+from tests.unit.analysis_loops import MODULUS, PUNCH, WORK, flat_punch_loop, loop_of, triangle, write_folder
+from tests.unit.small_runs import run
 
 
 @pytest.fixture(scope="module")

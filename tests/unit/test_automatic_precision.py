@@ -4,7 +4,6 @@ import json
 
 import pytest
 from mpi4py import MPI
-from small_runs import SCENE, run
 
 from pgfmd.commands.check import report
 from pgfmd.errors import SceneError
@@ -18,6 +17,7 @@ from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, parse_scene, shipped_scenes
 from pgfmd.scene import precision as rule
 from pgfmd.scene.precision import FINEST_MIXED, LEAST_SIDE, best_precision
+from tests.unit.small_runs import SCENE, run
 
 AUTO, DOUBLE, MIXED = (f"solver.precision={name}" for name in ("auto", "double", "mixed"))
 LARGE = f"grid.n={LEAST_SIDE}"
@@ -127,7 +127,7 @@ def test_a_run_that_goes_on_keeps_the_precision_that_it_began_with(tmp_path, mon
     monkeypatch.setattr(rule, "LEAST_SIDE", {"double": 1, "mixed": 100}[began])
     other = chosen(*SCENE[1:])
     assert other != began
-    with pytest.raises(SceneError, match="solver.precision = "):
+    with pytest.raises(SceneError, match=r"solver\.precision = "):
         run_scene(
             load_scene(SCENE[0], [*SCENE[1:], f"solver.precision={other}"]), MPI.COMM_SELF, folder, print,
             Options(allow=("solver",)),

@@ -202,7 +202,7 @@ def test_memory_of_the_largest_grid_shrinks_with_the_ranks(n, more):
         assert tracemalloc.get_traced_memory()[1] < 20e6
     finally:
         tracemalloc.stop()
-    for memory, count in zip(found, ranks):
+    for memory, count in zip(found, ranks, strict=True):
         assert memory.peak < 1.5 * found[0].peak / count
     # All points under the punch, or a half that stands for them, twenty numbers each.
     assert found[0].peak > 20 * 8 * math.pi / 16 * n**2 / 2 ** len(expected(scene).mirror)

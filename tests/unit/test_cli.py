@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -12,13 +13,11 @@ import pytest
 import pgfmd
 from pgfmd.forecast.advice import warnings as warnings_of
 from pgfmd.host import launch
+from pgfmd.host.launchers import LEFT_BEHIND, environment_without
 from pgfmd.scene import load_scene, shipped_scenes, shipped_text
-
-sys.path.insert(0, str(Path(__file__).parent))
-from synthetic_results import write_results
+from tests.unit.synthetic_results import write_results
 
 HEAVY = ("mpi4py.MPI", "numba", "h5py", "matplotlib")
-LAUNCHERS = ("OMPI_COMM", "PMIX_", "PMI_", "SLURM_")
 
 
 def pgfmd_command(arguments: list[str], folder: Path, **variables: str) -> subprocess.CompletedProcess:
@@ -30,7 +29,7 @@ def pgfmd_command(arguments: list[str], folder: Path, **variables: str) -> subpr
         "from pgfmd.cli import main\n"
         "main()"
     )
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)}
+    environment = {name: value for name, value in environment_without().items() if not name.startswith("SLURM_")}
     environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "COLUMNS": "100"} | variables
     command = [sys.executable, "-c", script, *arguments]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=100)
@@ -50,6 +49,15 @@ def test_light_commands_load_nothing_heavy(arguments, tmp_path):
 
 def test_version(tmp_path):
     assert pgfmd_command(["--version"], tmp_path).stdout.strip() == pgfmd.__version__
+
+
+def test_the_version_is_the_same_wherever_it_is_written():
+    root = Path(__file__).parents[2]
+    declared = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    cited = re.search(r"^version: (.+)$", (root / "CITATION.cff").read_text(encoding="utf-8"), re.M)[1]
+    newest = re.search(r"^## (\S+)$", (root / "docs" / "changelog.md").read_text(encoding="utf-8"), re.M)[1]
+    assert declared == cited == pgfmd.__version__
+    assert declared.removesuffix(".0") == newest
 
 
 def test_init_writes_the_commented_scene_that_check_and_run_read(tmp_path):
@@ -195,7 +203,7 @@ def test_other_processes_leave_single_commands_alone(tmp_path):
 
 def test_launched_reads_the_environment(monkeypatch):
     for name in list(os.environ):
-        if name.startswith(LAUNCHERS):
+        if name.startswith((*LEFT_BEHIND, "SLURM_")):
             monkeypatch.delenv(name)
     assert launch.launched() == (1, 0)
     monkeypatch.setenv("SLURM_NTASKS", "8")  # an allocation, not a step

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_runs import SCENE, run
-from synthetic_results import as_version_0_1
 from typer.testing import CliRunner
 
 from pgfmd.analysis.contact_table import Face
@@ -18,11 +16,13 @@ from pgfmd.files.hdf5 import open_serial
 from pgfmd.results import load
 from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 from pgfmd.results.verify import verify
-from pgfmd.study.cases import cases_of
-from pgfmd.study.pictures import Plan, measures_figure
-from pgfmd.study.standing import standing_of
-from pgfmd.study.study_file import study_from_mapping
-from pgfmd.study.table import AREAS, COLUMNS, GAPS, overview, remarks, rows_of, write_table
+from pgfmd.studies.cases import cases_of
+from pgfmd.studies.pictures import Plan, measures_figure
+from pgfmd.studies.standing import standing_of
+from pgfmd.studies.study_file import study_from_mapping
+from pgfmd.studies.table import AREAS, COLUMNS, GAPS, overview, remarks, rows_of, write_table
+from tests.unit.small_runs import SCENE, run
+from tests.unit.synthetic_results import as_version_0_1
 
 
 @pytest.fixture(scope="module")

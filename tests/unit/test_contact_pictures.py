@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from synthetic_results import CONTACT_GAP, NEAR_GAP, as_version_0_1, history, write_results
 from typer.testing import CliRunner
 
 from pgfmd.cli import app
@@ -12,6 +11,7 @@ from pgfmd.plots import folder as plots
 from pgfmd.plots.maps import FOUR_GREYS, GREYS, class_numbers, contact_figure, gap_classes
 from pgfmd.plots.sites import site_figure
 from pgfmd.results import load
+from tests.unit.synthetic_results import CONTACT_GAP, NEAR_GAP, as_version_0_1, history, write_results
 
 RANGE_HALF, NEAR = 264e-9, 500e-9
 
@@ -32,7 +32,7 @@ def test_greys_are_told_apart_in_print(greys):
 
 
 @pytest.mark.parametrize(
-    "thresholds, labels, greys",
+    ("thresholds", "labels", "greys"),
     [
         ((RANGE_HALF, NEAR), ["overlap (gap < 0)", "contact (gap < 264 nm)", "near (gap < 500 nm)", "open"],
          FOUR_GREYS),

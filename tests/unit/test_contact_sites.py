@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from small_runs import run
 
 from pgfmd import load
 from pgfmd.physics import contact_sites as module
 from pgfmd.physics.contact_sites import KINDS, contact_sites
 from pgfmd.physics.persistence import critical_points
 from pgfmd.physics.topography import Topography
+from tests.unit.small_runs import run
 
 WAVE, RADIUS = 150e-6, 375e-6
 SADDLE_HEIGHT = {"hexagonal": 2 / 9, "triangular": 16 / 9}
@@ -107,7 +107,7 @@ def test_a_sinusoid_has_a_site_for_each_ridge_and_trough():
 
 
 @pytest.mark.parametrize(
-    "face, names",
+    ("face", "names"),
     [
         (Topography("flat", radius=RADIUS), []),
         (Topography("flat", radius=RADIUS, curvature_radius=0.05), ["summit"]),
@@ -158,7 +158,7 @@ def farthest(found, known):
 
 @pytest.mark.parametrize("curvature_radius", [math.inf, 50e-3, -50e-3])
 @pytest.mark.parametrize("pattern", PLACES)
-@pytest.mark.parametrize("count, size", [(301, 0.9e-3), (500, 1.2e-3)])
+@pytest.mark.parametrize(("count", "size"), [(301, 0.9e-3), (500, 1.2e-3)])
 def test_a_map_has_the_sites_of_the_formula_with_noise_and_without(tmp_path, pattern, curvature_radius, count, size):
     face = corrugated(pattern, radius=CLEAR, curvature_radius=curvature_radius)
     known = contact_sites(face)
@@ -343,7 +343,7 @@ def test_a_rough_periodic_map_obeys_euler_wherever_the_cell_begins(tmp_path):
 
 
 def test_maps_that_can_not_be_used(tmp_path):
-    with pytest.raises(ValueError, match="file_relief = -1.0"):
+    with pytest.raises(ValueError, match=r"file_relief = -1\.0"):
         map_of(tmp_path, np.ones((4, 4)), 1.0, file_relief=-1.0)
     with pytest.raises(ValueError, match="less than the punch"):
         contact_sites(map_of(tmp_path, np.ones((4, 4)), 1.0, 0.6))

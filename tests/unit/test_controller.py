@@ -7,7 +7,7 @@ import pytest
 
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import PRELOAD, Phase
-from pgfmd.solver.controller import ENERGY_CUT, MOST_REPEATS, Controller, StepLimits
+from pgfmd.schemes.inertialess.controller import ENERGY_CUT, MOST_REPEATS, Controller, StepLimits
 from pgfmd.solver.extrapolation import integral
 from pgfmd.solver.preload_search import PRELOAD_TOLERANCE, Bracket
 from pgfmd.solver.state import State
@@ -94,7 +94,7 @@ def test_without_attraction_nothing_jumps():
 
 def test_a_surface_without_equilibrium_is_an_error_and_not_a_hang():
     scheme = Surface(lambda step: math.inf)
-    with pytest.raises(RunError, match="no equilibrium.*Give it up"):
+    with pytest.raises(RunError, match=r"no equilibrium.*Give it up"):
         controller(scheme).advance(state(0.1), RETRACT)
     assert len(scheme.tried) <= Controller.largest_try_count
 

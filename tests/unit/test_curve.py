@@ -5,13 +5,13 @@ import shutil
 
 import numpy as np
 import pytest
-from analysis_loops import loop_of, write_folder
-from small_runs import run
 
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE, EVENTS
 from pgfmd.results import load
 from pgfmd.results.curve import SAME_STEP, Loop, net_work_of_rows, rows_of_jumps
+from tests.unit.analysis_loops import loop_of, write_folder
+from tests.unit.small_runs import run
 
 SCENE = "[solver]\naccuracy = 0.01\n"
 
@@ -25,7 +25,7 @@ def jumpy(tmp_path_factory):
 def cells(folder, table):
     """The texts of a table's cells, by title."""
     header, *lines = (folder / table.file).read_text().splitlines()
-    return dict(zip(header.split(","), zip(*(line.split(",") for line in lines)), strict=True))
+    return dict(zip(header.split(","), zip(*(line.split(",") for line in lines), strict=True), strict=True))
 
 
 def test_both_tables_write_a_step_with_the_same_letters_and_each_jump_finds_its_row(jumpy):

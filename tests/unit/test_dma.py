@@ -36,7 +36,8 @@ HEADERS = {
 @pytest.mark.parametrize("header", HEADERS)
 def test_columns_and_units(tmp_path, header):
     (sweep,) = read(tmp_path, table(header))
-    for values, column, factor in zip((sweep.omega, sweep.storage, sweep.loss), zip(*ROWS), HEADERS[header]):
+    columns = zip(*ROWS, strict=True)
+    for values, column, factor in zip((sweep.omega, sweep.storage, sweep.loss), columns, HEADERS[header], strict=True):
         np.testing.assert_allclose(values, factor * np.array(column), rtol=1e-15)
     assert sweep.temperature is None
 
@@ -135,12 +136,12 @@ def test_many_wrong_lines_are_not_all_listed(tmp_path):
 
 def test_a_drifting_temperature_is_no_sweep(tmp_path):
     rows = [(20 + 0.4 * k, 1 + k, 2, 1) for k in range(20)]
-    with pytest.raises(MeasurementError, match="one that drifts from 20 to 27.6 C"):
+    with pytest.raises(MeasurementError, match=r"one that drifts from 20 to 27\.6 C"):
         read(tmp_path, table("T (C),f (Hz),E' (MPa),E'' (MPa)", rows))
 
 
 def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(MeasurementError, match="nothing.csv: could not be read: No such file"):
+    with pytest.raises(MeasurementError, match=r"nothing\.csv: could not be read: No such file"):
         read_dma(tmp_path / "nothing.csv")
 
 

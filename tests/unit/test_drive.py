@@ -1,5 +1,6 @@
 """The loading programme: no jump in position or velocity, the stated overshoot and dwell."""
 
+import itertools
 import math
 
 import numpy as np
@@ -32,7 +33,7 @@ def played(drive, times):
 @pytest.mark.parametrize("name", DRIVES)
 def test_velocity_is_continuous_from_phase_to_phase(name):
     phases = DRIVES[name].phases
-    for before, after in zip(phases, phases[1:], strict=False):
+    for before, after in itertools.pairwise(phases):
         assert before.velocity_end == after.velocity_start
     assert phases[0].velocity_start == -DRIVES[name].speed
     assert phases[-1].velocity_end == DRIVES[name].retract_speed

@@ -5,8 +5,6 @@ import shutil
 import numpy as np
 import pytest
 from mpi4py import MPI
-from small_runs import run
-from synthetic_results import as_version_0_1
 from typer.testing import CliRunner
 
 from pgfmd.analysis.summary import analyse
@@ -20,6 +18,8 @@ from pgfmd.results.status import status_of
 from pgfmd.results.verify import verify
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
+from tests.unit.small_runs import run
+from tests.unit.synthetic_results import as_version_0_1
 
 SCENE = ("tri-tack", ["grid.n=24", "drive.preload=1 mN", 'output.snapshots=["1 s"]'])
 """That of small_runs."""
@@ -82,7 +82,7 @@ def test_an_earlier_run_is_not_gone_on_with(tmp_path):
     stopped = run(tmp_path / "out", stop_after=20)
     as_version_0_1(stopped)
     before = {path.name: path.read_bytes() for path in stopped.iterdir() if path.is_file()}
-    with pytest.raises(ResultError, match="version 0.1 of pgfmd.*can't go on.*--fresh"):
+    with pytest.raises(ResultError, match=r"version 0\.1 of pgfmd.*can't go on.*--fresh"):
         run_scene(load_scene(*SCENE), MPI.COMM_SELF, stopped, lambda line: None)
     assert {path.name: path.read_bytes() for path in stopped.iterdir() if path.is_file()} == before
     (told,) = status_of(stopped).warnings

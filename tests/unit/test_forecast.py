@@ -1,8 +1,6 @@
 """What a scene will cost: the forecast against counted runs, its parts against closed forms, and what is run ahead."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,10 +16,8 @@ from pgfmd.output.ahead import met, run_ahead
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.scene import load_scene
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from forecast_scenes import CASES, FIT, JUDGE
-from forecast_table import TABLE, rows_of
+from scripts.studies.forecast.scenes import CASES, FIT, JUDGE
+from scripts.studies.forecast.table import TABLE, rows_of
 
 EARLY = 'output.snapshots=["0.5 t_pl"]'
 

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from test_kernels import LAWS, RHO, SHARES, close, numbers, row_maxima, row_sums
 
-from pgfmd.solver import contact_kernels, drift_kernels, kernels, retardation_kernels
+from pgfmd.schemes.inertialess import retardation_kernels
+from pgfmd.solver import contact_kernels, drift_kernels, kernels
 from pgfmd.solver.grid import Grid, PunchPoints
+from tests.unit.test_kernels import LAWS, RHO, SHARES, close, numbers, row_maxima, row_sums
 
 ROUNDING = {"float32": 3e-6, "float64": 2e-14}
 
@@ -40,7 +41,7 @@ def test_survey(points, rng, dtype):
     rows = np.full((4, points.rows), np.nan)
     kernels.survey(z, r, k, points.offset, rows)
     a, b, stiff = (values.astype(float) for values in (z, r, k))
-    for found, expected in zip(rows, (a * b, a * stiff * a, stiff * a)):
+    for found, expected in zip(rows[:3], (a * b, a * stiff * a, stiff * a), strict=True):
         close(found, row_sums(expected, points), 1e2)
     near = row_maxima(np.where(stiff != 0.0, np.abs(a), 0.0), points, 0.0)
     np.testing.assert_array_equal(rows[3], near)
@@ -59,9 +60,9 @@ def test_turn_and_advance(points, rng, dtype, first, last):
     rest = r - alpha * (turned[1] + k * turned[0])
     before = [values.copy() for values in (p, y, r)]
     kernels.turn_and_advance(z, beta, alpha, k, p, y, s, t, r, first, last, rows)
-    for found, expected in zip((s, t), moved):
+    for found, expected in zip((s, t), moved, strict=True):
         close(found, expected, 10.0, ROUNDING[dtype])
-    for found, expected, kept in zip((p, y, r), (*turned, rest), before):
+    for found, expected, kept in zip((p, y, r), (*turned, rest), before, strict=True):
         if last:
             np.testing.assert_array_equal(found, kept)
         else:

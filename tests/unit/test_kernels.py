@@ -1,12 +1,14 @@
 """Every compiled kernel against a few lines of NumPy: odd sizes, rows without points, ranks without rows."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from pgfmd.physics.cohesion import CohesiveLaw
-from pgfmd.solver import contact_kernels, kernels, retardation_kernels, transform_kernels
+from pgfmd.schemes.inertialess import retardation_kernels
+from pgfmd.solver import contact_kernels, kernels, transform_kernels
 from pgfmd.solver.grid import Grid, PunchPoints
 
 GAMMA, RHO = 0.05, 0.75e-6
@@ -121,7 +123,7 @@ def test_rows_become_tiles_columns_are_loaded_from_them_multiplied_and_stored(ro
     nb, before = ends[-1], 2
     hat = rng.standard_normal((nb, before + width)) + 1j * rng.standard_normal((nb, before + width))
     tiles = np.full(nb * width, np.nan, dtype=complex)
-    for first, last in zip(ends[:-1], ends[1:], strict=True):
+    for first, last in itertools.pairwise(ends):
         block = tiles[first * width : last * width]
         for row in range(0, last - first, 3):
             some = hat[first + row : min(first + row + 3, last)]
@@ -152,7 +154,7 @@ def test_rows_become_tiles_columns_are_loaded_from_them_multiplied_and_stored(ro
             np.testing.assert_array_equal(buffer[:count], expected)
             transform_kernels.store_columns(buffer, ends, width, batch, column, places, stored)
         again = np.zeros((nb, width), dtype=complex)
-        for first, last in zip(ends[:-1], ends[1:], strict=True):
+        for first, last in itertools.pairwise(ends):
             block = stored[first * width : last * width]
             transform_kernels.take_rows(block, last - first, 0, 0, last - first, width, batch, again[first:last])
         column = np.arange(width)
@@ -217,7 +219,7 @@ def test_observe_counts_energies_and_gaps(points, trial, law, weighted, rng):
         trial["height"], position, trial["u"], trial["w"], weights, numbers(law), levels, points.offset, rows
     )
     gap = position + trial["height"] - trial["u"]
-    for found, level in zip(rows, levels):
+    for found, level in zip(rows[:3], levels, strict=True):
         np.testing.assert_array_equal(found, row_sums((gap < level).astype(float), points))
     close(rows[3], row_sums(law.potential(gap), points), 1e2 * GAMMA)
     far = weights * trial["w"] if weighted and points.size else points.zeros()

@@ -23,7 +23,7 @@ def write(path, rows: int) -> np.ndarray:
     """A curve with these numbers in its rows; returns them, (rows, 9)."""
     numbers = np.random.default_rng(3).standard_normal((rows, 9)) * 1e-6
     phases = PHASES[3 * np.arange(rows) // rows]
-    lines = [",".join([*map(repr, row), phase]) for row, phase in zip(numbers.tolist(), phases)]
+    lines = [",".join([*map(repr, row), phase]) for row, phase in zip(numbers.tolist(), phases, strict=True)]
     path.write_text("\n".join([",".join(CURVE.titles), *lines, ""]))
     return numbers
 

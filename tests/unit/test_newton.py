@@ -111,8 +111,8 @@ def test_without_adhesion_there_is_one_minimum_and_it_is_found(kind, compliance,
     problem = Problem(attractive=False, **KINDS[kind])
     history = 0.2 * problem.scale * problem.rng.standard_normal(problem.points.size)
     d, tolerance = position * RANGE, 1e-6
-    expected, load, _ = problem.minimum(d, history, compliance)
-    outcome, u, w = problem.solve(d, history, compliance, tolerance)
+    expected, _, _ = problem.minimum(d, history, compliance)
+    outcome, u, _ = problem.solve(d, history, compliance, tolerance)
     assert outcome.converged
     assert np.abs(u - expected).max() < 2 * tolerance * RANGE
     pulled = -problem.law.traction(d + problem.height - expected).sum() * problem.area

@@ -8,9 +8,7 @@ import shutil
 
 import numpy as np
 import pytest
-from analysis_loops import loop_of
 from mpi4py import MPI
-from small_runs import run
 from typer.testing import CliRunner
 
 from pgfmd.analysis.pictures import overlay_figure, styled
@@ -24,6 +22,8 @@ from pgfmd.results.curve import Loop, branches, measure, turning_row
 from pgfmd.runner import run_scene
 from pgfmd.scene import load_scene
 from pgfmd.solver.state import State
+from tests.unit.analysis_loops import loop_of
+from tests.unit.small_runs import run
 
 STUDY = """scene = "tri-tack"
 [set]
@@ -59,7 +59,7 @@ def quick(tmp_path_factory):
 
 
 def test_every_command_tells_the_same_numbers(quick, tmp_path):
-    out, folder, record = quick
+    _, folder, record = quick
     pull_off, spread = record["pull_off_force_N"], record["pull_off_force_uncertainty_N"]
     assert 0.0 < spread < 0.2 * pull_off
     told = f"pull-off force {1e3 * pull_off:.4g} ± {1e3 * spread:.2g} mN"

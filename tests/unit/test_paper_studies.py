@@ -1,21 +1,16 @@
-"""The studies behind docs/paper.md: files, shared runs, the page, and one figure from a tiny run to its table."""
+"""The studies behind docs/evidence/paper.md: files, shared runs, the page, and one figure from a tiny run to its table."""
 
 import csv
 import math
 import re
-import sys
 from functools import partial
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
-
-from marked_page import filled  # noqa: E402
-from paper import HERE, page  # noqa: E402
-from paper import run as driver  # noqa: E402
-from paper.drawing import (  # noqa: E402
+from scripts.studies.pages import filled
+from scripts.studies.paper import HERE, page
+from scripts.studies.paper import run as driver
+from scripts.studies.paper.drawing import (
     CONTACT,
     OVERLAP,
     Claim,
@@ -27,8 +22,8 @@ from paper.drawing import (  # noqa: E402
     percent,
     share_below,
 )
-from paper.pool import SIZES, Pool, Run  # noqa: E402
-from paper.registry import FIGURES, STUDIES  # noqa: E402
+from scripts.studies.paper.pool import SIZES, Pool, Run
+from scripts.studies.paper.registry import FIGURES, STUDIES
 
 PAGE = page.PAGE.read_text(encoding="utf-8")
 
@@ -204,5 +199,5 @@ def test_the_page_is_what_its_numbers_make_it():
     assert filled(PAGE, "figure", partial(page.block, folder=page.FOLDER)) == PAGE
     counts = page.counts_block(page.FOLDER, FIGURES)
     assert filled(PAGE, "count", lambda _: counts) == PAGE
-    for name in re.findall(r"\]\(figures/paper/([\w-]+\.png)\)", PAGE):
+    for name in re.findall(r"\]\((?:\.\./)*figures/paper/([\w-]+\.png)\)", PAGE):
         assert (page.FOLDER / name).stat().st_size < 400_000

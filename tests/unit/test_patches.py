@@ -22,7 +22,7 @@ LAW = CohesiveLaw(work_of_adhesion=1.0, range=1.0)
 
 def sites(*places):
     """Sites by (x, y, kind)."""
-    x, y, kind = (np.array(column, float) for column in zip(*places)) if places else (np.zeros(0),) * 3
+    x, y, kind = (np.array(column, float) for column in zip(*places, strict=True)) if places else (np.zeros(0),) * 3
     return ContactSites(x, y, np.zeros(x.size), kind.astype(np.int64))
 
 
@@ -91,7 +91,10 @@ def test_sites_stand_on_the_nearest_point_under_the_punch_and_mirror_each_other(
     assert away.max() < 1.5 * points.grid.spacing
     # At x = 0 both points beside the axis are as near.
     beside = np.abs(face.x) > 1e-9
-    held = {(round(1e12 * a), round(1e12 * b)) for a, b in zip(x[places.index][beside], y[places.index][beside])}
+    held = {
+        (round(1e12 * a), round(1e12 * b))
+        for a, b in zip(*(axis[places.index][beside] for axis in (x, y)), strict=True)
+    }
     assert held == {(-x, y) for x, y in held}
 
 
@@ -123,7 +126,7 @@ def watch_of(folder, run):
 
 def test_rows_come_when_sites_join_and_leave(tmp_path):
     run = Still()
-    watch, places = watch_of(tmp_path, run)
+    watch, _ = watch_of(tmp_path, run)
     for time, kind, contact in ((0.0, "start", [1]), (1.0, "step", [1, 2, 3]), (2.0, "time", []), (3.0, "jump", [2])):
         run.time, run.force, run.displacement = time, 10 * time, run.displacement.copy()
         run.displacement[0:6] = 0.0

@@ -7,7 +7,6 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from synthetic_results import CONTACT_GAP, NEAR_GAP, PUNCH, history, sphere, write_results
 
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE
@@ -18,6 +17,7 @@ from pgfmd.plots.sites import site_figure
 from pgfmd.results import load
 from pgfmd.results.curve import Loop, measure
 from pgfmd.results.sites import site_histories
+from tests.unit.synthetic_results import CONTACT_GAP, NEAR_GAP, PUNCH, history, sphere, write_results
 
 ALL = ["force-displacement.png", "contact-maps.png", "stress-maps.png", "energy.png", "sites.png"]
 
@@ -29,7 +29,7 @@ def warnings_are_errors():
         yield
 
 
-@pytest.mark.parametrize("snapshots, nb", [(1, 33), (6, 48), (30, 16)])
+@pytest.mark.parametrize(("snapshots", "nb"), [(1, 33), (6, 48), (30, 16)])
 def test_every_picture_is_written_and_not_blank(tmp_path, snapshots, nb):
     folder = write_results(tmp_path / "out", rows=80, nb=nb, snapshots=snapshots)
     paths = plots.plot_results(folder)
@@ -72,7 +72,7 @@ def test_empty_curve_and_foreign_folder(tmp_path):
 def test_picture_that_can_not_be_written(tmp_path):
     folder = write_results(tmp_path / "out", rows=40, fields=False)
     (folder / "energy.png").mkdir()
-    with pytest.raises(ResultError, match="energy.png: is a folder, not a file; move it away"):
+    with pytest.raises(ResultError, match=r"energy\.png: is a folder, not a file; move it away"):
         plots.plot_results(folder)
 
 
@@ -185,11 +185,11 @@ def test_snapshots_chosen_for_one_page():
     assert len(chosen) == 12 and chosen[0] == 0 and chosen[-1] == 39
 
 
-@pytest.mark.parametrize("largest, bar", [(225.0, 200.0), (200.0, 200.0), (199.0, 100.0), (0.07, 0.05)])
+@pytest.mark.parametrize(("largest", "bar"), [(225.0, 200.0), (200.0, 200.0), (199.0, 100.0), (0.07, 0.05)])
 def test_scale_bar_is_a_round_length(largest, bar):
     assert map_plots.round_length(largest) == pytest.approx(bar, rel=1e-12)
 
 
-@pytest.mark.parametrize("size, unit", [(2.0, "J"), (3e-8, "nJ"), (1e-9, "nJ"), (9e-13, "fJ"), (0.0, "fJ")])
+@pytest.mark.parametrize(("size", "unit"), [(2.0, "J"), (3e-8, "nJ"), (1e-9, "nJ"), (9e-13, "fJ"), (0.0, "fJ")])
 def test_energy_unit(size, unit):
     assert energy_unit(size)[1] == unit

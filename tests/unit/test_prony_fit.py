@@ -61,7 +61,7 @@ def test_noise_neither_adds_elements_nor_spoils_the_static_modulus():
     [(8, 5, 22, 16), (8, 12, 3.5, 0.84), (10, 5, 33, 24), (10, 12, 3.4, 1.9), (10, 20, 2.8, 0.13)],
 )
 def test_misfit_of_a_power_law(decades, elements, plain, moved):
-    """The table of docs/rheology.md, by scripts/prony_misfit.py."""
+    """The table of docs/how-to/rheology.md, by scripts/studies/rheology/prony_misfit.py."""
     data = power_law(decades)
     _, misfit = weights_of(*data, ladder(data[0], elements))
     assert 100 * np.sqrt(np.mean(misfit**2)) == pytest.approx(plain, rel=0.03)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-PAGES = {"python.md": "strongest", "reference/python.md": "Largest"}
+PAGES = {"tutorials/python.md": "strongest", "reference/python.md": "Largest"}
 """Pages, and a word of a program of theirs."""
 
 

@@ -2,21 +2,16 @@
 
 import argparse
 import re
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
-
-import ranks_model as model  # noqa: E402
-
-from pgfmd.benchmark import ranks as bench  # noqa: E402
-from pgfmd.forecast.machine_profile import Profile  # noqa: E402
-from pgfmd.forecast.scaling import Costs, Network, Problem, pair_seconds, traffic_of_pair  # noqa: E402
+from pgfmd.benchmark import ranks as bench
+from pgfmd.forecast.machine_profile import Profile
+from pgfmd.forecast.scaling import Costs, Network, Problem, pair_seconds, traffic_of_pair
+from scripts.studies.pages import page_named
+from scripts.studies.ranks import model
 
 COSTS = Costs(
     (512, 1024), (2e-6, 4e-6), (4e-6, 8e-6), (51468, 205892), (8e-9, 8e-9), 2e-5, 4e-5, meeting=1e-6, look=1e-7,
@@ -50,7 +45,7 @@ def test_each_block_of_the_page_has_a_table(monkeypatch):
     model.arguments(parser)
     options = parser.parse_args(["--bandwidth", "25", "--crowding", "1.5"])
     found = made(options)
-    page = (ROOT / "docs" / "ranks.md").read_text(encoding="utf-8")
+    page = page_named("ranks.md").read_text(encoding="utf-8")
     assert sorted(re.findall(r"<!-- model ([\w-]+) -->", page)) == sorted(found)
     assert re.findall(r"<!-- (?:shares|speed) ([\w-]+) -->", page) == ["whole", "after", "before"]
     for text in found.values():

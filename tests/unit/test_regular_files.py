@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import pytest
 from mpi4py import MPI
-from small_runs import SCENE, run
 
 from pgfmd import cli
 from pgfmd.errors import ResultError
@@ -22,6 +21,7 @@ from pgfmd.restart.checkpoints import Checkpoints, Saved
 from pgfmd.restart.keeper import Timing
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
+from tests.unit.small_runs import SCENE, run
 
 pytestmark = pytest.mark.timeout(60)
 NAMES = ("curve.csv", "run.json", "checkpoint.h5", "checkpoint.previous.h5", "fields.h5", "fields.h5.undo", "energy.csv",
@@ -162,7 +162,7 @@ def test_a_lock_knows_whether_it_is_still_there(tmp_path):
         lock.require_held()
     folder.mkdir()
     other = RunLock.acquire(folder, 1)
-    with pytest.raises(ResultError, match="its run.lock is another one's"):
+    with pytest.raises(ResultError, match=r"its run\.lock is another one's"):
         lock.require_held()
     lock.release()
     other.require_held()

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
-from small_runs import SCENE, run
 
 from pgfmd.errors import SceneError
 from pgfmd.files.storage import SCENE_FILE
@@ -14,6 +13,7 @@ from pgfmd.restart.scene_changes import differing
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene, parse_scene, scene_from_mapping
+from tests.unit.small_runs import SCENE, run
 
 FIXED = settings(derandomize=True, database=None, deadline=None, max_examples=60)
 
@@ -107,8 +107,12 @@ def test_a_resolved_scene_is_complete_and_loads_to_the_same_scene(mapping):
     try:
         scene = scene_from_mapping(mapping, require_files=False)
     except SceneError as error:
+        refused = [problem.key for problem in error.problems]
+    else:
+        refused = []
+    if refused:
         # A name for a folder is any text here.
-        assert [problem.key for problem in error.problems] == ["output.directory"]
+        assert refused == ["output.directory"]
         return
     again = parse_scene(scene.to_toml(), require_files=False, folder="/elsewhere")
     assert again == scene and again.to_toml() == scene.to_toml()
@@ -122,7 +126,7 @@ def test_what_gfmd_does_not_read_beside_omega_and_dt_may_stand_there_at_its_defa
     assert "omega_tau" not in scene.to_toml()
     old = scene.to_toml().replace("[solver.gfmd]\n", "[solver.gfmd]\nfast_pull = 0.01\nomega_tau = 6.283185307179586\n")
     assert parse_scene(old) == scene and not list(differing(old, scene))
-    with pytest.raises(SceneError, match="solver.gfmd.fast_pull = 0.02: .* delete it"):
+    with pytest.raises(SceneError, match=r"solver\.gfmd\.fast_pull = 0\.02: .* delete it"):
         load_scene("tri-tack", [*own, "solver.gfmd.fast_pull=0.02"])
 
 
@@ -161,10 +165,10 @@ def test_a_run_goes_on_with_a_moved_map_and_an_allowed_change(tmp_path, heights)
     moved = heights.rename(tmp_path / "moved.npy")
     assert "can't be read" not in status_of(folder).left_remark
     again, told = load_scene(SCENE[0], [*SCENE[1:], *arguments(moved), "drive.dwell=1 s"]), []
-    with pytest.raises(SceneError, match="--allow drive.dwell"):
+    with pytest.raises(SceneError, match=r"--allow drive\.dwell"):
         run_scene(again, MPI.COMM_SELF, folder, told.append)
     record = run_scene(again, MPI.COMM_SELF, folder, told.append, Options(allow=("drive.dwell",)))
     assert "changed from here on, as allowed: drive.dwell" in told and record["steps"] == 12
     np.save(moved, np.zeros((24, 24)))
-    with pytest.raises(SceneError, match="punch.file = '.* with other contents'"):
+    with pytest.raises(SceneError, match=r"punch\.file = '.* with other contents'"):
         run_scene(again, MPI.COMM_SELF, folder, told.append, Options(allow=("drive",)))

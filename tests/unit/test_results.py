@@ -5,11 +5,11 @@ import sys
 
 import numpy as np
 import pytest
-from synthetic_results import CONTACT_GAP, NEAR_GAP, OFFSET, history, sphere, write_results
 
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE
 from pgfmd.results import load
+from tests.unit.synthetic_results import CONTACT_GAP, NEAR_GAP, OFFSET, history, sphere, write_results
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def test_header_only(folder):
 def test_broken_line_is_named(folder):
     with open(folder / "curve.csv", "a") as file:
         file.write("0.5,oops,2e-6,0.1,1e-9,0.0,0.1,retract\n")
-    with pytest.raises(ResultError, match="curve.csv: could not be read: .*oops"):
+    with pytest.raises(ResultError, match=r"curve\.csv: could not be read: .*oops"):
         load(folder).curve  # noqa: B018
 
 
@@ -100,9 +100,9 @@ def test_folders_that_hold_no_results(tmp_path):
     with pytest.raises(ResultError, match="gone: no such folder"):
         load(tmp_path / "gone")
     (tmp_path / "letter.txt").write_text("Dear Sir")
-    with pytest.raises(ResultError, match="letter.txt: a file, not a results folder"):
+    with pytest.raises(ResultError, match=r"letter\.txt: a file, not a results folder"):
         load(tmp_path / "letter.txt")
-    with pytest.raises(ResultError, match="not a results folder, it has no curve.csv"):
+    with pytest.raises(ResultError, match=r"not a results folder, it has no curve\.csv"):
         load(tmp_path)
 
 
@@ -115,7 +115,7 @@ def test_missing_parts(folder):
     assert results.energy is results.events is results.patches is results.sites is None
     with pytest.raises(ResultError, match="no snapshots"):
         results.fields  # noqa: B018
-    with pytest.raises(ResultError, match="scene.resolved.toml: could not be read"):
+    with pytest.raises(ResultError, match=r"scene\.resolved\.toml: could not be read"):
         results.scene  # noqa: B018
 
 
@@ -124,7 +124,7 @@ def test_damaged_fields(folder, monkeypatch, hidden):
     if hidden:
         monkeypatch.setitem(sys.modules, hidden, None)
     (folder / "fields.h5").write_bytes((folder / "fields.h5").read_bytes()[:300])
-    with pytest.raises(ResultError, match="fields.h5: could not be read: .*the file is damaged"):
+    with pytest.raises(ResultError, match=r"fields\.h5: could not be read: .*the file is damaged"):
         load(folder).fields  # noqa: B018
     (folder / "fields.h5.undo").write_bytes(b"")
     with pytest.raises(ResultError, match="its next start repairs the file"):
@@ -141,12 +141,12 @@ def test_unknown_array_and_snapshot(folder):
 
 def test_damaged_record(folder):
     (folder / "run.json").write_text("{")
-    with pytest.raises(ResultError, match="run.json: could not be read"):
+    with pytest.raises(ResultError, match=r"run\.json: could not be read"):
         load(folder).run  # noqa: B018
     for text in ('{"a": 1}', "[1]"):
         (folder / "run.json").write_text(text)
         with pytest.raises(
-            ResultError, match="run.json: damaged: it does not say how a run has finished; move it away"
+            ResultError, match=r"run\.json: damaged: it does not say how a run has finished; move it away"
         ):
             load(folder).run  # noqa: B018
 

@@ -1,13 +1,13 @@
 """What a results folder whose checkpoints are all damaged says, before anything is computed."""
 
 import pytest
-from small_runs import SCENE, flip, run
 
 from pgfmd.errors import ResultError, SceneError
 from pgfmd.files.storage import SCENE_FILE
 from pgfmd.restart.resume import plan
 from pgfmd.restart.scene_changes import contents_of, differing, review
 from pgfmd.scene import load_scene
+from tests.unit.small_runs import SCENE, flip, run
 
 CURE = "Start anew with --fresh, which keeps the old results"
 

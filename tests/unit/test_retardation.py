@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pgfmd.physics.rheology import CreepSeries, PronySeries
+from pgfmd.schemes.inertialess.retardation import IMPLICIT_EULER, SDIRK2, step_weights
 from pgfmd.solver.drift import ROUNDING, Drift
-from pgfmd.solver.retardation import IMPLICIT_EULER, SDIRK2, step_weights
 
 METHODS = {"implicit Euler": IMPLICIT_EULER, "SDIRK2": SDIRK2}
 SERIES = {

@@ -122,27 +122,27 @@ def test_elastic_data_make_an_elastic_scene(tmp_path):
 
 def test_what_can_not_be_a_scene_is_refused(tmp_path):
     steep = PronySeries.geometric(1e8, 1e-6, elements=12, time_ratio=8, exponent=0.9)
-    with pytest.raises(MeasurementError, match="a scene takes at most 1e\\+06; leave out the highest"):
-        omega = np.geomspace(1e-6, 1e8, 150)
-        rows = [f"{w},{e},{v}" for w, e, v in zip(omega, steep.storage(omega), steep.loss(omega), strict=True)]
-        (tmp_path / "steep.csv").write_text("\n".join(["omega,E' (MPa),E'' (MPa)", *rows]))
+    omega = np.geomspace(1e-6, 1e8, 150)
+    rows = [f"{w},{e},{v}" for w, e, v in zip(omega, steep.storage(omega), steep.loss(omega), strict=True)]
+    (tmp_path / "steep.csv").write_text("\n".join(["omega,E' (MPa),E'' (MPa)", *rows]))
+    with pytest.raises(MeasurementError, match=r"a scene takes at most 1e\+06; leave out the highest"):
         characterise(tmp_path / "steep.csv")
 
 
 def test_temperatures_that_are_missing_are_asked_for(tmp_path):
     one, several = one_temperature(tmp_path / "one.csv"), several_temperatures(tmp_path / "several.csv")
-    with pytest.raises(MeasurementError, match="several.csv: expected --reference-temperature.*-15 C, -5 C, 5 C"):
+    with pytest.raises(MeasurementError, match=r"several\.csv: expected --reference-temperature.*-15 C, -5 C, 5 C"):
         characterise(several)
-    with pytest.raises(MeasurementError, match="expected temperatures for a shift.*add a column"):
+    with pytest.raises(MeasurementError, match=r"expected temperatures for a shift.*add a column"):
         characterise(one, reference_temperature=298.15)
     with_temperature = one_temperature(tmp_path / "t.csv", celsius=23)
     assert characterise(with_temperature, reference_temperature=296.5).wlf is None
     with pytest.raises(MeasurementError, match="one sweep at 23 C can't be shifted to 40 C without constants"):
         characterise(with_temperature, reference_temperature=313.15)
-    with pytest.raises(MeasurementError, match="several.csv: the WLF equation with C2 = 30 K ends at"):
+    with pytest.raises(MeasurementError, match=r"several\.csv: the WLF equation with C2 = 30 K ends at"):
         characterise(several, None, 298.15, (8.0, 30.0))
     (tmp_path / "short.csv").write_text("omega,E' (MPa),E'' (MPa)\n1,3,0\n10,3,0\n")
-    with pytest.raises(MeasurementError, match="short.csv: expected at least 3 frequencies, found 2"):
+    with pytest.raises(MeasurementError, match=r"short\.csv: expected at least 3 frequencies, found 2"):
         characterise(tmp_path / "short.csv")
 
 

@@ -5,7 +5,6 @@ import json
 
 import pytest
 from mpi4py import MPI
-from small_runs import SCENE, run
 
 from pgfmd.commands.run import _missed_preload, _summary
 from pgfmd.errors import ResultError
@@ -15,10 +14,11 @@ from pgfmd.results.curve import Loop, measure
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
-from pgfmd.study.cases import cases_of
-from pgfmd.study.standing import standing_of
-from pgfmd.study.study_file import study_from_mapping
-from pgfmd.study.table import overview, rows_of, write_table
+from pgfmd.studies.cases import cases_of
+from pgfmd.studies.standing import standing_of
+from pgfmd.studies.study_file import study_from_mapping
+from pgfmd.studies.table import overview, rows_of, write_table
+from tests.unit.small_runs import SCENE, run
 
 
 def record_of(folder):
@@ -121,7 +121,7 @@ def test_it_is_told_of_a_run_without_its_table_too(tmp_path):
 def test_a_foreign_curve_is_not_replaced(text, tmp_path):
     curve = tmp_path / "curve.csv"
     curve.write_text(text)
-    with pytest.raises(ResultError, match="curve.csv: not written by a run"):
+    with pytest.raises(ResultError, match=r"curve\.csv: not written by a run"):
         started(tmp_path)
     assert curve.read_text() == text and not (tmp_path / "run.lock").exists()
     assert started(tmp_path, fresh=True)["steps"] == 3
@@ -137,7 +137,7 @@ def test_a_run_that_ended_before_its_first_step_is(rows, tmp_path):
 @pytest.mark.parametrize("text", ['{"a": 1}', "[1]", '{"finished": 3}', "1"])
 def test_a_foreign_record_is_refused(text, tmp_path):
     (tmp_path / "run.json").write_text(text)
-    with pytest.raises(ResultError, match="run.json: damaged: it does not say how a run has finished"):
+    with pytest.raises(ResultError, match=r"run\.json: damaged: it does not say how a run has finished"):
         started(tmp_path)
     assert (tmp_path / "run.json").read_text() == text
 

@@ -365,7 +365,7 @@ def test_bench_prints_a_table_and_keeps_the_profile(surveyed, capsys):
     machine, row = machine_profile.read(), lines[-1]
     assert row[:3] == ["double", "half", "128"] and row[5::3] == ["s"] * 3
     assert usual(512).kind == "mixed half" and lines[-2][:3] == ["double", "half", "64"]
-    for column, pairs in zip((3, 6, 9), (100, 1000, 10_000)):
+    for column, pairs in zip((3, 6, 9), (100, 1000, 10_000), strict=True):
         best = machine.best_ranks(usual(128), pairs)
         assert int(row[column]) == best
         assert float(row[column + 1]) == pytest.approx(machine.run_seconds(usual(128), pairs, best), rel=5e-3)

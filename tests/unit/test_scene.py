@@ -268,7 +268,7 @@ def test_a_new_pattern_or_model_drops_what_it_has_no_use_for():
     scene = load_scene("tri-tack", ["rheology.model=elastic", "punch.pattern=flat"])
     assert (scene.rheology.modulus_ratio, scene.punch.wavelength, scene.punch.radius) == (None, None, 375e-6)
     # but not what the same command line asks for
-    with pytest.raises(SceneError, match="rheology.modulus_ratio = 3"):
+    with pytest.raises(SceneError, match=r"rheology\.modulus_ratio = 3"):
         load_scene("tri-tack", ["rheology.model=elastic", "rheology.modulus_ratio=3"])
 
 
@@ -427,9 +427,7 @@ def test_tables_and_models_name_the_same_choices():
     def choices(model, name):
         return list(model.model_fields[name].annotation.__args__)
 
-    assert choices(Solver, "scheme") == ["inertialess", "gfmd", "quasistatic"] and choices(Solver, "precision") == list(
-        PRECISIONS
-    )
+    assert choices(Solver, "precision") == list(PRECISIONS)
     assert choices(SECTIONS["punch"], "pattern") == list(PATTERNS)
     assert choices(SECTIONS["rheology"], "model") == list(RHEOLOGIES)
 

@@ -6,8 +6,8 @@ from mpi4py import MPI
 
 from pgfmd.physics.cohesion import CohesiveLaw
 from pgfmd.physics.halfspace import HalfSpace
+from pgfmd.schemes.quasistatic.machine import SprungConvolution
 from pgfmd.solver.grid import Grid, PunchPoints
-from pgfmd.solver.machine import SprungConvolution
 from pgfmd.solver.multiplier import periodic_multiplier
 from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.stagnation import MOST_IDLE, Progress

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import pgfmd
+from pgfmd.schemes import registry
 
 PACKAGE = Path(pgfmd.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -24,11 +25,11 @@ NAMES = {file: dotted(file) for file in FILES}
 LONGEST_FILE, LONGEST_FUNCTION = 500, 60
 
 PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (PACKAGE / "physics").glob("[a-z]*.py")),
-         "characterisation.dma", "characterisation.prony_fit",
+         "schemes.registry", "schemes.gfmd.inertia", "characterisation.dma", "characterisation.prony_fit",
          "characterisation.temperature_shift"]  # fmt: skip
 READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
            "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.bearing_area",
-           "study.campaign", "study.slurm_array", "study.pictures", "study.extrapolation", "study.refinement",
+           "studies.campaign", "studies.slurm_array", "studies.pictures", "studies.extrapolation", "studies.refinement",
            "commands.study"]  # fmt: skip
 HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
 
@@ -94,20 +95,47 @@ def test_nothing_imports_the_command_line():
     assert users <= {"pgfmd.__main__"}
 
 
+def test_what_a_scheme_can_do_is_told_without_loading_it():
+    for entry in registry.entries():
+        assert not loaded_by(f"pgfmd.schemes.{entry.name}.plugin") & set(HEAVY)
+    assert not {
+        name for name in loaded_by("pgfmd.schemes.registry") if name.startswith("pgfmd.") and "schemes" not in name
+    }
+
+
+def test_no_module_outside_the_schemes_names_one():
+    """They ask the registry what a scheme can do: no comparison, and no table, with the name of one."""
+    for file in FILES:
+        if "schemes" not in file.relative_to(PACKAGE).parts:
+            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+                named = isinstance(node, ast.Constant) and node.value in registry.names()
+                assert not named, f"{file}, line {node.lineno}: ask pgfmd.schemes.registry what {node.value} can do"
+
+
+def is_plugin(module):
+    """Whether a module is the part of a scheme that knows scenes, or the entry or the registry that name it."""
+    return module.startswith("pgfmd.schemes.") and module.split(".")[-1] in ("plugin", "entry", "registry")
+
+
 def test_the_core_knows_no_scene_and_no_files():
     """Only what puts a run together knows how scenes are written and where results go."""
     known = ("errors", "hashing", "physics", "solver", "files.packing")
-    for core in (name for name in IMPORTS if name.startswith(("pgfmd.solver", "pgfmd.schemes"))):
+    for core in (
+        name for name in IMPORTS if name.startswith(("pgfmd.solver", "pgfmd.schemes")) and not is_plugin(name)
+    ):
         allowed = (*known, "schemes") if core.startswith("pgfmd.schemes") else known
         own = {module for module in IMPORTS[core] if module.startswith("pgfmd.")}
         assert all(module.startswith(tuple(f"pgfmd.{other}" for other in allowed)) for module in own), core
 
 
 def test_no_folder_needs_one_that_needs_it():
-    """Folders of the package stand on each other in one order."""
+    """Folders of the package stand on each other in one order. What a scheme can do is known to all, and loads none of it."""
+    facts = {"pgfmd.schemes", "pgfmd.schemes.entry", "pgfmd.schemes.registry"}
+    facts |= {f"pgfmd.schemes.{name}" for name in registry.names()}
 
     def folder(module):
-        return module.split(".")[1]
+        known = module in facts or (module.rpartition(".")[0] in facts and module not in IMPORTS)
+        return "facts of schemes" if known else module.split(".")[1]
 
     needs = {folder(name): set() for name in IMPORTS if name != "pgfmd"}
     for name in IMPORTS.keys() - {"pgfmd"}:
@@ -119,7 +147,9 @@ def test_no_folder_needs_one_that_needs_it():
 
 def test_no_module_needs_one_that_needs_it():
     """Nor do the modules that read, measure, draw and compare results, in whichever way they import each other."""
-    ours = tuple(f"pgfmd.{name}." for name in ("files", "output", "results", "plots", "analysis", "study", "benchmark"))
+    ours = tuple(
+        f"pgfmd.{name}." for name in ("files", "output", "results", "plots", "analysis", "studies", "benchmark")
+    )
     modules = {name for name in IMPORTS if name.startswith(ours)}
     graphlib.TopologicalSorter({name: IMPORTS[name] & modules - {name} for name in modules}).prepare()
 
@@ -127,7 +157,7 @@ def test_no_module_needs_one_that_needs_it():
 def test_no_numbers_come_from_pictures():
     """What draws is asked for the manner of drawing alone."""
     for name, modules in IMPORTS.items():
-        if name.startswith(("pgfmd.analysis", "pgfmd.study", "pgfmd.benchmark")):
+        if name.startswith(("pgfmd.analysis", "pgfmd.studies", "pgfmd.benchmark")):
             drawn = {module for module in modules if module.startswith("pgfmd.plots.")}
             assert all(module.startswith("pgfmd.plots.drawing") for module in drawn), name
 

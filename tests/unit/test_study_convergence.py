@@ -11,13 +11,13 @@ import pytest
 from pgfmd.errors import ResultError, SceneError
 from pgfmd.reference import jkr
 from pgfmd.scene import load_scene
-from pgfmd.study import refinement
-from pgfmd.study.cases import Case
-from pgfmd.study.convergence import HIGHEST, LOWEST, disagreement, doubts, finest_limit, fit_power_law, local_powers
-from pgfmd.study.extrapolation import extrapolate, figure_of, report, write
-from pgfmd.study.refinement import HYSTERESIS_POWER, MEASURES, expected_power, levels_of
-from pgfmd.study.standing import FINISHED, Standing
-from pgfmd.study.table import rows_of
+from pgfmd.studies import refinement
+from pgfmd.studies.cases import Case
+from pgfmd.studies.convergence import HIGHEST, LOWEST, disagreement, doubts, finest_limit, fit_power_law, local_powers
+from pgfmd.studies.extrapolation import extrapolate, figure_of, report, write
+from pgfmd.studies.refinement import HYSTERESIS_POWER, MEASURES, expected_power, levels_of
+from pgfmd.studies.standing import FINISHED, Standing
+from pgfmd.studies.table import rows_of
 
 SIZES = 2.0 ** -np.arange(5)
 
@@ -88,7 +88,7 @@ def test_as_many_parameters_as_points_have_no_error():
 )  # fmt: skip
 @pytest.mark.parametrize("power", [None, 1.0])
 def test_degenerate_input_is_refused(sizes, values, power):
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match=r"must be finite and as many of each|different sizes are needed"):
         fit_power_law(sizes, values, power)
 
 
@@ -281,6 +281,6 @@ def test_the_known_limit_in_the_docs():
     turn = int(np.argmin(depth))
     back = slice(turn, turn + int(np.argmin(np.abs(depth[turn:]))) + 1)
     loop = float(np.sum(-0.5 * (force[back][1:] + force[back][:-1]) * np.diff(depth[back])))
-    text = (Path(__file__).parents[2] / "docs" / "studies.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "studies.md").read_text(encoding="utf-8")
     assert f"is {loop * 1e9:.2f} nJ here" in text
     assert a[back][-1] < scene.punch.radius

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from pgfmd.scene import load_scene
-from pgfmd.study.cases import cases_of
-from pgfmd.study.study_file import StudyError, read_study
-from pgfmd.study.values import handy, override_of, slug
+from pgfmd.studies.cases import cases_of
+from pgfmd.studies.study_file import StudyError, read_study
+from pgfmd.studies.values import handy, override_of, slug
 
 EXAMPLE = """
 title = "Preloads and speeds"
@@ -245,7 +245,7 @@ def test_handy_units():
 
 
 def test_the_example_of_the_docs(tmp_path):
-    text = (Path(__file__).parents[2] / "docs" / "studies.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "studies.md").read_text(encoding="utf-8")
     cases = cases_of(study(tmp_path, text.partition("```toml\n")[2].partition("```")[0]))
     assert len(cases) == 13 and "`preload-40mN_speed-1um-s_model-1`" in text
     assert cases[0].name == "preload-40mN_speed-1um-s_model-1" and cases[-1].name == "slow"

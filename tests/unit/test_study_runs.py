@@ -12,20 +12,20 @@ from pathlib import Path
 import pytest
 
 from pgfmd import cli
+from pgfmd.errors import LaunchError
 from pgfmd.host.run_lock import RunLock
+from pgfmd.restart.keeper import OUT_OF_TIME
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
-from pgfmd.study import pool as pool_module
-from pgfmd.study.campaign import Campaign, Unfinished, Wishes
-from pgfmd.study.cases import cases_of
-from pgfmd.study.pictures import Plan, curves_figure, draw_study, measures_figure
-from pgfmd.study.pool import LaunchFailed, Pool, Task, last_words
-from pgfmd.study.standing import Standing, standing_of
-from pgfmd.study.study_file import StudyError, study_from_mapping
-from pgfmd.study.table import COLUMNS, MEASURED, overview, rows_of, write_table
-
-sys.path.insert(0, str(Path(__file__).parent))
-from small_runs import SCENE, damage_an_array, run
+from pgfmd.studies import pool as pool_module
+from pgfmd.studies.campaign import Campaign, Unfinished, Wishes
+from pgfmd.studies.cases import cases_of
+from pgfmd.studies.pictures import Plan, curves_figure, draw_study, measures_figure
+from pgfmd.studies.pool import Pool, Task, last_words
+from pgfmd.studies.standing import Standing, standing_of
+from pgfmd.studies.study_file import StudyError, study_from_mapping
+from pgfmd.studies.table import COLUMNS, MEASURED, overview, remarks, rows_of, write_table
+from tests.unit.small_runs import SCENE, damage_an_array, run
 
 COMMON = {"grid": {"n": 24}, "output": {"snapshots": ["1 s"]}}
 SPEEDS, PRELOADS = ["1 um/s", "2 um/s"], ["1 mN", "2 mN"]
@@ -138,7 +138,7 @@ def test_only_some_cases(campaign):
         FIRST, "preload-2mN_speed-1um-s", "beside",
     ]  # fmt: skip
     assert campaign.only([]) is campaign
-    with pytest.raises(StudyError, match="--only besid: no case has such a name; did you mean beside?"):
+    with pytest.raises(StudyError, match=r"--only besid: no case has such a name; did you mean beside\?"):
         campaign.only(["besid"])
 
 
@@ -155,7 +155,9 @@ ENDING = "import sys; print(sys.argv[-2]); sys.exit(int(sys.argv[-1]))"
 
 
 def tasks(folder, *arguments):
-    return [Task(f"t{k}", tuple(map(str, own)), folder / f"t{k}.log") for k, own in enumerate(arguments)]
+    return [
+        Task(f"t{k}", tuple(map(str, own)), folder / f"t{k}", folder / f"t{k}.log") for k, own in enumerate(arguments)
+    ]
 
 
 def in_place_of_a_run(monkeypatch, program):
@@ -215,16 +217,18 @@ def test_jobs_that_do_not_stop_are_killed_on_a_second_signal(monkeypatch, tmp_pa
     assert codes[0] in (-signal.SIGTERM, -signal.SIGKILL) and pool.stopped == "Ctrl-C"
 
 
-def test_nothing_more_is_started_when_a_limit_of_time_has_come(monkeypatch, tmp_path):
+def test_nothing_more_is_started_when_a_limit_of_time_has_come(monkeypatch, runs, tmp_path):
     in_place_of_a_run(monkeypatch, ENDING)
     codes, pool = [], Pool(say=lambda line: None)
-    words = "pgfmd: stopped by the limit of time after step 7"
-    pool.run(tasks(tmp_path, (words, 75), ("fine", 0)), lambda task, ending: codes.append(ending.code))
+    run(tmp_path / "t0", stop_after=20, stop_for=OUT_OF_TIME)
+    pool.run(tasks(tmp_path, ("stopped", 75), ("fine", 0)), lambda task, ending: codes.append(ending.code))
     assert codes == [75] and pool.stopped == "the limit of time"
-    # A job that somebody has stopped by hand is nothing to the others.
+    # A job that somebody has stopped by hand is nothing to the others, whatever it says.
     codes.clear()
+    shutil.rmtree(tmp_path / "t0")
+    shutil.copytree(runs / LAST, tmp_path / "t0")
     pool = Pool(say=lambda line: None)
-    words = "pgfmd: stopped by USR1 after step 7"
+    words = "pgfmd: stopped by the limit of time after step 7"
     pool.run(tasks(tmp_path, (words, 75), ("fine", 0)), lambda task, ending: codes.append(ending.code))
     assert codes == [75, 0] and pool.stopped == ""
 
@@ -232,7 +236,7 @@ def test_nothing_more_is_started_when_a_limit_of_time_has_come(monkeypatch, tmp_
 def test_a_missing_mpirun_is_told_before_anything_starts(monkeypatch, tmp_path):
     in_place_of_a_run(monkeypatch, ENDING)
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(LaunchFailed, match="mpirun is not there, and each job wants 2 ranks"):
+    with pytest.raises(LaunchError, match="mpirun is not there, and each job wants 2 ranks"):
         Pool(ranks=2).run(tasks(tmp_path, ("fine", 0)), lambda task, ending: None)
     assert not list(tmp_path.glob("*.log"))
     codes, pool = [], Pool(ranks=1, say=lambda line: None)
@@ -331,6 +335,14 @@ def test_the_table(campaign, study, tmp_path):
         assert float(found[4][column]) == record[key], column
     lines = overview(rows)
     assert len(lines) == 6 and f"{record['pull_off_force_N'] * 1e3:.4g}" in lines[-1]
+
+
+def test_a_curve_that_is_lost_is_told_of(campaign, study):
+    (campaign.out / "beside" / "curve.csv").unlink()
+    rows = rows_of(campaign.cases, study.axes, campaign.standings(), campaign.out)
+    (told,) = remarks(rows)
+    assert told.startswith("beside has no areas and is in no picture of curves: ") and "curve.csv" in told
+    assert rows[0].measured["contact_area_at_preload [m^2]"] > 0.0
 
 
 def test_bundles_and_words_in_the_table():

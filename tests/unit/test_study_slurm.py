@@ -12,8 +12,8 @@ import pytest
 from pgfmd import cli
 from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
 from pgfmd.scene import load_scene, shipped_text
-from pgfmd.study.cases import cases_of
-from pgfmd.study.study_file import read_study
+from pgfmd.studies.cases import cases_of
+from pgfmd.studies.study_file import read_study
 
 ROOT = Path(__file__).parents[2]
 STUDY = """

@@ -11,12 +11,13 @@ import subprocess
 import sys
 
 import pytest
-from synthetic_results import write_results
 
 from pgfmd import cli
 from pgfmd.commands.run import _summary
 from pgfmd.host import faults, launch, streams
+from pgfmd.host.launchers import environment_without
 from pgfmd.plots.drawing import literal
+from tests.unit.synthetic_results import write_results
 
 TITLE = "Δγ = 50 mJ/m² costs $5 or $6^"
 
@@ -32,10 +33,8 @@ def results(tmp_path):
 def pgfmd(*arguments, folder, **variables) -> subprocess.CompletedProcess:
     """`python -m pgfmd` in a folder with a numpy.py and a typing.py that are no matter of ours."""
     (folder / "numpy.py").write_text("raise SystemExit('mine')")
-    launchers = ("OMPI_COMM", "PMIX_", "PMI_")
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(launchers)}
     return subprocess.run(
-        [sys.executable, "-m", "pgfmd", *map(str, arguments)], cwd=folder, env=environment | variables,
+        [sys.executable, "-m", "pgfmd", *map(str, arguments)], cwd=folder, env=environment_without() | variables,
         capture_output=True, timeout=100,
     )  # fmt: skip
 

@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pytest
 from mpi4py import MPI
-from small_runs import run
 
 from pgfmd.assemble import assemble, mirror_of
 from pgfmd.commands.check import report
@@ -15,6 +14,7 @@ from pgfmd.restart import checkpoint_file, checkpoint_layout, resume
 from pgfmd.restart.sameness import differences
 from pgfmd.scene import load_scene
 from pgfmd.symmetry import expected, has_images, points_of
+from tests.unit.small_runs import run
 
 VISCOUS = ["rheology.model=single", "rheology.modulus_ratio=100", "rheology.relaxation_time=1 ms"]
 HERTZ = ["hertz", *VISCOUS]
@@ -92,7 +92,7 @@ def test_sums_and_numbers_of_points_are_those_of_the_whole_punch():
 
 
 def test_the_key_takes_two_words():
-    with pytest.raises(SceneError, match="solver.symmetry"):
+    with pytest.raises(SceneError, match=r"solver\.symmetry"):
         load_scene("tri-tack", ["solver.symmetry=x"])
 
 

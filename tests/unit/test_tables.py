@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from synthetic_results import as_version_0_1, write_results
 
 from pgfmd.errors import ResultError
 from pgfmd.files.table_reading import faults_of, pieces_of, read_columns
@@ -19,10 +18,9 @@ from pgfmd.physics import contact_sites
 from pgfmd.results import load
 from pgfmd.results.verify import verify
 from pgfmd.solver.patches import Patch
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-import marked_page
-import tables_page
+from scripts.studies.pages import filled, page_named
+from scripts.studies.reference_pages import columns
+from tests.unit.synthetic_results import as_version_0_1, write_results
 
 HEADERS = {
     "curve": "time [s],displacement [m],indentation [m],force [N],contact_area [m^2],overlap_area [m^2],"
@@ -141,8 +139,8 @@ def test_verify_holds_a_table_without_a_witness_against_its_declaration(tmp_path
     assert found()["curve.csv"].fine and "its 40 rows are such as its columns can have" in found()["curve.csv"].found
     lines = (folder / "curve.csv").read_text().splitlines(keepends=True)
     for damage, told in (
-        (lines[:20] + [lines[21], lines[20]] + lines[22:], "time [s] falls in row 20, and no checkpoint tells"),
-        (lines[:20] + ["1.0,half\n"] + lines[21:], "line 21 is no row of it"),
+        ([*lines[:20], lines[21], lines[20], *lines[22:]], "time [s] falls in row 20, and no checkpoint tells"),
+        ([*lines[:20], "1.0,half\n", *lines[21:]], "line 21 is no row of it"),
         (["a,b\n", *lines[1:]], "its first line is 'a,b'"),
     ):
         (folder / "curve.csv").write_text("".join(damage))
@@ -161,8 +159,8 @@ def test_pieces_are_those_of_the_whole(tmp_path, monkeypatch):
 
 
 def test_the_page_says_what_is_declared():
-    page = tables_page.PAGE.read_text(encoding="utf-8")
+    page = page_named("results.md").read_text(encoding="utf-8")
     assert re.findall(r"<!-- columns (\w+) -->", page) == [table.name for table in TABLES]
-    assert marked_page.filled(page, "columns", tables_page.block) == page
+    assert filled(page, "columns", columns.block) == page
     for table in TABLES:
-        assert all(f"`{title}`" in tables_page.block(table.name) for title in table.titles)
+        assert all(f"`{title}`" in columns.block(table.name) for title in table.titles)

@@ -90,7 +90,7 @@ def test_master_curve_is_sorted_and_complete():
 def test_refusals():
     with pytest.raises(ValueError, match="need at least 3 temperatures, found 2"):
         fit_wlf(sweeps()[:2], 298.15)
-    with pytest.raises(ValueError, match="ends at 196.55 K, found a temperature of 190 K"):
+    with pytest.raises(ValueError, match=r"ends at 196\.55 K, found a temperature of 190 K"):
         KNOWN.log_shift([298.0, 190.0])
     with pytest.raises(ValueError, match="a reference temperature of 150 K lies below"):
         KNOWN.moved_to(150.0)
@@ -99,5 +99,5 @@ def test_refusals():
     upside_down = [Sweep(s.omega, s.storage, s.loss, 600 - s.temperature) for s in sweeps()]
     with pytest.raises(ValueError, match="lie the wrong way round: the warmer one is stiffer"):
         fit_wlf(upside_down, 298.15)
-    with pytest.raises(ValueError, match="at 258.15 K and 298.15 K share no range of moduli"):
+    with pytest.raises(ValueError, match=r"at 258\.15 K and 298\.15 K share no range of moduli"):
         fit_wlf(sweeps(kelvin=[258.15, 298.15, 308.15]), 298.15)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pgfmd.physics.drive import Phase
-from pgfmd.schemes.energy_audit import tension_of
-from pgfmd.solver.retardation import IMPLICIT_EULER, SDIRK2
+from pgfmd.schemes.inertialess.audit import tension_of
+from pgfmd.schemes.inertialess.retardation import IMPLICIT_EULER, SDIRK2
 
 RETRACT, APPROACH = Phase("retract", 2.0, 2.0), Phase("approach", -2.0, -2.0)
 

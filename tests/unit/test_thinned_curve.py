@@ -6,13 +6,13 @@ import shutil
 import numpy as np
 import pytest
 from mpi4py import MPI
-from small_runs import SCENE, run
 
 from pgfmd.analysis.summary import analyse
 from pgfmd.results import load
 from pgfmd.results.curve import Loop
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
+from tests.unit.small_runs import SCENE, run
 
 DWELL = ("drive.dwell=2 s", "solver.accuracy=0.03")
 SEVEN = (*DWELL, "output.every=7")

@@ -51,7 +51,7 @@ def test_formula_of_the_paper_with_its_shift():
 
 
 @pytest.mark.parametrize(
-    "punch, expected", [(TRIANGULAR, 160.3e-6), (HEXAGONAL, 139.4e-6), (SINUSOID, 570e-6), (SPHERE, 1e-3)]
+    ("punch", "expected"), [(TRIANGULAR, 160.3e-6), (HEXAGONAL, 139.4e-6), (SINUSOID, 570e-6), (SPHERE, 1e-3)]
 )
 def test_summits_touch_first_and_have_the_stated_curvature(punch, expected):
     x, y = SUMMITS[punch.pattern]
@@ -67,7 +67,7 @@ def test_summit_radius_in_terms_of_wave_number():
     assert HEXAGONAL.summit_radius == pytest.approx(9 / (4 * 9.2e-6 * q * q), rel=1e-14)
 
 
-@pytest.mark.parametrize("punch, share", [(TRIANGULAR, 16 / 9), (HEXAGONAL, 2 / 9)])
+@pytest.mark.parametrize(("punch", "share"), [(TRIANGULAR, 16 / 9), (HEXAGONAL, 2 / 9)])
 def test_saddles(punch, share):
     assert punch.heights(*SADDLE) == pytest.approx(share * punch.amplitude, rel=1e-12)
     curvature = curvatures(punch, *SADDLE)
@@ -78,7 +78,7 @@ def test_saddles(punch, share):
         assert abs(slope) < 1e-9
 
 
-@pytest.mark.parametrize("punch, summits", [(TRIANGULAR, 8), (HEXAGONAL, 16)])
+@pytest.mark.parametrize(("punch", "summits"), [(TRIANGULAR, 8), (HEXAGONAL, 16)])
 def test_range_and_number_of_summits(punch, summits):
     z = punch.heights(*grid())
     assert z.min() >= 0 and z.max() <= 2 * punch.amplitude
@@ -280,7 +280,7 @@ def test_file_round_trip(tmp_path, suffix, order, periodic):
         np.testing.assert_allclose(moved, z, rtol=0, atol=1e-17)
 
 
-@pytest.mark.parametrize("order, tolerance", [(1, 3.4e-3), (3, 1.1e-6)])
+@pytest.mark.parametrize(("order", "tolerance"), [(1, 3.4e-3), (3, 1.1e-6)])
 def test_file_interpolates_a_smooth_periodic_surface(tmp_path, order, tolerance):
     count_x, count_y, size_x, size_y = 64, 96, 2.0, 3.0
 
@@ -328,7 +328,7 @@ def test_map_must_cover_the_punch_but_not_the_block_around_it(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name, content, message",
+    ("name", "content", "message"),
     [
         ("a.csv", "1,2\n3,oops\n", "a.csv"),
         ("b.txt", "1 2\n3 nan\n", "not finite"),
@@ -350,7 +350,7 @@ def test_file_without_a_size_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "fields, message",
+    ("fields", "message"),
     [
         ({"pattern": "square"}, "triangular, hexagonal"),
         ({"pattern": "triangular", "wavelength": 1.0}, "amplitude: missing"),

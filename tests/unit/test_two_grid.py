@@ -141,7 +141,7 @@ def test_corrections_solve_newtons_equations_in_fewer_pairs(mirror):
     s = operator_on(two.points)(two.t, two.points.zeros(), compliance)
     np.testing.assert_allclose(two.s, s, atol=1e-9 * np.abs(s).max())
     one.linear_share, one.forcing = 1e-6, 1e-6
-    exact, _, _ = one.correct(compliance, 1e-5, *loose)
+    one.correct(compliance, 1e-5, *loose)
     interacting = k != 0.0
     error = np.abs(two.s - one.s)[interacting].max() / two.law.range
     assert error < 1e-5 + 0.05 * size and size == pytest.approx(
@@ -168,7 +168,7 @@ def test_where_the_potential_bends_down_the_last_direction_leads_to_the_edge_of_
 def test_nothing_is_corrected_where_nothing_is_left():
     two, _ = solvers()
     two.curvature[:] = 1e10
-    count, size, bent = two.correct(0.3, 1e-5, 1e30, 1e30, 0.0)
+    _, size, bent = two.correct(0.3, 1e-5, 1e30, 1e30, 0.0)
     assert size == 0.0 and not bent and not two.s.any() and not two.t.any()
 
 

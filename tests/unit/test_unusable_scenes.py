@@ -187,7 +187,7 @@ def test_a_profile_without_end_is_refused():
 
 def test_a_series_of_zeros_does_not_relax():
     series = ["rheology.model=prony", "rheology.kappa=[0.0]", 'rheology.tau=["1 s"]', "solver.scheme=gfmd"]
-    with pytest.raises(SceneError, match="solver.gfmd.omega = .missing.: expected both omega and dt"):
+    with pytest.raises(SceneError, match=r"solver\.gfmd\.omega = .missing.: expected both omega and dt"):
         checked(*series)
     checked(*series, "solver.gfmd.omega=1570 rad/s", "solver.gfmd.dt=20 us")
 

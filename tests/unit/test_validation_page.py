@@ -2,24 +2,19 @@
 
 import math
 import re
-import sys
 from functools import partial
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
-
-import marked_page  # noqa: E402
-import validation_figures as script  # noqa: E402
-from validation.drawing import Line, number  # noqa: E402
+from scripts.studies import pages
+from scripts.studies.validation import figures as script
+from scripts.studies.validation.drawing import Line, number
 
 PAGE = script.PAGE.read_text(encoding="utf-8")
 ROWS = script.read_rows(script.FOLDER)
 MODEL_PAGE = script.MODEL_PAGE.read_text(encoding="utf-8")
 SHOWN, SHOWN_OF_MODEL = (
-    re.findall(r"!\[[^\]]+\]\(figures/validation/([\w-]+)\.png\)", page) for page in (PAGE, MODEL_PAGE)
+    re.findall(r"!\[[^\]]+\]\((?:\.\./)*figures/validation/([\w-]+)\.png\)", page) for page in (PAGE, MODEL_PAGE)
 )
 
 
@@ -100,12 +95,12 @@ def test_tables_are_filled_from_rows_and_the_rest_of_the_page_is_kept():
     page = "before\n\n<!-- errors a -->\n\n| old |\n\n<!-- end -->\n\nbetween\n\n<!-- errors b -->\n<!-- end -->\n"
     rows = [script.row_of(name, Line("force [N]", "n = 8", 2.0, 1.9)) for name in ("a", "b")]
     own = partial(script.table_of, rows=rows)
-    filled = marked_page.filled(page, "errors", own)
+    filled = pages.filled(page, "errors", own)
     assert filled.count("| force [N] | n = 8 | 2 | 1.9 | −5.0\N{NO-BREAK SPACE}% |") == 2
     assert "old" not in filled and filled.startswith("before\n\n<!-- errors a -->\n\n|") and "\n\nbetween\n\n" in filled
-    assert marked_page.filled(filled, "errors", own) == filled
+    assert pages.filled(filled, "errors", own) == filled
     with pytest.raises(ValueError, match="no block of the kind 'table'"):
-        marked_page.filled(page, "table", own)
+        pages.filled(page, "table", own)
 
 
 @pytest.mark.parametrize(

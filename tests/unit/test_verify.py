@@ -2,8 +2,7 @@
 
 import contextlib
 import os
-import sys
-from pathlib import Path
+from functools import partial
 
 import h5py
 import numpy as np
@@ -18,9 +17,7 @@ from pgfmd.host import run_lock
 from pgfmd.host.run_lock import Holder, RunLock
 from pgfmd.restart.checkpoint_layout import SEAL_BYTES, read_head
 from pgfmd.results import verify
-
-sys.path.insert(0, str(Path(__file__).parent))
-from small_runs import damage_an_array, flip, run
+from tests.unit.small_runs import damage_an_array, flip, run
 
 ARRAYS = ("gap", "traction", "displacement", "surface_displacement")
 
@@ -212,7 +209,7 @@ def test_arrays_are_read_in_pieces(finished, monkeypatch):
         for piece in (1, side + 1, 5 * side, side * side - 1, 10**6):
             pieces = []
             monkeypatch.setattr(verify, "PIECE", piece)
-            monkeypatch.setattr(verify, "whole_sum", lambda part, first: noted(pieces, part, first))
+            monkeypatch.setattr(verify, "whole_sum", partial(noted, pieces))
             assert verify._sum_of(array, 1) == whole
             assert max(pieces) <= max(piece, side) and sum(pieces) == side * side
 

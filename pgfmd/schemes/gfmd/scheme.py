@@ -1,0 +1,186 @@
+"""The paper's scheme: every mode of the surface is a mass on springs and dashpots, stepped explicitly (docs: model).
+
+    m u'' + eta_0 u' + k_inf u = f + sum_m k_m u_m,   tau_m u_m' = u - u_m      for each mode u(q), all k ~ k_0 = 1/G0
+
+with m = k_inf / omega^2 and eta_0 = 2 m omega. Leapfrog with central damping, the elements exactly for a u that is
+linear within the step; one forward and one backward transform of the whole plane a step. Source: the paper,
+"Reproducing viscoelastic properties using GFMD".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pgfmd.physics.drive import Phase
+from pgfmd.physics.rheology import PronySeries
+from pgfmd.solver.far_field import FarPoints
+from pgfmd.solver.multiplier import FEW
+from pgfmd.solver.state import State
+
+from . import kernels
+from .inertia import Inertia
+
+
+class Gfmd:
+    """Steps of the paper's scheme. `step` moves a state on by one step of given length.
+
+    points: PunchPoints whose rows are those of `plane`'s slab; plane: transform.Plane; compliance: the periodic
+    G0(qx, qy); height z [m] (size,); law: CohesiveLaw; series: PronySeries; inertia: Inertia. audit: whether to follow
+    energies. near_gap [m]: below which a point is near.
+    """
+
+    machine_compliance = 0.0
+    solver = None
+    cure = "Try a shorter step: a smaller solver.gfmd.dt, or more steps_per_tau."
+
+    def __init__(
+        self,
+        points,
+        plane,
+        compliance,
+        height,
+        law,
+        series: PronySeries,
+        inertia: Inertia,
+        audit: bool,
+        near_gap: float,
+    ):
+        self.points, self.plane, self.height, self.law = points, plane, height, law
+        self.series, self.inertia, self.audit = series, inertia, audit
+        self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
+        grid = points.grid
+        unit = 2.0 * np.pi / grid.length
+        # Of the un-normalised transform, for the real view of the spectrum: each column twice.
+        self._compliance = np.empty((grid.n // 2 + 1, 2 * plane.kx.size))
+        some = max(1, FEW // max(1, plane.kx.size))
+        for begin in range(0, grid.n // 2 + 1, some):
+            ky = np.arange(begin, min(begin + some, grid.n // 2 + 1))[:, None]
+            values = compliance(unit * plane.kx[None, :], unit * ky) / grid.n**2
+            self._compliance[begin : begin + some] = np.repeat(values, 2, axis=1)
+        self._fold = np.where((plane.kx == 0) | (2 * plane.kx == grid.n), 1.0, 2.0)
+        self._top, self._left = points.block_start + points.row_start - plane.row_start, points.block_start
+        self._levels = law.contact_gap, 0.0, near_gap
+        self._rows = np.zeros((6, points.rows))
+        self._sums, self._rates = np.zeros((3, plane.kx.size if audit else 0)), 1.0 / series.tau
+        self._far = FarPoints(plane)
+        self._lengths, self._coefficients = None, ()
+
+    @property
+    def pairs(self) -> int:
+        """Pairs of transforms so far."""
+        return self.plane.pairs
+
+    @property
+    def transform_seconds(self) -> float:
+        """Time [s] that this rank has spent in transforms."""
+        return self.plane.seconds
+
+    def place(self, state: State) -> float:
+        """Position d of the punch [m]."""
+        return state.position
+
+    def surface_of(self, state: State) -> np.ndarray:
+        """The surface of the whole cell, this rank's rows of it."""
+        return self.plane.real.ravel()
+
+    def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
+        """The same as rows, and the first one's index."""
+        return kept.reshape(self.plane.real.shape), self.plane.row_start
+
+    def new_state(self, position: float) -> State:
+        """A state with the surface at rest, the punch at `position` [m] out of reach."""
+        points, shape = self.points, self.plane.spectral.shape
+        zeros = points.zeros
+        state = State(
+            zeros(), np.zeros(0), zeros(), np.zeros((self.series.elements, *shape), complex), np.zeros((0, 0)), position,
+            phase_start=position,
+        )  # fmt: skip
+        state.modes, state.mode_velocities = np.zeros(shape, complex), np.zeros(shape, complex)
+        return state
+
+    def start(self, state: State) -> float:
+        """Puts the surface at rest under the punch; returns the force on it [N], zero as it is out of reach."""
+        self.plane.real[:] = 0.0
+        return self._touch(state)
+
+    def step(self, state: State, phase: Phase, step: float) -> None:
+        """Moves the state on by `step` [s] within the phase. Collective."""
+        points, plane, energies = self.points, self.plane, state.energies
+        kernels.spread(state.traction, points.offset, points.first, self._top, self._left, plane.real)
+        plane.forward()
+        self._advance(state, step)
+        plane.backward()
+        before, force = state.position, state.force
+        state.elapsed += step
+        state.time += step
+        state.position = state.phase_start + phase.displacement(state.elapsed)
+        state.force = state.least_force = self._touch(state)
+        moved = state.position - before
+        energies.work -= 0.5 * (force + state.force) * moved
+        if phase.velocity_end > 0.0 and moved > 0.0:
+            # A step is short: the force is a straight line, and one through zero pulls next to nothing.
+            energies.work_of_separation -= 0.5 * (min(force, 0.0) + min(state.force, 0.0)) * moved
+        if self.audit:
+            self._follow_energies(state, step)
+        state.last_step = step
+        state.counters.steps += 1
+
+    def measure(self, state: State) -> None:
+        """What the curve holds of the present surface: contact, overlap, near points, smallest gap, far displacement,
+        adhesive energy.
+
+        Found along with the traction at the end of the step; nothing is left to do.
+        """
+
+    def _advance(self, state: State, step: float) -> None:
+        """Modes, velocities (of the middle of the step) and elements; the transform's buffer is given the new modes."""
+        series = self.series
+        # The velocity is that of the middle of the last step; it is moved to the middle of this one.
+        lengths = step, 0.5 * (step + (state.last_step or step))
+        if lengths != self._lengths:
+            self._lengths, self._coefficients = lengths, self._coefficients_of(*lengths)
+        keep, kick, decay, old_gain, new_gain = self._coefficients
+        kernels.advance_modes(
+            _real(self.plane.spectral), self._compliance, _real(state.modes), _real(state.mode_velocities),
+            _real(state.branches), series.kappa, self._rates, keep, kick, step, decay, old_gain, new_gain, series.kappa_inf,
+            self._fold, self._sums,
+        )  # fmt: skip
+
+    def _coefficients_of(self, step: float, between: float) -> tuple:
+        """Of the velocity (what it keeps, its gain from the force), and of the elements; `between` the middles [s]."""
+        damping = self.inertia.frequency * between
+        keep = (1.0 - damping) / (1.0 + damping)
+        kick = damping * self.inertia.frequency / (self.series.kappa_inf * (1.0 + damping))
+        x = step / self.series.tau
+        decay, mean = np.exp(-x), -np.expm1(-x) / x
+        return keep, kick, decay, mean - decay, 1.0 - mean
+
+    def _touch(self, state: State) -> float:
+        """Takes the surface under the punch from the plane, and the traction there; returns the force on the punch
+        [N]."""
+        points = self.points
+        kernels.touch(
+            self.plane.real, self._top, self._left, points.first, self.height, state.position, self.law_numbers,
+            self._levels, points.offset, state.displacement, state.traction, self._rows,
+        )  # fmt: skip
+        rows = points.all_rows(self._rows)
+        contact, overlap, near, energy, pull = rows[:5].sum(axis=1)
+        state.contact_points, state.overlap_points, state.near_points = int(contact), int(overlap), int(near)
+        state.smallest_gap = -rows[5].max()
+        state.far_displacement = self._far.displacement()
+        state.energies.adhesive = energy * points.grid.cell_area
+        return -pull * points.grid.cell_area
+
+    def _follow_energies(self, state: State, step: float) -> None:
+        """Stored energy (that of the masses included), and what dashpots have taken by the trapezoidal rule."""
+        series, omega = self.series, self.inertia.frequency
+        area = self.points.grid.length**2
+        stored, moving, lost = self.plane.total_of(self._sums) * (area / self.points.grid.n**2)
+        state.energies.elastic = stored + 0.5 * series.kappa_inf / omega**2 * moving
+        state.energies.viscous += step * (2.0 * series.kappa_inf / omega * moving + 0.5 * (lost + state.power))
+        state.power = lost
+
+
+def _real(array: np.ndarray) -> np.ndarray:
+    """A complex array as the kernels take it: real and imaginary parts side by side along the last axis."""
+    return array.view(float)

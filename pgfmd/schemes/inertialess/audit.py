@@ -1,0 +1,153 @@
+"""The energy audit of the massless model: what a step stores and dissipates, and whether that is the work of the punch.
+
+It needs no transform: with psi_m = G0 phi_m kept beside the branches, all energies are sums over points (docs: model).
+"""
+
+from __future__ import annotations
+
+from itertools import accumulate
+
+import numpy as np
+
+from pgfmd.physics.rheology import CreepSeries
+from pgfmd.schemes.path_following import SINGLE_NOISE
+from pgfmd.solver.extrapolation import integral
+from pgfmd.solver.state import Energies, State
+from pgfmd.solver.trial import Trial
+
+from . import retardation_kernels
+from .retardation import StagedTrial, StepWeights, Tableau
+
+FINE = 1.5e-3
+"""At tolerances below this, the audit's residual of a step limits the step as well."""
+ENERGY_SHARE = 7.0
+"""Largest residual of a step at these tolerances, relative to the dissipated energy, as a multiple of the tolerance."""
+LEAST_SHARE = 1e-3
+"""Lower bound of this limit."""
+LEAST_WAY = 1e-3
+"""Added to the fraction of the punch's travel that a step covers, for the errors of the solves in short steps."""
+SMALLEST_LOOP = 1e-7
+"""Least energy that a loop is assumed to dissipate, as a fraction of the elastic energy and of the adhesive energy of
+full contact."""
+POINTS_OF_WORK = 3
+"""Most forces from which the work of a step is interpolated."""
+NEAREST_PAST = 0.2
+"""The start of the last step is one of them if that step was at least this fraction of the present one: a closer point
+does not determine a slope."""
+TENSION_SAMPLES = 65
+"""Points of a step at which its force is examined for tension."""
+SPENT_SHARPNESS = 5.0
+"""The error of the forces enters the work of the punch, and would dominate a nearly elastic loop, whose work is
+thousands of times smaller than the stored energies. So fine steps are solved to a smaller fraction of the tolerance if
+less than 1/SPENT_SHARPNESS of the stored energy has been dissipated. (With 50 instead of 5, a spectrum of two elements
+twelve decades apart took three times the steps, and its audit did not close.)"""
+FINE_SHARPNESS = 0.1
+"""Smallest fraction of the tolerance used for this reason."""
+
+
+class EnergyAudit:
+    """Follows stored and dissipated energy; on demand bounds the residual of each step.
+
+    points: PunchPoints; law: CohesiveLaw; tableau: of the steps; tolerance: of a step, in ranges of adhesion; dtype of
+    the fields. bounds_steps: whether steps this fine are to be bounded.
+    """
+
+    def __init__(self, points, creep: CreepSeries, law, tableau: Tableau, tolerance: float, dtype):
+        self.points, self.creep, self.law, self.tableau, self.tolerance = points, creep, law, tableau, tolerance
+        # Without attraction and retardation nothing is dissipated that an error could be compared with.
+        self.bounds_steps = tolerance <= FINE and (creep.elements > 0 or law.attractive)
+        # In single precision the energies have an error that does not shrink with the step.
+        self._noise = SINGLE_NOISE if np.dtype(dtype) == np.float32 else 0.0
+        self._rows = np.zeros((3, points.rows))
+
+    def sharpness(self, energies: Energies) -> float:
+        """To which share of the tolerance steps have to be solved for the audit's sake, 1 where it makes no demand."""
+        stored = energies.elastic + abs(energies.adhesive)
+        if not self.bounds_steps or stored <= 0.0:
+            return 1.0
+        spent = energies.viscous + energies.released
+        return max(FINE_SHARPNESS, min(1.0, SPENT_SHARPNESS * spent / stored))
+
+    def error(self, state: State, trial: StagedTrial, u: list[np.ndarray], f: np.ndarray, adhesive: float) -> float:
+        """The step's share of the energy audit's residual, relative to what is allowed to it.
+
+        That is a small part of what the step dissipates; and of all that has been dissipated, shared out over the way
+        of the punch. u [m], f [Pa] at the stages; adhesive [J]: energy of the interface at the end of the step.
+        Collective.
+        """
+        energies, reach = state.energies, self.law.range
+        elastic, viscous = self.energies(state, trial.weights, u, f, keep=False)
+        gained = elastic - energies.elastic + adhesive - energies.adhesive
+        residual = work_of(state, trial, self.tableau) - gained - viscous
+        at_stake = elastic + self.law.work_of_adhesion * self.points.total * self.points.grid.cell_area
+        spent = max(energies.viscous + energies.released, SMALLEST_LOOP * at_stake)
+        way = abs(trial.position - state.position) / (reach + abs(trial.position - state.phase_start))
+        allowed = max(ENERGY_SHARE * self.tolerance, LEAST_SHARE) * (viscous + spent * (way + LEAST_WAY))
+        allowed += self._noise * at_stake
+        return abs(residual) / allowed if allowed > 0.0 else 0.0
+
+    def energies(
+        self, state: State, weights: StepWeights, u: list[np.ndarray], f: np.ndarray, keep: bool
+    ) -> tuple[float, float]:
+        """Elastic energy at the end of a step, and energy dissipated in it [J].
+
+        u [m], f [Pa] at the stages; keep: move the branches and their images phi_m, G0 phi_m on to the step's end. No
+        transform: G0 f = (u - G0 w_hist) / J. Collective.
+        """
+        final, area = self.tableau.stages - 1, self.points.grid.cell_area
+        retardation_kernels.advance_branches_and_energy(
+            state.branches, state.images, f, u[0], u[final], weights.branch_weight, weights.stage_weight[final, 0],
+            weights.compliance, weights.decay, weights.gain, weights.rate_decay, weights.rate_gain, weights.quadrature,
+            self.creep.J, keep, self.points.offset, self._rows,
+        )  # fmt: skip
+        stored, lost, instantaneous = self.points.reduced(self._rows, 3)
+        stored += 0.5 * self.creep.J_inf * instantaneous
+        return stored * area, lost * area
+
+
+def work_of(state: State, trial: Trial, tableau: Tableau) -> float:
+    """Work of the punch [J] over the step: its velocity times the polynomial through the forces at the start, at the
+    stages, and at ends of steps before.
+
+    A jump happens at the new positions, and what it releases is counted from there: up to each of them, the punch has
+    met the force of the surface as it was.
+    """
+    h, start, phase = trial.step, state.elapsed, trial.phase
+    times, forces = [0.0, *(node * h for node in tableau.nodes)], [state.force, *trial.forces]
+    if trial.is_jump:
+        places = [phase.displacement(start + time) for time in times]
+        return -sum(force * (b - a) for force, a, b in zip(forces[:-1], places[:-1], places[1:], strict=True))
+    for span, force in zip(accumulate(state.past_steps), state.past_forces, strict=True):
+        if len(times) < POINTS_OF_WORK and span > NEAREST_PAST * h:
+            times.append(-span)
+            forces.append(force)
+    return -integral(times, forces, lambda time: phase.velocity(start + time), h)
+
+
+def tension_of(state: State, trial: Trial, tableau: Tableau, work: float) -> tuple[float, float]:
+    """Lowest force [N] within a step, and the work [J] of a retracting punch where it pulls; work [J]: of the whole
+    step.
+
+    By the parabola through the forces at the start, at the first stage and at the end: a step may well be as long as
+    the peak of the pull-off is wide. A jump, or a step of one stage, has its ends alone.
+    """
+    start, phase = state.elapsed, trial.phase
+    lowest, highest = min(state.force, *trial.forces), max(state.force, *trial.forces)
+    if lowest > highest - lowest or lowest == highest == 0.0:
+        # Far from tension, or free.
+        return lowest, 0.0
+    places = np.linspace(0.0, 1.0, TENSION_SAMPLES)
+    known = [0.0, *tableau.nodes], [state.force, *trial.forces]
+    if trial.is_jump:
+        known = [0.0, 1.0], [state.force, trial.force]
+    curve = np.polyval(np.polyfit(*known, len(known[0]) - 1), places)
+    dip = float(curve.min())
+    # Not what rounding makes of a parabola that ends at zero.
+    lowest = dip if dip < lowest - 1e-9 * (highest - lowest) else lowest
+    if phase.velocity_end <= 0.0 or lowest >= 0.0:
+        return lowest, 0.0
+    if curve.max() <= 0.0 and phase.velocity(start) >= 0.0:
+        return lowest, work
+    moved = np.diff([phase.displacement(start + place * trial.step) for place in places])
+    pull = np.maximum(-curve, 0.0)
+    return lowest, float(0.5 * (pull[1:] + pull[:-1]) @ np.maximum(moved, 0.0))

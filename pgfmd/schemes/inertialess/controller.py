@@ -1,0 +1,165 @@
+"""Which steps are tried, and which are taken.
+
+A step is taken when its error is below the tolerance; the next one aims at 0.85 of it. Phases with a duration and
+wanted times end on the spot. The end of the approach, where the force passes the preload, is found by regula falsi on
+the step. A step that is still refused when it is far shorter than anything the material can resolve is a jump of the
+surface: it is taken as such.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pgfmd.errors import WRITTEN_IS_VALID, RunError
+from pgfmd.physics.drive import Phase
+from pgfmd.schemes.base import ImplicitScheme
+from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
+
+CUT_ON_FAILURE = 0.25
+TELLING = 2.0
+"""How many times longer than a step another one has to be for their changes to tell a jump from a motion."""
+ENERGY_CUT = {1: 8.0, 2: 24.0}
+"""Largest factor by which the energy audit may shorten a step, by the order of the scheme. (In elastic scenes errors of
+the solves, which do not shrink with the step, limit it sooner.)"""
+WORTH_AGAIN = 0.6
+"""A step is repeated for the audit if it should have been shorter than this fraction of its length."""
+MOST_REPEATS = 3
+"""Most repetitions of a step for this reason."""
+JUMP_STEP = 1e-3
+"""A rejected step may be a jump if it is below this fraction of the shortest relaxation time, and JUMP_MOTION holds."""
+JUMP_MOTION = 0.5
+"""The step must also be below this fraction of the time in which the punch moves by tolerance times range."""
+
+
+@dataclass(frozen=True)
+class StepLimits:
+    """tolerance of a step's error [ranges of adhesion]; range [m]; shortest relaxation time [s], infinite where
+    elastic.
+
+    attractive: whether the law attracts. Without attraction nothing snaps: no jumps, and steps as long as the error
+    allows.
+    """
+
+    tolerance: float
+    range: float
+    shortest_time: float
+    attractive: bool
+
+    def largest(self, phase: Phase) -> float:
+        """Longest step [s]: the punch moves by at most one range, so that no contact is passed over."""
+        return self.range / phase.fastest if self.attractive and phase.fastest > 0.0 else math.inf
+
+    def first(self, phase: Phase) -> float:
+        """A step [s] to begin a phase with, where nothing is known yet."""
+        if phase.fastest > 0.0:
+            return self.tolerance * self.range / phase.fastest
+        return self.shortest_time if math.isfinite(self.shortest_time) else phase.duration
+
+    def jump(self, phase: Phase) -> float:
+        """Refused steps [s] below this are jumps."""
+        if phase.fastest == 0.0:
+            return JUMP_STEP * self.shortest_time if math.isfinite(self.shortest_time) else 0.0
+        motion = JUMP_MOTION * self.tolerance * self.range / phase.fastest
+        return min(JUMP_STEP * self.shortest_time, motion)
+
+
+class Controller:
+    """Takes one step at a time with a scheme; every decision follows from numbers that are the same on all ranks."""
+
+    largest_try_count = 200
+
+    def __init__(self, scheme: ImplicitScheme, limits: StepLimits, preload: float):
+        self.scheme, self.limits, self.preload = scheme, limits, preload
+        self.slack = slack_of(preload, limits.tolerance)
+
+    def advance(self, state: State, phase: Phase, until: float = math.inf):
+        """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted Trial, why it
+        ended).
+
+        The second is "preload" when the preload has been met, "duration" at the end of the phase, "time" at `until`,
+        else "". Raises RunError where no step, however short, can be solved.
+        """
+        limits = self.limits
+        end = phase.duration - state.elapsed
+        wanted = state.step or limits.first(phase)
+        step, why = fit(min(wanted, limits.largest(phase)), end, until)
+        search, refused, repeats = PreloadSearch(phase, state.force, self.preload, self.slack), [], 0
+        for _ in range(self.largest_try_count):
+            short = step < limits.jump(phase) or state.elapsed + step == state.elapsed
+            last_resort = bool(refused) and search.bracket is None and short
+            trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=last_resort)
+            # Without attraction nothing jumps: what kept the step from being taken was a loose solve before it.
+            trial.is_jump = last_resort and limits.attractive and trial.converged and _jumped(trial, refused)
+            state.counters.take(trial)
+            if not trial.converged or not (last_resort or trial.error <= limits.tolerance):
+                if last_resort:
+                    break
+                state.counters.rejected_steps += 1
+                refused.append(trial)
+                step, why, search.bracket = step * self._cut(phase, trial), "", None
+                continue
+            wish = self._wish(phase, trial)
+            if wish < WORTH_AGAIN and repeats < MOST_REPEATS and search.bracket is None and not last_resort:
+                state.counters.rejected_steps += 1
+                repeats += 1
+                step, why = step * max(STRONGEST_CUT, wish), ""
+                continue
+            other = search.other_step(step, trial.force)
+            if other is not None:
+                state.counters.rejected_steps += 1
+                step, why = other, ""
+                continue
+            met = search.is_met(trial.force)
+            if met:
+                self.scheme.require_preload(state, trial, self.slack)
+            self._accept(state, phase, trial, wanted if why else step)
+            return trial, "preload" if met else why
+        raise RunError(self._stuck(state, phase, trial))
+
+    def _accept(self, state: State, phase: Phase, trial, wanted: float) -> None:
+        self.scheme.accept(state, trial)
+        if trial.is_jump:
+            state.step = 0.0
+            return
+        growth = self._wish(phase, trial)
+        proposal = trial.step * min(LARGEST_GROWTH, max(STRONGEST_CUT, growth))
+        if trial.error > self.limits.tolerance:
+            # Taken as a last resort: shorter steps have not helped.
+            proposal = max(proposal, trial.step)
+        # A step cut short by an event says nothing against the one that was wanted.
+        state.step = max(proposal, wanted) if wanted > trial.step and growth >= 1.0 else proposal
+
+    def _cut(self, phase: Phase, trial) -> float:
+        if not trial.converged or not math.isfinite(trial.error):
+            return CUT_ON_FAILURE
+        return min(0.8, max(STRONGEST_CUT, self._wish(phase, trial)))
+
+    def _wish(self, phase: Phase, trial) -> float:
+        """By which factor the step might have been longer."""
+        by_error = SAFETY * (self.limits.tolerance / max(trial.error, 1e-300)) ** (1.0 / (self.scheme.order + 1))
+        by_error = min(by_error, self.limits.largest(phase) / trial.step)
+        by_energy = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
+        return min(by_error, max(by_energy, by_error / ENERGY_CUT[self.scheme.order]))
+
+    def _stuck(self, state: State, phase: Phase, trial) -> str:
+        return (
+            f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, t = {state.time:.6g} s, "
+            f"d = {state.position:.6g} m, step {trial.step:.3g} s). {WRITTEN_IS_VALID} "
+            f"{self.scheme.advice(state, trial)}"
+        )
+
+
+def _jumped(trial, refused: list) -> bool:
+    """Whether a step that was refused again and again jumps: whether its change has not shrunk with the step.
+
+    Without a history, as after a jump, any change counts as an error, and a surface that just moves faster than the
+    punch is refused as well. Taken for a jump, it would lose its history again, and so forth.
+    """
+    known = [other for other in refused if other.change is not None]
+    longer = [other for other in known if other.step >= TELLING * trial.step] or known[:1]
+    if not longer:
+        return True
+    return trial.change.largest > longer[-1].change.largest * math.sqrt(trial.step / longer[-1].step)

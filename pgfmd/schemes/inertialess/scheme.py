@@ -1,0 +1,184 @@
+"""The massless limit of the paper's model, by implicit steps in the traction (docs: model, "Time").
+
+    u = G0 w,   w = J_inf f + sum_m J_m phi_m,   lambda_m dphi_m/dt = f - phi_m,   f = Gamma'(d(t) + z - u)
+
+Each stage of a step (retardation.py) is a static contact problem (newton.py) with the compliance J_i G0, begun where
+the last ends of steps point (path_following.py).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pgfmd.errors import RunError
+from pgfmd.physics.drive import Phase
+from pgfmd.physics.rheology import CreepSeries
+from pgfmd.schemes.path_following import EVENT_TOLERANCE, PathFollowing
+from pgfmd.solver import kernels
+from pgfmd.solver.newton import NewtonSolver
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import Trial
+
+from . import retardation_kernels
+from .audit import EnergyAudit, tension_of, work_of
+from .retardation import IMPLICIT_EULER, SDIRK2, StagedTrial, step_weights
+
+LOOSEST_TOLERANCE = 2e-2
+"""Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
+EVENT_SHARE = 0.25
+"""Largest share of the usual tolerance in solves that look for an event: the force is then good to half of what the
+preload has to be met to."""
+JUMP_SHARPNESS = 1e-3
+"""Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
+tiny, and a loose solve lingers on it."""
+NEARLY_ELASTIC = 0.5
+"""An elastomer is nearly elastic if more than this fraction of its compliance is instantaneous."""
+ELASTIC_PATIENCE = 2
+"""Patience of the conjugate gradients (newton.py) for elastic and nearly elastic elastomers."""
+ELASTIC_SHARPNESS = 0.25
+"""Tolerance of the solves in elastic scenes, as a fraction of that of the step: they are the only source of error."""
+
+
+class Inertialess(PathFollowing):
+    """Steps of the massless model. `try_step` leaves the state alone; `accept` moves it on.
+
+    solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are
+    solved to the same tolerance, as their errors enter the error estimate with a tenth of their size. audit: whether to
+    follow energies. far_weights: of the far displacement (far_field.py), empty where there is none. near_gap [m]: below
+    which a point is near. order: 2 or 1, of steps with retardation. All fields have the precision of the solver's convolution.
+    """
+
+    cure = "Try a smaller solver.accuracy, or a larger adhesion.range."
+
+    def __init__(
+        self, solver: NewtonSolver, creep: CreepSeries, tolerance: float, audit: bool, far_weights: np.ndarray,
+        near_gap: float, order: int = 2,
+    ):  # fmt: skip
+        # Without retardation each step is an equilibrium of its own: one stage.
+        self.tableau = SDIRK2 if creep.elements and order == 2 else IMPLICIT_EULER
+        super().__init__(solver, tolerance, self.tableau.nodes, far_weights, near_gap)
+        self.creep, self.audit = creep, audit
+        solver.cg.patience = ELASTIC_PATIENCE if creep.J_inf > NEARLY_ELASTIC else 1
+        points, stages = solver.points, self.tableau.stages
+        self._f = np.zeros((stages, points.size), solver.dtype)
+        self._history = np.zeros((stages, points.size), solver.dtype)
+        self._audit = EnergyAudit(points, creep, solver.law, self.tableau, tolerance, solver.dtype) if audit else None
+        self._rows = np.zeros((2, points.rows))
+
+    @property
+    def order(self) -> int:
+        """Order of the method in time."""
+        return self.tableau.order
+
+    def new_state(self, position: float) -> State:
+        """A state with the surface at rest, the punch at `position` [m]; call `start` before stepping."""
+        points, elements = self.points, self.creep.elements
+        dtype = self.solver.dtype
+        branches = np.zeros((elements, points.size), dtype)
+        images = np.zeros((elements, points.size if self.audit else 0), dtype)
+        u, w, f = (points.zeros(dtype) for _ in range(3))
+        return State(u, w, f, branches, images, position, phase_start=position)
+
+    def start(self, state: State) -> float:
+        """Brings the surface into instantaneous balance with the punch at its first position; returns the force [N].
+
+        Nothing to do, and nothing done, for a punch out of reach. RunError if there is no balance.
+        """
+        solver = self.solver
+        history, solve = self._history[0], solver.solve
+        history[:] = 0.0
+        if not self.creep.elements and state.position < self.law.reach:
+            # From a relaxed surface at rest the way is long, and most of Newton's corrections on it would be cut.
+            from pgfmd.solver.descent import Descent
+
+            solve = Descent(solver).solve
+        for jump in (False, True):
+            # Where the punch starts in contact, the way from the surface at rest may be long.
+            outcome = solve(
+                state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance, jump,
+                largest_force=solver.force_scale,
+            )  # fmt: skip
+            state.counters.take(outcome)
+            if outcome.converged:
+                break
+        else:
+            first = Trial(0.0, state.position, None, converged=False, left_over=outcome.left_over)
+            where = f"d = {state.position:.6g} m"
+            raise RunError(f"no equilibrium found at the start ({where}). {self.advice(state, first)}")
+        state.traction[:] = solver.traction
+        if self.audit:
+            kernels.dot(state.traction, state.displacement, self.points.offset, self._rows)
+            stored = 0.5 * self.points.reduced(self._rows[:1], 1)[0] * self.points.grid.cell_area
+            state.energies.elastic = state.energies.elastic_start = stored
+        return outcome.force
+
+    def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> StagedTrial:
+        """Solves the stages of a step of `step` [s] from `state`. Collective.
+
+        sharp: solve tighter, for finding events. jump: solve tighter still, and start each stage from the last one
+        instead of extrapolating, so that the potential drop is that of the surface's jump.
+        """
+        weights = step_weights(self.creep, self.tableau, step)
+        retardation_kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
+        trial = StagedTrial(step, state.position, phase, converged=True, is_jump=jump, weights=weights)
+        for i, (node, compliance) in enumerate(zip(self.nodes, weights.compliance.tolist(), strict=True)):
+            history = self._history[i]
+            elapsed = state.elapsed + node * step
+            trial.position = state.phase_start + phase.displacement(elapsed)
+            self._predict(state, trial, i, node * step)
+            outcome = self.solver.solve(
+                trial.position, history, compliance, self._u[i], self._w[i],
+                self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
+            )  # fmt: skip
+            self._after_solve(trial.position, outcome)
+            trial.newton_iterations += outcome.newton_iterations
+            trial.cg_iterations += outcome.cg_iterations
+            trial.potential_drop += outcome.potential_drop
+            trial.force = outcome.force
+            trial.forces.append(outcome.force)
+            if not outcome.converged:
+                trial.converged, trial.left_over = False, outcome.left_over
+                return trial
+            # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes
+            # the images G0 phi, and with them the stored energy, those of these tractions.
+            stage = self._w[i], history, compliance
+            if i + 1 < self.tableau.stages:
+                weight, following = float(weights.stage_weight[i + 1, i]), self._history[i + 1]
+                retardation_kernels.stage_and_history(*stage, weight, self._f[i], following)
+            else:
+                retardation_kernels.stage_of(*stage, self._f[i])
+        # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path
+        # is.
+        trial.change = self._change(state, trial, self.order + 1 if self.creep.elements else 3)
+        if self.creep.elements:
+            trial.error = trial.change.error(self.tableau.error_constant, self.order)
+        else:
+            trial.error = trial.change.elastic_error(self.solver.law.attractive)
+        if self._audit and self._audit.bounds_steps and not jump:
+            trial.energy_error = self._audit.error(state, trial, self._u, self._f, outcome.adhesive)
+        return trial
+
+    def accept(self, state: State, trial: StagedTrial) -> None:
+        """Moves fields, history and energies of the state to the end of the trial step."""
+        weights = trial.weights
+        work = work_of(state, trial, self.tableau)
+        state.energies.work += work
+        state.least_force, pulled = tension_of(state, trial, self.tableau, work)
+        state.energies.work_of_separation += pulled
+        if self._audit:
+            state.energies.elastic, viscous = self._audit.energies(state, weights, self._u, self._f, keep=True)
+            state.energies.viscous += viscous
+        else:
+            retardation_kernels.advance_branches(
+                state.branches, weights.decay, self._f, weights.gain, self.tableau.stages
+            )
+        self._move_on(state, trial)
+
+    def _tolerance(self, state: State, sharp: bool, jump: bool) -> float:
+        if jump:
+            return JUMP_SHARPNESS * self.tolerance
+        share = 1.0 if self.creep.elements else ELASTIC_SHARPNESS
+        if self._audit:
+            share = min(share, self._audit.sharpness(state.energies))
+        usual = share * self.tolerance
+        return min(EVENT_TOLERANCE, EVENT_SHARE * usual) if sharp else min(LOOSEST_TOLERANCE, usual)

@@ -1,0 +1,142 @@
+"""Which load steps a quasi-static run tries, and which it takes.
+
+Steps that meet no instability are as long as their error allows. One that does is given up at once and cut, down to a
+length at which the jump is followed to its end. The jump is somewhere within that step; how well its energy is known
+decides whether that is near enough.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pgfmd.errors import WRITTEN_IS_VALID, RunError
+from pgfmd.physics.drive import Phase
+from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
+from pgfmd.solver.state import State
+from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT, Trial
+
+from .scheme import Quasistatic
+
+FOLLOWED = 1.0
+"""Longest step in which a jump is followed, in tolerances."""
+FINEST = 0.25
+"""Shortest step to which a jump is located, in tolerances."""
+UNCERTAINTY = 10.0
+"""Accepted uncertainty of the energy that a jump releases, in tolerances."""
+ROOM = 0.25
+"""A jump is negligible if the uncertainty of its energy is below this fraction of the accepted one. It is followed in
+longer and longer steps."""
+LONGEST_FOLLOWED = 0.25
+"""Longest step in which a negligible jump is followed, in ranges of adhesion."""
+CUT = 0.25
+LONGEST_PULLING = 0.125
+"""Longest step in which the punch pulls, in ranges of adhesion: there the force turns round within about one of
+them, and the largest tension is that at the end of a step."""
+
+
+class LoadSteps:
+    """Takes one load step at a time; every decision follows from numbers that are the same on all ranks.
+
+    tolerance: of a step [ranges of adhesion]; reach [m]: the range of adhesion; preload [N]; attractive: whether the
+    law attracts.
+    """
+
+    largest_try_count = 100
+
+    def __init__(self, scheme: Quasistatic, tolerance: float, reach: float, preload: float, attractive: bool):
+        self.scheme, self.tolerance, self.reach, self.preload = scheme, tolerance, reach, preload
+        self.attractive = attractive
+        self.slack = slack_of(preload, tolerance)
+
+    def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Trial, str]:
+        """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted trial, why it
+        ended): "preload", "duration", "time", or "".
+
+        Raises RunError where no equilibrium is found.
+        """
+        unit = self._unit(state, phase)
+        finest = FINEST * self.tolerance * unit
+        shortest = FOLLOWED * self.tolerance * unit
+        # Under tension the next jump may be the pull-off, whose force is wanted.
+        followed = shortest if state.force < 0.0 else min(max(state.followed, shortest), LONGEST_FOLLOWED * unit)
+        end = phase.duration - state.elapsed
+        wanted = state.step or self.tolerance * unit
+        longest = math.inf
+        if self.attractive:
+            longest = LONGEST_PULLING * unit if state.force < 0.0 else unit
+        step, why = fit(min(wanted, longest), end, until)
+        search = PreloadSearch(phase, state.force, self.preload, self.slack)
+        for _ in range(self.largest_try_count):
+            follow = step <= followed * (1.0 + 1e-9)
+            trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=follow)
+            state.counters.take(trial)
+            passed = trial.is_jump and not follow and state.force < min(trial.force, 0.0)
+            shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest, passed)
+            if shorter is not None:
+                if step <= finest and not trial.converged:
+                    break
+                state.counters.rejected_steps += 1
+                if trial.converged and trial.is_jump:
+                    followed = max(shorter, shortest)
+                step, why, search.bracket = shorter, "", None
+                continue
+            other = search.other_step(step, trial.force)
+            if other is not None:
+                state.counters.rejected_steps += 1
+                step, why = other, ""
+                continue
+            if trial.is_jump:
+                # Short of what could be allowed: where jumps hardly count, they need not be placed as well.
+                room = trial.uncertainty / self._allowed(trial, state.energies.released)
+                followed = LARGEST_GROWTH * followed if room < ROOM and step > 0.5 * followed else followed
+            state.followed, met = followed, search.is_met(trial.force)
+            if met:
+                self.scheme.require_preload(state, trial, self.slack)
+            self.scheme.accept(state, trial)
+            # A longer step than may be followed would meet the next instability, and be given up.
+            followed = shortest if state.force < 0.0 else followed
+            state.step = self._next(trial, wanted if why else step, followed)
+            return trial, "preload" if met else why
+        raise RunError(
+            f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, "
+            f"d = {self.scheme.place(state):.6g} m, "
+            f"load step {step * phase.fastest:.3g} m). {WRITTEN_IS_VALID} "
+            f"{self.scheme.advice(state, trial)}"
+        )
+
+    def _unit(self, state: State, phase: Phase) -> float:
+        """Time [s] in which the punch moves by one range of adhesion, about."""
+        scheme = self.scheme
+        # Where punch and elastomer hold each other, a spring has its share of the machine's way.
+        shared = scheme.machine_compliance > 0.0 and scheme.interacting(state) > 0
+        share = 1.0 + scheme.contact_stiffness * scheme.machine_compliance if shared else 1.0
+        return share * self.reach / phase.fastest
+
+    def _shorter(
+        self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float, passed: bool
+    ) -> float | None:
+        """The step to try instead; None where the trial can be taken. passed: whether it went over a jump that may be
+        the pull-off."""
+        if not trial.converged or passed:
+            return max(CUT * step, min(followed, 0.99 * step)) if not follow else CUT * step
+        if trial.is_jump:
+            well_known = trial.uncertainty <= self._allowed(trial, released)
+            return None if well_known or step <= finest else max(CUT * step, 0.99 * finest)
+        if trial.error <= self.tolerance or step <= finest:
+            return None
+        return step * min(0.8, max(STRONGEST_CUT, self._growth(trial)))
+
+    def _allowed(self, trial: Trial, released: float) -> float:
+        """Uncertainty [J] that a jump may have: errors of many small jumps average out."""
+        return UNCERTAINTY * self.tolerance * math.sqrt(trial.potential_drop * (trial.potential_drop + released))
+
+    def _growth(self, trial: Trial) -> float:
+        return SAFETY * math.sqrt(self.tolerance / max(trial.error, 1e-300))
+
+    def _next(self, trial: Trial, wanted: float, followed: float) -> float:
+        """The step to try next. After a jump the surface is a new one, about which nothing is known."""
+        if trial.is_jump:
+            return max(trial.step, followed)
+        growth = self._growth(trial)
+        proposal = trial.step * min(LARGEST_GROWTH, max(STRONGEST_CUT, growth))
+        return max(proposal, wanted) if wanted > trial.step and growth >= 1.0 else proposal

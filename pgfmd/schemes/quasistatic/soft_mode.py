@@ -1,0 +1,157 @@
+"""Is an equilibrium a minimum? The lowest curvature of the potential, and the mode it belongs to.
+
+With A = J G0 and K = Gamma'' an equilibrium is a minimum where A^-1 + K is positive definite: where the lowest
+quotient mu = x K x / (x A^-1 x) is above -1. It is followed by the locally optimal conjugate gradients of Knyazev
+(SIAM J. Sci. Comput. 23, 517): the best of span{x, A g, p} with the gradient g and the last direction p. As in
+newton.py the dual A^-1 v is carried along with each v, and each iteration applies A once.
+
+The softest mode is followed from step to step, and needs few iterations. Another one may be the softest all of a
+sudden, as the curvature of the law is not continuous where points come within its range. It
+is one of these points, so the first direction of each search is the response to loads on points that have softened
+since the last step. A mode that a symmetric scene forbids has no part in any residual, and Newton's method never meets
+it: to these loads, or where there are none to the first gradient, noise is added, the same on any number of ranks.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from pgfmd.solver import kernels
+
+from . import stability_kernels as kernels_of_modes
+
+NOISE = 1.0
+"""Part of the noise in the first gradient of a search, relative to the mode (in the norm of A^-1)."""
+STEADY = 0.5
+"""A search goes on while an iteration has lowered the curvature by more than this share of what is left of it."""
+INDEPENDENT = {"float64": 1e-10, "float32": 1e-5}
+"""A direction whose part independent of the others is smaller than this is left out, by the precision of the mode: of
+smaller ones rounding makes modes that are none."""
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """The lowest curvature found: `lowest` = 1 + mu, negative at a saddle; error: distance within which there is a
+    curvature for certain, iterations: how many it took, each one pair of transforms."""
+
+    lowest: float
+    error: float
+    iterations: int
+
+
+class SoftMode:
+    """Searches for the lowest curvature, beginning with the mode of the last search.
+
+    solver: NewtonSolver, whose work vectors are used between its solves; its `curvature` is K of the last one.
+    compliance: J, dimensionless.
+    """
+
+    least_iterations, most_iterations, first_iterations = 3, 12, 30
+    """Least and largest number of iterations of a search, and of one that knows no mode."""
+
+    def __init__(self, solver, compliance: float):
+        self.solver, self.points, self.compliance = solver, solver.points, compliance
+        self._rows = np.zeros((12, self.points.rows))
+        # What a point's own unit load moves it by; noise, a load on every point by itself, has about this norm each.
+        load, moved = (self.points.zeros(solver.rough.dtype) for _ in range(2))
+        middle = self.points.total // 2 - self.points.first_point
+        load[middle : middle + 1] = 1.0 if 0 <= middle < self.points.size else 0.0
+        solver.rough(load, moved, compliance)
+        self._own_response = self.points.maximum_of(float(moved.max(initial=0.0)))
+        self._independent = INDEPENDENT[solver.rough.dtype.name]
+
+    def search(self, mode: np.ndarray, dual: np.ndarray, seed: int, before: tuple | None = None) -> Curvature:
+        """Moves mode [m] and its dual [Pa] (size,) to the softest mode at the present surface. Collective.
+
+        before: position [m] and surface [m] (size,) of the last equilibrium; None: out of reach. A mode of zeros starts
+        from noise. Where no point attracts more the nearer it is, the curvature is 1 or above for certain, and the mode
+        stays. Of work vectors it leaves nothing as it was but the solver's traction and curvature.
+        """
+        solver, points = self.solver, self.points
+        k, z, g, p, dp = solver.curvature, solver.cg.z, solver.cg.r, solver.cg.p, solver.cg.y
+        if points.maximum_of(float(-k.min(initial=0.0))) == 0.0:
+            # x K x is nowhere negative.
+            return Curvature(1.0, 0.0, 0)
+        p[:], dp[:] = 0.0, 0.0
+        kernels_of_modes.noise(points.first_point, seed, k, g)
+        noise = NOISE / math.sqrt(self._norm(g, g) * self._own_response)
+        count, most = 0, self.most_iterations
+        if not self._norm(mode, dual) > 0.0:
+            solver.rough(g, z, self.compliance)
+            mode[:], dual[:] = z, g
+            count, most = 1, self.first_iterations
+        size = math.sqrt(self._norm(mode, dual))
+        mode /= size
+        dual /= size
+        kernels.dot(k * mode, mode, points.offset, self._rows)
+        mu, error = self._total(1)[0], math.inf
+        known = count == 0 and self._softened(seed, before)
+        while count < most:
+            solver.cg.poll()
+            if not known:
+                if noise:
+                    kernels_of_modes.noise(points.first_point, seed, k, g)
+                kernels_of_modes.pull_of(k, mode, dual, mu, noise, g)
+            noise = 0.0
+            solver.rough(g, z, self.compliance)
+            count += 1
+            # One rank decides: libraries on other processors may round in other ways.
+            best = self.points.comm.bcast(self._best(k, mode, dual, z, g, p, dp))
+            if best is None and not known:
+                break
+            if best is not None:
+                last, (mu, weights, error) = mu, best
+                kernels_of_modes.recombine(*weights, mode, z, p)
+                kernels_of_modes.recombine(*weights, dual, g, dp)
+            known = False
+            g[:] = 0.0
+            if mu < -1.0 or (count >= self.least_iterations and mu < 0.0 and last - mu <= STEADY * (1.0 + mu)):
+                break
+        return Curvature(1.0 + mu, error, count)
+
+    def _softened(self, seed: int, before: tuple | None) -> bool:
+        """Whether points have softened since `before`; their loads are then in the residual's vector. Collective."""
+        solver, g = self.solver, self.solver.cg.r
+        position, u = before if before else (math.inf, self.solver.cg.z)
+        kernels_of_modes.softened(
+            self.points.first_point, seed, solver.height, position, u, solver.law_numbers, solver.curvature, g
+        )
+        return self._norm(g, g) > 0.0
+
+    def _total(self, kinds: int) -> np.ndarray:
+        return self.points.total_of(self._rows[:kinds])
+
+    def _norm(self, v: np.ndarray, dual: np.ndarray) -> float:
+        kernels.dot(v, dual, self.points.offset, self._rows)
+        return float(self._total(1)[0])
+
+    def _best(self, k, x, dx, z, dz, p, dp):
+        """(mu, weights of x, z and p, error) of the lowest quotient in their span; None where it is x alone."""
+        kernels_of_modes.quotients(k, x, dx, z, dz, p, dp, self.points.offset, self._rows)
+        bend, norm = (_symmetric(values) for values in np.split(self._total(12), 2))
+        if not np.isfinite(bend + norm).all():
+            return None
+        size = np.sqrt(np.maximum(np.diag(norm), 0.0))
+        used = size > 0.0
+        size[~used] = 1.0
+        bend, norm = bend / np.outer(size, size), norm / np.outer(size, size)
+        keep = [0] + [i for i in (1, 2) if used[i]]
+        if len(keep) == 3 and np.linalg.eigvalsh(norm)[0] < self._independent:
+            keep = [0, 1]
+        if len(keep) < 2 or np.linalg.eigvalsh(norm[np.ix_(keep, keep)])[0] < self._independent:
+            return None
+        values, vectors = scipy.linalg.eigh(bend[np.ix_(keep, keep)], norm[np.ix_(keep, keep)])
+        weights = np.zeros(3)
+        weights[keep] = vectors[:, 0]
+        # Of the gradient before this step: an eigenvalue lies as near to the quotient as it is long.
+        gradient = size[1] if used[1] else 0.0
+        return float(values[0]), tuple(weights / size), float(gradient)
+
+
+def _symmetric(six: np.ndarray) -> np.ndarray:
+    """A symmetric 3 x 3 matrix of its entries 00, 01, 02, 11, 12, 22."""
+    return six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]

@@ -1,0 +1,104 @@
+"""Compiled kernels of the search for the lowest curvature (soft_mode.py), as those of kernels.py: sums are left as one
+partial sum a row."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from pgfmd.hashing import STRIDE, scrambled
+from pgfmd.solver.compiled import compiled
+from pgfmd.solver.contact_kernels import _sine_of
+
+_compile = compiled()
+_compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
+_scrambled = numba.njit(inline="always")(scrambled)
+SEED_STRIDE = np.uint64(0xD1B54A32D192ED03)
+"""An odd number, by which seeds lie apart."""
+SOFTENED = 1e-6
+"""Of the law's stiffness: by how much a point must have softened to count, as single precision rounds."""
+
+
+@_compile_sums
+def sum_in_rows(values, offset, rows):
+    """rows[0] of the values."""
+    for row in range(offset.size - 1):
+        total = 0.0
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            total += values[i]
+        rows[0, row] = total
+
+
+@numba.njit(inline="always")
+def _hashed(point, seed):
+    """A number between -1 and 1: a hash of the seed and of the point's index in the whole, so that it does not depend on
+    how the points are shared out."""
+    x = _scrambled(np.uint64(point) * STRIDE + np.uint64(seed) * SEED_STRIDE)
+    return np.float64(np.int64(x >> np.uint64(12))) * 2.0**-51 - 1.0
+
+
+@_compile
+def noise(first_point, seed, k, out):
+    """out = numbers between -1 and 1 at points that interact (K != 0), else 0. first_point: index of the first local
+    point."""
+    for i in range(out.size):
+        out[i] = 0.0 if k[i] == 0.0 else _hashed(first_point + i, seed)
+
+
+@_compile
+def softened(first_point, seed, height, position, u, law, k, out):
+    """out = by how much the interface has softened at each point since the surface was u and the punch at `position`,
+    max(K(d + z - u) - k, 0), more or less by up to a half; 0 for what may be rounding. law: as in
+    contact_kernels.evaluate."""
+    stiffness, reach, attractive = law
+    least = SOFTENED * stiffness
+    limit = reach if attractive > 0.0 else 0.0
+    for i in range(out.size):
+        gap = position + height[i] - u[i]
+        y = min(max(gap / reach, 0.0), 1.0) - 0.5
+        before = -stiffness * (y * _sine_of(y * y)) if gap < limit else 0.0
+        change = before - k[i]
+        out[i] = change * (1.0 + 0.5 * _hashed(first_point + i, seed)) if change > least else 0.0
+
+
+@_compile_sums
+def pull_of(k, x, dual, mu, amount, g):
+    """g = mu dual - K x + amount g: minus the gradient of the quotient x K x / (x dual), with what was in g as
+    noise."""
+    for i in range(x.size):
+        g[i] = mu * dual[i] - k[i] * x[i] + amount * g[i]
+
+
+@_compile_sums
+def quotients(k, x, dx, z, dz, p, dp, offset, rows):
+    """rows[0..5] of v K v' and rows[6..11] of v (dual of v'), for the pairs xx, xz, xp, zz, zp, pp of x, z, p."""
+    for row in range(offset.size - 1):
+        kxx, kxz, kxp, kzz, kzp, kpp = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        mxx, mxz, mxp, mzz, mzp, mpp = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
+            a, b, c, bend = x[i], z[i], p[i], k[i]
+            kxx += bend * a * a
+            kxz += bend * a * b
+            kxp += bend * a * c
+            kzz += bend * b * b
+            kzp += bend * b * c
+            kpp += bend * c * c
+            mxx += a * dx[i]
+            mxz += a * dz[i]
+            mxp += a * dp[i]
+            mzz += b * dz[i]
+            mzp += b * dp[i]
+            mpp += c * dp[i]
+        rows[0, row], rows[1, row], rows[2, row] = kxx, kxz, kxp
+        rows[3, row], rows[4, row], rows[5, row] = kzz, kzp, kpp
+        rows[6, row], rows[7, row], rows[8, row] = mxx, mxz, mxp
+        rows[9, row], rows[10, row], rows[11, row] = mzz, mzp, mpp
+
+
+@_compile
+def recombine(a, b, c, x, z, p):
+    """p = b z + c p;  x = a x + p."""
+    for i in range(x.size):
+        way = b * z[i] + c * p[i]
+        p[i] = way
+        x[i] = a * x[i] + way

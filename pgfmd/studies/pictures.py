@@ -1,0 +1,253 @@
+"""Pictures of a study: all curves, and the measured numbers against an axis. Reads files only, no MPI.
+
+curves.png: force against indentation; colour is the first axis, a panel the second, the style of the line the others.
+measures.png: pull-off force, work of separation, work of the loop and contact area at the preload against the first
+axis that has numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pgfmd.errors import ResultError
+from pgfmd.plots.drawing import drawing, literal, new_figure, seen, write_picture
+from pgfmd.results import load
+from pgfmd.results.curve import Loop
+
+from .cases import short_names
+from .study_file import Axis
+from .table import AT_PRELOAD, Row, counted_overlap
+from .values import handy, unit_of
+
+CURVES, MEASURES = "curves.png", "measures.png"
+STYLES = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
+MARKERS = "osD^vP"
+SHOWN = {
+    "pull-off force": ("pull_off_force [N]", "N"),
+    "work of separation": ("work_of_separation [J]", "J"),
+    "work of the loop": ("work [J]", "J"),
+}
+MOST_NAMED = 12
+"""Lines that a legend names; of more, it takes every second, third, ... colour."""
+WIDE = 20.0
+"""Ratio of the largest to the smallest value from which on an axis is logarithmic."""
+
+
+class Plan:
+    """Who is drawn how: groups of a study's rows by their places on the axes.
+
+    Attributes:
+        colour_axis, panel_axis: the first and the second axis, None where there is none. styles: the combinations of
+        places on all further axes, in order; singles: rows of cases beside the grid.
+    """
+
+    def __init__(self, rows: Sequence[Row], axes: Sequence[Axis]):
+        self.rows, self.axes = rows, list(axes)
+        self.grid = [row for row in rows if row.case.places]
+        self.singles = [row for row in rows if not row.case.places]
+        self.colour_axis = self.axes[0] if self.axes else None
+        self.panel_axis = self.axes[1] if len(self.axes) > 1 else None
+        self.names = short_names([axis for axis in axes if not axis.bundles])
+        self.names |= {axis.name: axis.name for axis in axes if axis.bundles}
+
+    def label(self, row: Row, axis: Axis) -> str:
+        """A row's place on an axis, as the study's file writes it."""
+        return row.case.places[axis.name]
+
+    def labels(self, axis: Axis | None) -> list[str]:
+        """The places on an axis, those with numbers in their order."""
+        if axis is None:
+            return []
+        found: dict[str, Any] = {self.label(row, axis): row.places[axis.name] for row in self.grid}
+        numbers = all(isinstance(place, (int, float)) for place in found.values())
+        return sorted(found, key=found.__getitem__) if numbers else list(found)
+
+    def rest(self, row: Row) -> str:
+        """A row's places on the axes after the second."""
+        return ", ".join(f"{self.names[axis.name]} {self.label(row, axis)}" for axis in self.axes[2:])
+
+    def rests(self) -> list[str]:
+        """Every combination of places on the axes after the second."""
+        return list(dict.fromkeys(self.rest(row) for row in self.grid))
+
+
+def colours(count: int) -> list[Any]:
+    """So many colours of a sequential map, dark to light, without its faint end."""
+    from cmcrameri import cm
+
+    return [cm.batlow(share) for share in np.linspace(0.0, 0.75, count)] if count > 1 else [cm.batlow(0.25)] * count
+
+
+def draw_study(out: Path, rows: Sequence[Row], axes: Sequence[Axis], title: str = "") -> list[Path]:
+    """Draw what there is so far; returns the files written. Raises ResultError if one can't be written."""
+    written = []
+    with drawing():
+        plan = Plan(rows, axes)
+        figures = {CURVES: curves_figure(out, plan, title), MEASURES: measures_figure(plan, title)}
+        for name, figure in figures.items():
+            if figure is None:
+                continue
+            written.append(write_picture(figure, out / name))
+    return written
+
+
+def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
+    """Every case's force [mN] against its indentation [um], approach thin; None if no case has a curve yet."""
+    drawn = {row.case.name: loop for row in plan.rows if (loop := _loop(out / row.case.name)) is not None}
+    if not drawn:
+        return None
+    panels = plan.labels(plan.panel_axis) or [""]
+    beside = [row for row in plan.singles if row.case.name in drawn]
+    if beside and plan.panel_axis is not None:
+        panels = [*panels, "further cases"]
+    columns = 2 if len(panels) == 4 else min(len(panels), 3)
+    lines = -(-len(panels) // columns)
+    figure = new_figure(3.3 * columns + 1.6, 2.9 * lines + 0.5)
+    grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for axis in grid[len(panels) :]:
+        axis.remove()
+    places = dict(zip(panels, grid, strict=False))
+    labels = plan.labels(plan.colour_axis)
+    shades = dict(zip(labels, colours(len(labels)), strict=True))
+    styles = {rest: STYLES[k % len(STYLES)] for k, rest in enumerate(plan.rests())}
+    for row in plan.grid:
+        if row.case.name in drawn:
+            where = plan.label(row, plan.panel_axis) if plan.panel_axis else ""
+            colour = shades[plan.label(row, plan.colour_axis)]
+            _draw_curve(places[where], drawn[row.case.name], colour, styles[plan.rest(row)])
+    for number, row in enumerate(beside):
+        axis = places[panels[-1]]
+        _draw_curve(axis, drawn[row.case.name], "0.25", STYLES[number % len(STYLES)], row.case.name)
+    if beside:
+        grid[len(panels) - 1].legend(loc="best", fontsize=7.0)
+    for number, (name, axis) in enumerate(places.items()):
+        axis.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
+        if plan.panel_axis is not None:
+            axis.set_title(name if name == "further cases" else f"{plan.names[plan.panel_axis.name]}  {name}")
+        if number >= len(panels) - columns:
+            axis.set_xlabel("indentation (µm)")
+            # Also where the place below is empty.
+            axis.tick_params(labelbottom=True)
+        axis.set_ylabel("force (mN)" if number % columns == 0 else "")
+    _legend(figure, plan, shades, styles)
+    if title:
+        figure.suptitle(literal(title), fontsize=9.5)
+    return figure
+
+
+def _draw_curve(axis: Any, loop: Loop, colour: Any, style: Any, label: str | None = None) -> None:
+    indentation, force = 1e6 * loop.indentation, 1e3 * loop.force
+    for name, rows in loop.branches.items():
+        look = {"linewidth": 1.3, "label": label} if name == "retraction" else {"linewidth": 0.6}
+        axis.plot(*seen(indentation[rows], force[rows]), color=colour, linestyle=style, **look)
+
+
+def _loop(folder: Path) -> Loop | None:
+    """A case's curve; None where there is none, nothing in it, or where it can't be read, which the table tells."""
+    try:
+        with load(folder) as results:
+            return Loop.of(results)
+    except ResultError:
+        return None
+
+
+def _legend(figure: Any, plan: Plan, shades: dict[str, Any], styles: dict[str, Any]) -> None:
+    """One legend for all panels: colours, then styles."""
+    from matplotlib.lines import Line2D
+
+    handles = []
+    if len(shades) > 1:
+        handles.append(Line2D([], [], linestyle="none", label=plan.names[plan.colour_axis.name]))
+        every = -(-len(shades) // MOST_NAMED)
+        handles += [Line2D([], [], color=shade, label=name) for name, shade in list(shades.items())[::every]]
+    if len(styles) > 1:
+        handles += [Line2D([], [], color="0.3", linestyle=style, label=name) for name, style in styles.items()]
+    if handles:
+        figure.legend(handles=handles, loc="outside right upper")
+
+
+def measures_figure(plan: Plan, title: str) -> Any | None:
+    """What was measured against the first axis with numbers, a line for each place on the others; None without any."""
+    done = [row for row in plan.rows if row.standing.complete]
+    if not done or not plan.axes:
+        return None
+    numeric = [axis for axis in plan.axes if all(isinstance(row.places[axis.name], (int, float)) for row in plan.grid)]
+    across = numeric[0] if numeric else plan.axes[0]
+    others = [axis for axis in plan.axes if axis is not across]
+    shown = {**SHOWN, **_areas_shown(done)}
+    figure = new_figure(2.8 * len(shown) + 1.2, 3.1)
+    panels = figure.subplots(1, len(shown))
+    lines = list(_lines(plan, done, others))
+    shades = colours(len(lines))
+    for panel, (name, (measure, unit)) in zip(panels, shown.items(), strict=True):
+        factor, unit = handy([row.measured[measure] for row in done if row.measured[measure] is not None], unit)
+        panel.set_ylabel(f"{name} ({unit})")
+        for number, (label, rows) in enumerate(lines):
+            points = [(_across(plan, row, across, bool(numeric)), row.measured[measure]) for row in rows]
+            points = sorted((x, y / factor) for x, y in points if x is not None and y is not None)
+            marker = MARKERS[number % len(MARKERS)]
+            panel.plot(
+                *zip(*points, strict=True), marker + "-", color=shades[number], label=label, markersize=4
+            ) if points else None
+        _singles(panel, [row for row in done if not row.case.places], across, measure, factor, bool(numeric))
+        _x_axis(panel, plan, across, bool(numeric), done)
+        overlapping = sum(counted_overlap(row.measured) for row in done)
+        if measure == AT_PRELOAD.format("contact") and overlapping:
+            panel.set_title(f"without {overlapping} that counted overlap", fontsize=7.0)
+    handles, names = panels[0].get_legend_handles_labels()
+    if any(names):
+        figure.legend(handles, names, loc="outside right upper")
+    if title:
+        figure.suptitle(literal(title), fontsize=9.5)
+    return figure
+
+
+def _areas_shown(done: Sequence[Row]) -> dict[str, tuple[str, str]]:
+    """The panel of contact areas, or of overlap if no case knows its contact; none if no area is known."""
+    for kind in ("contact", "overlap"):
+        if any(row.measured[AT_PRELOAD.format(kind)] is not None for row in done):
+            return {f"{kind} area at the preload": (AT_PRELOAD.format(kind), "m^2")}
+    return {}
+
+
+def _lines(plan: Plan, done: Sequence[Row], others: Sequence[Axis]) -> Iterator[tuple[str, list[Row]]]:
+    """Label and rows of every combination of places on the other axes."""
+    groups: dict[str, list[Row]] = {}
+    for row in done:
+        if row.case.places:
+            name = ", ".join(f"{plan.names[axis.name]} {plan.label(row, axis)}" for axis in others)
+            groups.setdefault(name, []).append(row)
+    yield from groups.items()
+
+
+def _across(plan: Plan, row: Row, axis: Axis, numeric: bool) -> float:
+    """Where a row is drawn: its SI number, or the position of its name."""
+    return row.places[axis.name] if numeric else plan.labels(axis).index(plan.label(row, axis))
+
+
+def _singles(panel: Any, rows: Sequence[Row], axis: Axis, measure: str, factor: float, numeric: bool) -> None:
+    """Cases beside the grid, as stars where they have a number on the axis."""
+    for number, row in enumerate(rows):
+        value, place = row.measured[measure], row.places[axis.name]
+        if numeric and value is not None and isinstance(place, (int, float)):
+            grey = str(0.15 + 0.5 * number / max(len(rows), 1))
+            panel.plot([place], [value / factor], "*", color=grey, markersize=8, label=row.case.name)
+
+
+def _x_axis(panel: Any, plan: Plan, axis: Axis, numeric: bool, done: Sequence[Row]) -> None:
+    name = plan.names[axis.name]
+    if not numeric:
+        labels = plan.labels(axis)
+        panel.set_xticks(range(len(labels)), labels, rotation=30, ha="right")
+        panel.set_xlabel(name)
+        return
+    values = [row.places[axis.name] for row in done if isinstance(row.places[axis.name], (int, float))]
+    factor, unit = handy(values, unit_of(axis.name))
+    if min(values) > 0.0 and max(values) / min(values) >= WIDE:
+        panel.set_xscale("log")
+    panel.xaxis.set_major_formatter(lambda value, position: f"{value / factor:g}")
+    panel.set_xlabel(f"{name} ({unit})" if unit else name)

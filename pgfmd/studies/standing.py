@@ -1,0 +1,99 @@
+"""How a case of a study stands: what its folder says, and whether it holds the case's scene. No MPI."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pgfmd.errors import ResultError, SceneError
+from pgfmd.files import storage
+from pgfmd.physics.drive import DETACHED
+
+from .cases import Case
+
+NEW, FINISHED, RESUMABLE, RUNNING = "new", "finished", "resumable", "running"
+FAILED, CHANGED, DAMAGED = "failed", "changed", "damaged"
+
+
+@dataclass(frozen=True)
+class Standing:
+    """State and, where there is one, its reason. record: `run.json`, empty where there is none."""
+
+    state: str
+    why: str = ""
+    record: dict | None = None
+
+    @property
+    def complete(self) -> bool:
+        """Whether the whole programme was run."""
+        return self.state == FINISHED and self.why == DETACHED
+
+    def __str__(self) -> str:
+        return self.state if not self.why or self.complete else f"{self.state} ({self.why})"
+
+
+def standing_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> Standing:
+    """The standing of a case whose results are in `folder`; allow: keys that may differ from what the run began with.
+
+    `failed`: the run itself said that it can't go on. `changed`: the folder holds a run of another scene. `damaged`: no
+    run can go on there. Each of them with the message.
+    """
+    from pgfmd.results.status import DAMAGED as BROKEN
+    from pgfmd.results.status import EMPTY, status_of
+
+    if not folder.exists():
+        return Standing(NEW)
+    try:
+        status = status_of(folder)
+    except ResultError as error:
+        return Standing(DAMAGED, str(error))
+    if status.state == EMPTY:
+        return Standing(NEW)
+    if status.state == BROKEN:
+        return Standing(DAMAGED, status.why)
+    if status.state == RUNNING:
+        return Standing(RUNNING, status.why)
+    if status.state == FINISHED:
+        # Its numbers are those of its own settings: only what is written may differ.
+        allow = [key for key in allow if key.partition(".")[0] == "output"]
+    changes = _changes(case, folder, allow)
+    if changes:
+        return Standing(CHANGED, changes)
+    record = _record(folder)
+    if record and record.get("finished") == FAILED:
+        return Standing(FAILED, record.get("error", ""), record)
+    return Standing(status.state, status.why, record)
+
+
+def _record(folder: Path) -> dict | None:
+    try:
+        found = json.loads((folder / storage.RUN_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def _changes(case: Case, folder: Path, allow: Sequence[str]) -> str:
+    """Why the run in a folder is not one of this case; empty if it is. The run itself asks the same."""
+    from pgfmd.restart.scene_changes import contents_of, review
+    from pgfmd.results.inventory import take_inventory
+
+    try:
+        found = take_inventory(folder)
+        head = found.valid.head if found and found.valid else None
+        if head is None:
+            text = (folder / storage.SCENE_FILE).read_text(encoding="utf-8")
+            if text == case.scene.to_toml():
+                return ""
+            head = {"scene": text, "files": contents_of(case.scene)}
+        review(head, case.scene, allow, folder)
+    except SceneError as error:
+        return str(error)
+    except KeyError:
+        # Of a finished run without checkpoints nothing may change.
+        return f"{folder} holds a run of another scene: choose another --out, or start anew with --fresh"
+    except (OSError, ResultError) as error:
+        return str(error)
+    return ""

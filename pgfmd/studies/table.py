@@ -1,0 +1,187 @@
+"""The table of a study: a row a case, its axes and what came out. SI units, named in the header. No MPI.
+
+Areas are of contact, overlap and what is near, each by its own name. A case that counted overlap alone has numbers in
+the columns of overlap only.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pgfmd.errors import ResultError
+from pgfmd.files import storage
+from pgfmd.files.regular_files import write_atomically
+from pgfmd.physics.drive import DETACHED
+from pgfmd.results import load
+from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
+
+from .cases import Case
+from .standing import Standing
+from .study_file import Axis
+from .values import header, label_of_value, unit_of
+
+FILE = "table.csv"
+MEASURED = {
+    "pull_off_force [N]": "pull_off_force_N",
+    "snap_in_force [N]": "snap_in_force_N",
+    "preload [N]": "preload_N",
+    "work_of_separation [J]": "work_of_separation_J",
+    "work [J]": "work_J",
+    "viscous [J]": "viscous_J",
+    "released [J]": "released_J",
+    "energy_residual [1]": "energy_residual",
+    "range [m]": "range_m",
+    "steps": "steps",
+    "jumps": "jumps",
+    "transform_pairs": "transform_pairs",
+    "ranks": "ranks",
+    "wall [s]": "wall_s",
+    "peak_rss [bytes]": "peak_rss_bytes",
+    "largest_force [N]": "largest_force_N",
+    "time_to_preload [s]": "time_to_preload_s",
+    "pull_off_force_uncertainty [N]": "pull_off_force_uncertainty_N",
+    "snap_in_force_uncertainty [N]": "snap_in_force_uncertainty_N",
+    "work_of_separation_uncertainty [J]": "work_of_separation_uncertainty_J",
+    "work_uncertainty [J]": "work_uncertainty_J",
+}
+"""Columns after the axes, and the keys of `run.json` that they hold."""
+AREAS = {
+    f"{name.format(kind)} [m^2]": (kind, moment)
+    for kind in KINDS_OF_AREA
+    for moment, name in (
+        ("at_preload", "{}_area_at_preload"), ("largest", "largest_{}_area"), ("at_pull_off", "{}_area_at_pull_off"),
+    )
+}  # fmt: skip
+"""Columns of the table, and of which of `Measures.areas` they are at which moment."""
+GAPS = {"contact_gap [m]": "contact", "near_gap [m]": "near"}
+"""Columns with the gaps below which points count, and for which of the areas."""
+AREA_COLUMNS = (*AREAS, *GAPS)
+AT_PRELOAD = "{}_area_at_preload [m^2]"
+MOST_NAMED = 5
+"""Cases that a remark names."""
+COLUMNS = (*MEASURED, *AREA_COLUMNS)
+"""All columns after the axes and the state."""
+OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
+"""Columns that mean nothing where the loop is not closed."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A case with its standing. places: its value on each axis, an SI number, a text, or None for a single case on an
+    axis of bundles; measured: numbers by COLUMNS, None where there is none yet. trouble: why the curve of a case that
+    has run can't be read."""
+
+    case: Case
+    standing: Standing
+    places: dict[str, Any]
+    measured: dict[str, float | None]
+    trouble: str = ""
+
+
+def rows_of(
+    cases: Sequence[Case], axes: Sequence[Axis], standings: dict[str, Standing], out: Path | None = None
+) -> list[Row]:
+    """The rows of a study, in the order of its cases. out: the folder of their folders; without it, without areas."""
+    rows = []
+    for case in cases:
+        standing = standings[case.name]
+        record = standing.record or {}
+        measured = {column: record.get(key) for column, key in MEASURED.items()}
+        if record.get("finished", DETACHED) != DETACHED:
+            measured |= dict.fromkeys(OF_LOOP)
+        measured |= dict.fromkeys(AREA_COLUMNS)
+        trouble = ""
+        if out and record:
+            try:
+                measured |= areas_of(out / case.name)
+            except ResultError as error:
+                trouble = str(error)
+        rows.append(Row(case, standing, {axis.name: place_of(case, axis) for axis in axes}, measured, trouble))
+    return rows
+
+
+def areas_of(folder: Path) -> dict[str, float | None]:
+    """Numbers by AREA_COLUMNS, None where they are not known. Raises ResultError if the curve can't be read."""
+    with load(folder) as results:
+        found = measure(Loop.of(results)).areas
+        gaps = {"contact": results.contact_gap, "near": results.near_gap}
+    areas = {column: getattr(found.get(kind), moment, None) for column, (kind, moment) in AREAS.items()}
+    return areas | {column: gaps[kind] if kind in found else None for column, kind in GAPS.items()}
+
+
+def place_of(case: Case, axis: Axis) -> Any:
+    """Where a case is on an axis: the key's value in its scene, SI, or the name of its bundle."""
+    if axis.bundles:
+        return case.places.get(axis.name)
+    section, _, name = axis.name.rpartition(".")
+    value = getattr(case.scene.section(section), name)
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return value if number or value is None else label_of_value(value)
+
+
+def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
+    """Write the table as CSV. Raises ResultError if that can't be done."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    heads = [axis.name if axis.bundles else header(axis.name, unit_of(axis.name)) for axis in axes]
+    writer.writerow(["case", *heads, "state", *COLUMNS])
+    for row in rows:
+        cells = [*row.places.values(), str(row.standing).splitlines()[0], *row.measured.values()]
+        writer.writerow([row.case.name, *("" if cell is None else _plain(cell) for cell in cells)])
+    try:
+        write_atomically(path, text.getvalue().encode())
+    except OSError as error:
+        raise ResultError(f"{path}: could not be written: {storage.reason(error)}") from error
+
+
+def _plain(cell: Any) -> Any:
+    # Not -0.0.
+    return cell + 0.0 if isinstance(cell, float) else cell
+
+
+def counted_overlap(numbers: Mapping[str, float | None]) -> bool:
+    """Whether a case knows its overlap, but not its contact."""
+    largest = "largest_{}_area [m^2]"
+    return numbers.get(largest.format("overlap")) is not None and numbers.get(largest.format("contact")) is None
+
+
+def remarks(rows: Sequence[Row]) -> list[str]:
+    """What is to be said of cases that have no curve any more, and of those that counted overlap alone."""
+    lost = [
+        f"{row.case.name} has no areas and is in no picture of curves: {row.trouble}" for row in rows if row.trouble
+    ]
+    old = [row.case.name for row in rows if counted_overlap(row.measured)]
+    if not old:
+        return lost
+    names = ", ".join(old[:MOST_NAMED]) + (f" and {len(old) - MOST_NAMED} more" if len(old) > MOST_NAMED else "")
+    which = names if len(old) < len(rows) else "all cases"
+    counted = "areas of overlap (gap < 0), not of contact"
+    text = f"{which}: run by version 0.1 of pgfmd, which counted {counted}"
+    if any(row.measured.get(AT_PRELOAD.format("contact")) is not None for row in rows):
+        text += "; the other cases count contact: to compare them, move these folders away and run the study again"
+    return [*lost, text]
+
+
+def overview(rows: Sequence[Row]) -> list[str]:
+    """The rows as lines for a terminal, with the numbers that are looked at first; contact is that at the preload."""
+    columns = {
+        "pull-off [mN]": ("pull_off_force [N]", 1e3),
+        "separation [nJ]": ("work_of_separation [J]", 1e9),
+        "loop [nJ]": ("work [J]", 1e9),
+        "contact [mm2]": (AT_PRELOAD.format("contact"), 1e6),
+        "residual [%]": ("energy_residual [1]", 1e2),
+        "steps": ("steps", 1.0),
+        "wall [s]": ("wall [s]", 1.0),
+    }
+    lines = [["case", *columns, "state"]]
+    for row in rows:
+        found = [(row.measured[column], factor) for column, factor in columns.values()]
+        cells = ["" if value is None else f"{value * factor + 0.0:.4g}" for value, factor in found]
+        lines.append([row.case.name, *cells, str(row.standing).splitlines()[0]])
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]

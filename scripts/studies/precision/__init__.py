@@ -1,0 +1,1 @@
+"""What mixed precision changes in the results, and what it saves."""

@@ -1,0 +1,1 @@
+"""Tables of docs/reference that are made from declarations in the code."""

@@ -1,0 +1,1 @@
+"""What an error costs with each scheme, and how large each kind of error is."""

@@ -1,0 +1,19 @@
+"""A scheme that pgfmd does not have: what one has to write to add it. A spring and a dashpot, stepped explicitly."""
+
+from pgfmd.schemes.entry import SchemeEntry
+
+ENTRY = SchemeEntry(
+    name="kelvin-voigt",
+    meaning="a spring beside a dashpot, by explicit steps of first order",
+    explicit=True,
+    jumps=False,
+    precisions=("double",),
+    only_double="the scheme kelvin-voigt has no other",
+    unread={"solver.order": "it is of order 1", "solver.coarse_grid": "it solves nothing"},
+    build="kelvin_voigt.plugin:build",
+    memory="kelvin_voigt.plugin:memory",
+    effort="kelvin_voigt.plugin:effort",
+    steps_left="kelvin_voigt.plugin:steps_left",
+    numerics="kelvin_voigt.plugin:numerics",
+    warm_up="kelvin_voigt.plugin:warm_up",
+)
