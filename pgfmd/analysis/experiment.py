@@ -9,6 +9,7 @@ to fulfil measured_checks.py. Files of atomic force microscopes are read by afmf
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +73,7 @@ def read_experiment(
         force = rows.force - offset
         treated = f"force far away, {handy_quantity(offset, 'force', 4)} as given, taken off" if offset else ""
     if both:
-        confirm_loss(rows)
+        confirm_loss(replace(rows, force=force))
     else:
         branch = "retraction" if turn < len(force) // 2 else "approach"
         rows.remarks.append(f"{path.name}: holds the {branch} alone, so that its loop is not closed")

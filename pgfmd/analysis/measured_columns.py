@@ -41,7 +41,7 @@ NAMES = {
         "sep", "height", "height (measured)", "height (smoothed)", "measured height", "measured gap",
     ),
     "force": (
-        "force", "load", "normal force", "f", "F", "fn", "fz", "normal load", "kraft", "normalkraft", "standardkraft",
+        "force", "load", "normal force", "f", "F", "fn", "F_N", "fz", "F_z", "normal load", "kraft", "normalkraft", "standardkraft",
         "prüfkraft", "axial force", "last", "vertical deflection", "vdeflection", "deflection", "defl", "load cell",
     ),
     "time": ("time", "t", "zeit", "test time", "elapsed time", "total time", "prüfzeit"),

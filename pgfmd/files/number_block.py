@@ -61,22 +61,14 @@ def read_number_block(path: str | Path) -> NumberBlock:
             f"{path}, line {odd[0]}: expected {width} numbers as in the other lines, found {odd[1]}; complete the line"
         )
     preamble = tuple(bare(line) for number, line in lines if number < first)
-    values = _values(path, [(number, line) for number, line, _ in rows], delimiter, declared_mark(preamble))
-    some = _columns_with_numbers(values)
-    values = values[:, some]
+    values, kept = _values(path, [(number, line) for number, line, _ in rows], delimiter, declared_mark(preamble))
     titles = cells_of(preamble[-1], delimiter) if preamble else []
     if len(titles) == width:
-        titles = [title for title, kept in zip(titles, some, strict=True) if kept]
+        titles = [title for title, there in zip(titles, kept, strict=True) if there]
     header = tuple(titles) if len(titles) == values.shape[1] else ()
     below = [number for number, line in lines if number > last and not is_comment(line)]
     notes = (f"{path.name}: passed over {in_words(below)}, below the numbers",) if below else ()
     return NumberBlock(values, preamble, header, first, delimiter, notes)
-
-
-def _columns_with_numbers(values: NDArray) -> NDArray[np.bool_]:
-    """All columns but those without a number at the two ends, which a mark at the ends of lines makes."""
-    some = np.isfinite(values).any(axis=0)
-    return np.logical_or.accumulate(some) & np.logical_or.accumulate(some[::-1])[::-1]
 
 
 def _longest_run(lines: list[Line], delimiter: str) -> list[tuple[int, str, int]]:
@@ -108,8 +100,11 @@ def _width(line: str, delimiter: str) -> int:
     return len(cells)
 
 
-def _values(path: Path, rows: Sequence[Line], delimiter: str, declared: str | None) -> NDArray[np.float64]:
-    """The numbers, at once where the decimal mark is plain, else cell by cell."""
+def _values(
+    path: Path, rows: Sequence[Line], delimiter: str, declared: str | None
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The numbers, at once where the decimal mark is plain, else cell by cell, and which columns are kept: those but empty
+    ones at the two ends, which a mark at the ends of lines makes."""
     texts = [line for _, line in rows]
     commas = delimiter != "," and any("," in text for text in texts)
     points = any("." in text for text in texts)
@@ -119,12 +114,15 @@ def _values(path: Path, rows: Sequence[Line], delimiter: str, declared: str | No
         try:
             numbers = (text.replace(",", ".") for text in texts) if commas else iter(texts)
             found = np.loadtxt(numbers, comments=None, delimiter=None if delimiter == " " else delimiter, ndmin=2)
-            return np.where(np.isfinite(found), found, np.nan)
+            return np.where(np.isfinite(found), found, np.nan), np.ones(found.shape[1], bool)
         except ValueError:
             pass
     cells = [[Cell(number, cell) for cell in cells_of(line, delimiter)] for number, line in rows]
+    columns = list(zip(*cells, strict=True))
     try:
-        mark = decimal_mark(list(zip(*cells, strict=True)), delimiter, declared)
+        mark = decimal_mark(columns, delimiter, declared)
     except NumeralError as error:
         raise MeasurementError(f"{path}, {error}") from None
-    return np.array([[value(cell.text, mark) for cell in row] for row in cells])
+    some = np.array([any(cell.text for cell in column) for column in columns])
+    kept = np.logical_or.accumulate(some) & np.logical_or.accumulate(some[::-1])[::-1]
+    return np.array([[value(cell.text, mark) for cell in row] for row in cells])[:, kept], kept

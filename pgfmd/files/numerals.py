@@ -86,9 +86,8 @@ def decimal_mark(columns: Sequence[Sequence[Cell]], delimiter: str, declared: st
     comma = next((cell for column in numerals for cell in column if "," in cell.text), None)
     if point and comma:
         raise NumeralError(
-            f"lines {point.line} and {comma.line}: expected one decimal mark, found numbers with a point "
-            f"('{point.text}') and numbers with a comma ('{comma.text}'); if one of them separates thousands, write the "
-            "numbers without it"
+            f"line {point.line}: '{point.text}' and line {comma.line}: '{comma.text}': expected one decimal mark, found "
+            "numbers with a point and numbers with a comma; if one of them separates thousands, write the numbers without it"
         )
     wrong = {None: None, ".": comma, ",": point}[declared]
     if wrong:

@@ -256,25 +256,26 @@ class _Body:
     def _rows(self) -> list[Row]:
         """The rows that hold numbers, and those in their midst that should; notes are taken of what is left out."""
         rows: list[Row] = []
-        behind, least = [], min(2, self.vocabulary.count(self.head.cells))
+        behind: list[Row] = []
+        least, in_head = min(2, self.vocabulary.count(self.head.cells)), False
         for number, cells in self.cells:
             some = self._numbers_in(cells)
             if some and not _STATISTICS.fullmatch(next(filter(None, cells))):
                 rows += [*behind, (number, cells)]
-                behind = []
+                behind, in_head = [], False
             elif cells == self.head.cells:
-                # A new block; what stands between it and the last full row belongs to its head.
+                # A new block; what stands between it and the last full row belongs to its head, as its units do.
                 while rows and self._numbers_in(rows[-1][1]) < len(self.columns):
                     rows.pop()
                 self.repeated.append(number)
-                behind = []
+                behind, in_head = [], True
             elif not some and self.vocabulary.count(cells) >= least:
                 raise MeasurementError(
                     f"{self.path}, line {number}: expected one table, found names of columns that differ from those in "
                     f"line {self.line} ({', '.join(filter(None, cells))[:LONGEST_SHOWN]}); put each table into a file "
                     "of its own"
                 )
-            elif rows:
+            elif rows and not in_head:
                 behind.append((number, cells))
         return self._noted(rows, behind)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pgfmd.analysis.experiment import read_experiment
-from pgfmd.characterisation.dma import MeasurementError
+from pgfmd.errors import MeasurementError
 
 ROWS = [(0.0, 0.0, 0.0), (1.0, 4.0, 2.0), (2.0, 9.0, 4.0), (0.5, 2.0, 6.0), (-1.0, -1.0, 8.0)]
 

@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from pgfmd.characterisation.dma import MeasurementError, read_dma, temperature_in_kelvin
+from pgfmd.characterisation.dma import read_moduli, temperature_in_kelvin
+from pgfmd.errors import MeasurementError
 
 ROWS = [(0.1, 2.0, 0.25), (1.0, 3.5, 0.75), (10.0, 8.0, 4.0)]
 
@@ -17,7 +18,7 @@ def table(header, rows=ROWS, delimiter=","):
 def read(tmp_path, content):
     path = tmp_path / "dma.csv"
     path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
-    return read_dma(path)
+    return read_moduli(path).sweeps
 
 
 HEADERS = {
@@ -142,7 +143,7 @@ def test_a_drifting_temperature_is_no_sweep(tmp_path):
 
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(MeasurementError, match=r"nothing\.csv: could not be read: No such file"):
-        read_dma(tmp_path / "nothing.csv")
+        read_moduli(tmp_path / "nothing.csv")
 
 
 def test_temperatures_as_options():

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from pgfmd.characterisation.dma import MeasurementError
+from pgfmd.errors import MeasurementError
 from pgfmd.characterisation.rheology_table import characterise, wlf_constants
 from pgfmd.characterisation.temperature_shift import WLF
 from pgfmd.errors import ResultError
