@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,13 +20,21 @@ from .solver.newton import NewtonSolver
 from .solver.simulation import Simulation
 from .solver.transform import Convolution
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+    from numpy.typing import DTypeLike
+
+    from .scene import Scene
+    from .solver.newton import MakeCorrections
+    from .solver.tiles import Convolves
+
 STEP_SHARE = 0.7
 """Tolerance of a step's error, in ranges of adhesion, for a `solver.accuracy` of 1. With 0.5,
 tri-tack at n = 512 takes 9 % more transforms at the default accuracy, and its audit closes to 0.4 instead of 0.55 %."""
 
 
 def convolution_of(
-    scene, points: PunchPoints, whole_cell: bool = False, dtype=np.float64
+    scene: Scene, points: PunchPoints, whole_cell: bool = False, dtype: DTypeLike = np.float64
 ) -> Convolution | MirroredConvolution:  # fmt: skip
     """The operator G0 on the scene's grid, or a coarser one; `whole_cell`: fit for `Convolution.whole_cell` too; dtype: its precision."""
     compliance = parts.compliance_of(scene)
@@ -38,7 +48,7 @@ def convolution_of(
     return kind(points, side, make, dtype=dtype)
 
 
-def heights_of(scene, points: PunchPoints) -> np.ndarray:
+def heights_of(scene: Scene, points: PunchPoints) -> np.ndarray:
     """Height z [m] of the punch's lower face at the local points, its minimum over all ranks zero."""
     topography, heights = parts.topography_of(scene.punch), points.zeros()
     # A few points at a time: formulas need many arrays.
@@ -48,7 +58,7 @@ def heights_of(scene, points: PunchPoints) -> np.ndarray:
     return heights
 
 
-def mirror_of(scene, comm) -> str:
+def mirror_of(scene: Scene, comm: Intracomm) -> str:
     """The axes along which a scene is its own mirror image, where its run makes use of that; the same on every rank.
     Collective."""
 
@@ -59,7 +69,7 @@ def mirror_of(scene, comm) -> str:
     return "" if symmetry.obstacle(scene) else symmetry.largest(holds)
 
 
-def assemble(scene, comm, mirror: str | None = None) -> Simulation:
+def assemble(scene: Scene, comm: Intracomm, mirror: str | None = None) -> Simulation:
     """A simulation of the scene on a communicator, without observers. Collective.
 
     mirror: the axes whose mirror images are not stepped, those of the run that is to go on; found out by default.
@@ -70,7 +80,9 @@ def assemble(scene, comm, mirror: str | None = None) -> Simulation:
     return Simulation(scheme, controller, drive, parts.deepest_indentation(scene), scene.solver.max_steps)
 
 
-def newton_solver(scene, comm, mirror: str, wrap=lambda convolve: convolve) -> NewtonSolver:
+def newton_solver(
+    scene: Scene, comm: Intracomm, mirror: str, wrap: Callable[[Convolves], Convolves] = lambda convolve: convolve
+) -> NewtonSolver:
     """The static contact problem of the scene; wrap: what is made of its convolutions."""
     points = symmetry.points_of(scene, mirror, comm)
     dtype = np.dtype(np.float32 if scene.solver.precision == "single" else np.float64)
@@ -83,7 +95,7 @@ def newton_solver(scene, comm, mirror: str, wrap=lambda convolve: convolve) -> N
     return NewtonSolver(points, convolve, height, parts.law_of(scene.adhesion), scene.drive.preload, rough, corrections)
 
 
-def _corrections_on_two_grids(scene, points: PunchPoints, m: int, dtype):
+def _corrections_on_two_grids(scene: Scene, points: PunchPoints, m: int, dtype: DTypeLike) -> MakeCorrections:
     """What finds corrections with a grid of cells of m x m points beside the points. Each rank has all of it."""
     # Not at the top: small scenes do without.
     from .solver.two_grid import CoarseGrid, TwoGrid, coarse_points_of
@@ -103,7 +115,7 @@ def _corrections_on_two_grids(scene, points: PunchPoints, m: int, dtype):
     )
 
 
-def far_weights_of(scene, solver: NewtonSolver) -> np.ndarray:
+def far_weights_of(scene: Scene, solver: NewtonSolver) -> np.ndarray:
     """Weights of the far displacement, none without a periodic cell."""
     periodic = scene.substrate.boundary == "periodic"
     weights = far_weights(parts.compliance_of(scene), solver.points) if periodic else np.zeros(0)

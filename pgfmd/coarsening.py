@@ -6,11 +6,15 @@ It follows from measurements: scripts/studies/cost/two_grid.py, docs/evidence/me
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from . import parts
 from .scene.precision import transform_side_about
 from .schemes import registry
 from .symmetry import MOST_INSTANTANEOUS
+
+if TYPE_CHECKING:
+    from .scene import Scene
 
 FACTORS = (8, 7, 6, 5, 4)
 """Points along a side of a cell, the best first: with 4, transforms on the cells take as long as they save; with 16, more
@@ -30,7 +34,7 @@ class Coarsening:
     reason: str = ""
 
 
-def expected(scene) -> Coarsening:
+def expected(scene: Scene) -> Coarsening:
     """The coarser grid that a run of the scene uses. A pure function of the resolved scene, its mirror symmetry left out: a
     part of the punch and the whole are solved alike."""
     solver, series, n = scene.solver, parts.series_of(scene.rheology), scene.grid.n
@@ -55,7 +59,7 @@ def expected(scene) -> Coarsening:
     return Coarsening(0, f"grid.n is no multiple of {', '.join(str(2 * factor) for factor in sorted(FACTORS))}")
 
 
-def scene_of_cells(scene):
+def scene_of_cells(scene: Scene):
     """The scene on the coarser grid that its run uses; None without one."""
     factor = expected(scene).factor
     if not factor:

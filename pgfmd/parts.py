@@ -6,6 +6,7 @@ What runs a scene (assemble.py) and what only looks at it (check.py, estimate.py
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,11 @@ from .physics.topography import Topography
 from .schemes import registry
 from .solver.grid import Grid
 
+if TYPE_CHECKING:
+    from .scene.model import Adhesion, Punch, Rheology, Scene
+
+Substrate = HalfSpace | TabulatedCompliance | Film | FreeHalfSpace | FreeFilm
+"""The static compliance of an elastomer."""
 PAPER_FACTOR = 0.156
 """Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means."""
 LEAST_COMPLIANCE = 1e-60
@@ -32,7 +38,7 @@ TIME_SHARE = 1e-3
 tell."""
 
 
-def compliance_of(scene):
+def compliance_of(scene: Scene) -> Substrate:
     """The static compliance G0 of the scene's substrate (halfspace.py, film.py, free_kernel.py)."""
     substrate = scene.substrate
     film = math.isfinite(substrate.thickness)
@@ -45,7 +51,7 @@ def compliance_of(scene):
     return kind(substrate.contact_modulus, substrate.prestrain)
 
 
-def series_of(rheology) -> PronySeries:
+def series_of(rheology: Rheology) -> PronySeries:
     """The relaxation spectrum of a scene's [rheology]."""
     if rheology.model == "elastic":
         return PronySeries.elastic()
@@ -58,12 +64,12 @@ def series_of(rheology) -> PronySeries:
     return PronySeries(np.array(rheology.kappa), np.array(rheology.tau))
 
 
-def relaxation_of(scene) -> PronySeries:
+def relaxation_of(scene: Scene) -> PronySeries:
     """The relaxation that a run follows: that of the scene's [rheology], none where it is quasi-static."""
     return PronySeries.elastic() if registry.scheme_of(scene).timeless else series_of(scene.rheology)
 
 
-def topography_of(punch) -> Topography:
+def topography_of(punch: Punch) -> Topography:
     """The lower face of a scene's [punch]."""
     names = (
         "pattern", "radius", "wavelength", "amplitude", "curvature_radius", "exponent", "layer_step", "height_jitter",
@@ -73,7 +79,7 @@ def topography_of(punch) -> Topography:
     return Topography(**{name: value for name, value in given.items() if value is not None})
 
 
-def drive_of(scene) -> Drive:
+def drive_of(scene: Scene) -> Drive:
     """The loading programme of a scene. Where time does not count, nothing is held.
 
     Under load control the speeds are about those of the punch in contact; the end of its soft spring goes that much
@@ -87,29 +93,29 @@ def drive_of(scene) -> Drive:
     return Drive(approach, drive.preload, retract, drive.turn_time, dwell, drive.clearance)
 
 
-def law_of(adhesion) -> CohesiveLaw:
+def law_of(adhesion: Adhesion) -> CohesiveLaw:
     """The cohesive law of a scene's [adhesion]."""
     return CohesiveLaw(adhesion.work_of_adhesion, adhesion.range, LAWS[adhesion.law])
 
 
-def automatic_range(scene) -> float:
+def automatic_range(scene: Scene) -> float:
     """The range of adhesion [m] that the paper's rule gives for the scene's grid."""
     q_ref = 2.0 * math.pi * scene.grid.n / scene.grid.length
     return range_of_adhesion(scene.adhesion.work_of_adhesion, scene.substrate.contact_modulus, PAPER_FACTOR, q_ref)
 
 
-def quasistatic_compliance(scene) -> float:
+def quasistatic_compliance(scene: Scene) -> float:
     """J of slow contacts: 1 of the relaxed body, and E(0)/E(infinity) of the instantaneous one, where a scheme has it."""
     return 1.0 if scene.solver.modulus == "relaxed" else 1.0 / series_of(scene.rheology).kappa_inf
 
 
-def punch_stiffness(scene) -> float:
+def punch_stiffness(scene: Scene) -> float:
     """Static stiffness [N/m] of the contact of the whole punch, 2 a E*; half the cell for a where the punch fills
     it."""
     return 2.0 * (scene.punch.radius or 0.5 * scene.grid.length) * scene.substrate.contact_modulus
 
 
-def machine_compliance(scene) -> float:
+def machine_compliance(scene: Scene) -> float:
     """1/k_M [m/N] of the spring between the machine and the punch, 0 for a rigid machine."""
     drive = scene.drive
     if drive.control == "load":
@@ -117,12 +123,12 @@ def machine_compliance(scene) -> float:
     return 1.0 / drive.machine_stiffness
 
 
-def deepest_indentation(scene) -> float:
+def deepest_indentation(scene: Scene) -> float:
     """Indentation [m] at which an approach is given up: there linear elasticity has long lost its meaning."""
     return min(scene.punch.radius or 0.5 * scene.grid.length, scene.substrate.thickness)
 
 
-def transform_side(scene, nb: int, whole_cell: bool = False, mirror: str = "") -> int:
+def transform_side(scene: Scene, nb: int, whole_cell: bool = False, mirror: str = "") -> int:
     """Points a side of the transform, for a punch block of `nb` points a side.
 
     The cell's; for a free surface enough for the kernel not to wrap around, an even number for mirror images.
@@ -137,14 +143,14 @@ def transform_side(scene, nb: int, whole_cell: bool = False, mirror: str = "") -
     return next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True)
 
 
-def shared_out(scene, nb: int) -> tuple[int, int]:
+def shared_out(scene: Scene, nb: int) -> tuple[int, int]:
     """What the ranks of a run share out: rows of points, in pairs but in whole planes, and in the middle of a transform the
     columns of its half spectrum. nb: rows of the punch's block."""
     rows = nb if registry.scheme_of(scene).whole_plane else (nb + 1) // 2
     return rows, transform_side(scene, nb) // 2 + 1
 
 
-def confirm(scene, source: str, ranks: int = 1) -> None:
+def confirm(scene: Scene, source: str, ranks: int = 1) -> None:
     """Look at what only the files that a scene names, and the number of ranks, can tell.
 
     source: how to call the scene in messages. Raises SceneError with every problem found.
@@ -195,7 +201,7 @@ def confirm(scene, source: str, ranks: int = 1) -> None:
         raise SceneError(source, problems)
 
 
-def _overlap_problems(scene) -> list[Problem]:
+def _overlap_problems(scene: Scene) -> list[Problem]:
     """A preload that even a rigid substrate could not carry: overlaps are as deep as the punch is pressed in, at
     most."""
     law, radius = law_of(scene.adhesion), scene.punch.radius
@@ -208,7 +214,7 @@ def _overlap_problems(scene) -> list[Problem]:
     return [Problem("drive.preload", f"{scene.drive.preload:.6g} N", expected, cure)]
 
 
-def _time_problems(scene) -> list[Problem]:
+def _time_problems(scene: Scene) -> list[Problem]:
     """Times at which a step of the loading could no longer be told from none."""
     drive, longest = scene.drive, TIME_SHARE * scene.adhesion.range / np.finfo(float).eps
     problems = []

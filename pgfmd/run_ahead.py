@@ -15,11 +15,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from . import parts
 from .errors import SceneError
 from .scene.precision import best_precision
 from .schemes import registry
+
+if TYPE_CHECKING:
+    from .scene import Scene
 
 ACCURACY = 0.03
 """Of the coarse approaches: the cheapest one, as longer steps meet more negative curvature."""
@@ -42,12 +46,12 @@ class Met:
     preload: float
 
 
-def fractions_ahead(scene) -> list[float]:
+def fractions_ahead(scene: Scene) -> list[float]:
     """Which snapshots of the scene are wanted before the preload, as fractions of the time to it."""
     return [value for value, relative in scene.output.snapshot_times if relative and value < 1.0]
 
 
-def coarse_scenes(scene) -> list:
+def coarse_scenes(scene: Scene) -> list:
     """The scenes that are run to the preload to tell where it is: two ranges on a coarse grid; one where that grid carries
     the scene's own range. None where no snapshot asks for it."""
     if not fractions_ahead(scene):
@@ -64,7 +68,7 @@ def coarse_scenes(scene) -> list:
     return [_with(scene, scene.grid.n, scene.adhesion.range)]
 
 
-def _on(scene, n: int) -> list:
+def _on(scene: Scene, n: int) -> list:
     """The scenes on a grid of n points a side; none where the substrate does not allow that."""
     shortest = scene.adhesion.range
     if scene.adhesion.law == "cosine":
@@ -81,7 +85,7 @@ def _on(scene, n: int) -> list:
     return found
 
 
-def _with(scene, n: int, reach: float):
+def _with(scene: Scene, n: int, reach: float):
     """The scene on n points a side with another range, starting as far out of reach as it does; no faster than explicit
     steps allow, and with nothing written."""
     own = registry.scheme_of(scene)
@@ -108,7 +112,7 @@ def _with(scene, n: int, reach: float):
     )
 
 
-def met_by(scene, coarse: list[Met]) -> Met:
+def met_by(scene: Scene, coarse: list[Met]) -> Met:
     """Where the scene will meet the surface and the preload, from the coarse approaches."""
     first = coarse[0]
     if len(coarse) == 1:
@@ -123,7 +127,7 @@ def met_by(scene, coarse: list[Met]) -> Met:
     return Met(own, contact, min(preload, contact))
 
 
-def moments(scene, met: Met) -> list[tuple[float, str]]:
+def moments(scene: Scene, met: Met) -> list[tuple[float, str]]:
     """Times [s] and labels of the snapshots that are wanted before the preload."""
     start, speed = scene.drive.clearance, parts.drive_of(scene).phases[0].fastest
     contact, preload = ((start - place) / speed for place in (met.contact, met.preload))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import functools
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .assemble import assemble
 from .errors import PgfmdError, ResultError, RunError, Stopped
@@ -34,6 +36,12 @@ from .solver.interruption import Interrupted
 from .solver.node import Node
 from .solver.simulation import STOPPED_STEPS
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
+    from .scene import Scene
+    from .solver.simulation import Simulation
+
 LEAST_STEPS = 2
 """Steps that a process must have made before its limit of time to call that progress."""
 LINES_OF_START = 2
@@ -53,7 +61,13 @@ class Options:
     timing: Timing = field(default_factory=Timing)
 
 
-def run_scene(scene, comm, directory: str | Path, say=print, options: Options = Options()) -> dict:
+def run_scene(
+    scene: Scene,
+    comm: Intracomm,
+    directory: str | Path,
+    say: Callable[[str], None] = print,
+    options: Options = Options(),
+) -> dict:
     """Runs a scene on a communicator and writes its results into `directory`, or goes on with the run that is there;
     returns the record that is in `run.json`.
 
@@ -81,12 +95,12 @@ def run_scene(scene, comm, directory: str | Path, say=print, options: Options = 
             lock.release()
 
 
-def _warn(scene, ranks: int, say) -> None:
+def _warn(scene: Scene, ranks: int, say: Callable[[str], None]) -> None:
     for text in warnings(scene, ranks):
         say(f"warning: {text}")
 
 
-def _enter(folder: Path, ranks: int, say) -> RunLock:
+def _enter(folder: Path, ranks: int, say: Callable[[str], None]) -> RunLock:
     storage.make_directory(folder)
     lock = RunLock.acquire(folder, ranks)
     if lock.recovered:
@@ -95,7 +109,7 @@ def _enter(folder: Path, ranks: int, say) -> RunLock:
     return lock
 
 
-def _planned(folder: Path, scene, options: Options) -> resume.Plan:
+def _planned(folder: Path, scene: Scene, options: Options) -> resume.Plan:
     def plan() -> resume.Plan:
         if not options.fresh:
             storage.require_regular_files(folder)
@@ -125,7 +139,16 @@ def _require_own(folder: Path) -> None:
             )
 
 
-def _run(scene, comm, folder: Path, say, options: Options, plan: resume.Plan, began: float, lock) -> dict:
+def _run(
+    scene: Scene,
+    comm: Intracomm,
+    folder: Path,
+    say: Callable[[str], None],
+    options: Options,
+    plan: resume.Plan,
+    began: float,
+    lock,
+) -> dict:
     """From the first step, or from a checkpoint, to the end. lock: rank 0's."""
     guard = lock.require_held if lock else lambda: None
     compiled.hear(say if comm.rank == 0 else None)
@@ -163,7 +186,7 @@ def _run(scene, comm, folder: Path, say, options: Options, plan: resume.Plan, be
     return record
 
 
-def _to_the_end(simulation, keeper: Keeper, scene, folder: Path, history: History) -> None:
+def _to_the_end(simulation: Simulation, keeper: Keeper, scene: Scene, folder: Path, history: History) -> None:
     """Steps, checkpoints, and what is left behind where it ends early."""
     state, comm = simulation.state, keeper.comm
     try:
@@ -201,7 +224,8 @@ def _stopped_early(keeper: Keeper, folder: Path) -> PgfmdError:
 
 
 def _restore(
-    checkpoints: Checkpoints, simulation, outputs: Outputs, history: History, scene, allow, keeper: Keeper
+    checkpoints: Checkpoints, simulation: Simulation, outputs: Outputs, history: History, scene: Scene,
+    allow: Sequence[str], keeper: Keeper,
 ) -> None:  # fmt: skip
     """Puts the simulation and its outputs where a checkpoint left them."""
     comm, state, found = checkpoints.comm, simulation.state, {}
@@ -226,7 +250,7 @@ def _restore(
         keeper.say(line)
 
 
-def _told(simulation, path: Path, changed: list[str], history: History) -> list[str]:
+def _told(simulation: Simulation, path: Path, changed: list[str], history: History) -> list[str]:
     """What is said when a run goes on."""
     state = simulation.state
     lines = [f"going on from {path.name}: step {state.counters.steps}, t = {state.time:.6g} s"]
@@ -240,7 +264,7 @@ def _told(simulation, path: Path, changed: list[str], history: History) -> list[
     return lines
 
 
-def _require_space(simulation, scene, comm, folder: Path) -> int:
+def _require_space(simulation: Simulation, scene: Scene, comm: Intracomm, folder: Path) -> int:
     """About how large a checkpoint is going to be [bytes]. ResultError on every rank if the disk has no room for
     checkpoints and snapshots."""
     state, points = simulation.state, simulation.points
@@ -254,7 +278,7 @@ def _require_space(simulation, scene, comm, folder: Path) -> int:
     return checkpoint
 
 
-def compile_kernels(comm, scene) -> None:
+def compile_kernels(comm: Intracomm, scene: Scene) -> None:
     """Has one rank a node compile the kernels that the scene needs, by tiny tack tests, while the others wait.
 
     All ranks would otherwise compile the same at once, and race for numba's cache, which may be on the node's own disk.

@@ -13,12 +13,19 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import takewhile
 from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import parts
 from .schemes import registry
 from .solver.grid import Grid, PunchPoints
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
+    from .physics.topography import Topography
+    from .scene import Scene
 
 FEW = 1 << 13
 """Points that are looked at at a time: formulas of heights need many arrays."""
@@ -38,7 +45,7 @@ class Symmetry:
     reason: str = ""
 
 
-def obstacle(scene) -> str:
+def obstacle(scene: Scene) -> str:
     """Why a scene is stepped whole, whatever its face; empty where nothing speaks against a part of it."""
     solver, series = scene.solver, parts.series_of(scene.rheology)
     if solver.symmetry == "none":
@@ -53,7 +60,7 @@ def obstacle(scene) -> str:
     return ""
 
 
-def has_images(topography, points: PunchPoints, places: np.ndarray | None = None) -> bool:
+def has_images(topography: Topography, points: PunchPoints, places: np.ndarray | None = None) -> bool:
     """Whether the heights at local points are those at their mirror images, to the last bit.
 
     points: PunchPoints with a mirror, of which the last axis is looked at. places: ranges of points, (first, last); all
@@ -75,7 +82,7 @@ def largest(holds: Callable[[str], bool]) -> str:
 
 
 @lru_cache(maxsize=16)
-def expected(scene) -> Symmetry:
+def expected(scene: Scene) -> Symmetry:
     """The symmetry that a run of the scene will make use of, from a sample of its points."""
     reason = obstacle(scene)
     if reason:
@@ -95,6 +102,6 @@ ALONE = SimpleNamespace(size=1, rank=0)
 """What a grid asks of a communicator, told of a single rank."""
 
 
-def points_of(scene, mirror: str, comm=ALONE) -> PunchPoints:
+def points_of(scene: Scene, mirror: str, comm: Intracomm = ALONE) -> PunchPoints:
     """The points under the punch that are stepped with this mirror, by default as a single rank would own them."""
     return PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm, mirror=mirror)

@@ -13,6 +13,11 @@ import math
 import re
 from dataclasses import dataclass
 from decimal import Decimal
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
+    from pint.util import UnitsContainer
 
 
 @dataclass(frozen=True)
@@ -60,14 +65,14 @@ class UnitError(ValueError):
 
 
 @functools.cache
-def _registry():
+def _registry() -> UnitRegistry:
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)
 
 
 @functools.cache
-def _si_factor(unit: str):
+def _si_factor(unit: str) -> tuple[Decimal, UnitsContainer]:
     """(factor to SI base units, dimensionality) of a unit; LookupError if pint does not know it."""
     import pint
 
@@ -85,7 +90,7 @@ def _expectation(dimension: str) -> str:
     return f'{kind.phrase} with its unit, such as "{kind.example}"'
 
 
-def _refuse_dimension(text: str, unit: str, dimensionality, dimension: str) -> UnitError:
+def _refuse_dimension(text: str, unit: str, dimensionality: UnitsContainer, dimension: str) -> UnitError:
     hint = _meant(unit, dimension, cutoff=1.0)
     for kind in DIMENSIONS.values():
         if _si_factor(kind.unit)[1] == dimensionality:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,13 +18,16 @@ from pgfmd.solver.transform import Convolution, plain_pair
 from .curve_errors import cost_at
 from .work_precision import Laboratory, Row, explicit, implicit, study
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
 LENGTH, RADIUS = 1.5e-3, 375e-6
 """The paper's cell and punch [m]: L = 4a."""
 SHARE_OF_A_ROUND = 0.5
 """Time [s] that one side measures before the other's turn comes."""
 
 
-def transform(comm, n: int, effort: str = "estimate", rounds: int = 4) -> dict[str, int | float | str]:
+def transform(comm: Intracomm, n: int, effort: str = "estimate", rounds: int = 4) -> dict[str, int | float | str]:
     """Time [ms] of a pair of n x n transforms, mpi4py-fft's own and the fused one, and the ratio fused/own. Collective.
 
     effort: of FFTW's planner, "estimate" or "measure", the same for both. The two take turns, `rounds` each, and the
@@ -51,7 +55,7 @@ def transform(comm, n: int, effort: str = "estimate", rounds: int = 4) -> dict[s
     }
 
 
-def _one(comm, action: Callable[[], object]) -> float:
+def _one(comm: Intracomm, action: Callable[[], object]) -> float:
     """Time [s] of one call, the longest of all ranks, the same on each of them."""
     comm.Barrier()
     start = time.perf_counter()
@@ -68,7 +72,10 @@ TARGET = 0.01
 
 
 def work_precision(
-    comm, say: Callable[[str], None], base: Sequence[str] = SMALL, omega_taus: Sequence[float] = (2, 4, 8, 16, 32)
+    comm: Intracomm,
+    say: Callable[[str], None],
+    base: Sequence[str] = SMALL,
+    omega_taus: Sequence[float] = (2, 4, 8, 16, 32),
 ) -> list[Row]:
     """Errors and costs of `inertialess` over accuracies, and of `gfmd` over omega. Collective.
 

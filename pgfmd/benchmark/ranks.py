@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,11 @@ from pgfmd.host.processes import cores
 from pgfmd.host.ranks import launcher, on_ranks
 
 from .watch import Watch
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
+    from pgfmd.solver.simulation import Simulation
 
 SCENE = ("tri-tack", "drive.speed=25 um/s", "drive.preload=5 mN", "solver.scheme=inertialess")
 """The test whose steps are timed: as a run would make them, and with other precisions and parts of the punch."""
@@ -158,7 +164,7 @@ def _scene(n: int, precision: str):
 
 
 # What the ranks do ---------------------------------------------------------------------------------------------------
-def measure(comm, sizes: Sequence[int]) -> list[dict]:
+def measure(comm: Intracomm, sizes: Sequence[int]) -> list[dict]:
     """A record for each size and kind, on these ranks: seconds a pair, in all and by parts (of the first rank), and counts.
     Collective."""
     # Plans and pages of the first time don't count.
@@ -172,7 +178,7 @@ def measure(comm, sizes: Sequence[int]) -> list[dict]:
     return found
 
 
-def _steps(comm, n: int, precision: str, mirror: str) -> dict:
+def _steps(comm: Intracomm, n: int, precision: str, mirror: str) -> dict:
     """Times the steps of a test, from its third step on."""
     from pgfmd.assemble import assemble
 
@@ -197,7 +203,7 @@ def _steps(comm, n: int, precision: str, mirror: str) -> dict:
     return about | each | watch.usual() | {"pass": (spent["pair"] - transforms) / spent["sums"]}
 
 
-def _pairs_for(simulation) -> int:
+def _pairs_for(simulation: Simulation) -> int:
     """How many pairs take about `SECONDS`, the same on every rank: the work beside a pair takes as long as it."""
     operator, points = simulation.scheme.solver.rough, simulation.points
     load, surface = points.zeros(operator.dtype) + operator.dtype.type(1), points.zeros(operator.dtype)
@@ -208,7 +214,7 @@ def _pairs_for(simulation) -> int:
     return max(FEWEST, round(SECONDS / (2.0 * taken)))
 
 
-def _crowding(comm, n: int, precision: str, mirror: str) -> float:
+def _crowding(comm: Intracomm, n: int, precision: str, mirror: str) -> float:
     """By which factor a pair takes longer where all ranks do one, each for itself, than where one does: the better of
     some rounds, of the slowest rank."""
     if comm.size == 1:
@@ -240,7 +246,7 @@ def _crowding(comm, n: int, precision: str, mirror: str) -> float:
     return best["together"] / best["alone"]
 
 
-def _meeting(comm) -> float:
+def _meeting(comm: Intracomm) -> float:
     """Seconds of a meeting to which all ranks of the node come at once, the median of many."""
     if comm.size == 1:
         return 0.0

@@ -5,6 +5,10 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pgfmd.solver.simulation import Simulation
 
 PARTS = ("_rows_forward", "_convolve_columns", "_rows_backward")
 """What an operator does for a pair."""
@@ -18,7 +22,7 @@ class Watch:
     others by the time of day.
     """
 
-    def __init__(self, simulation, clock: Callable[[], float] = time.process_time):
+    def __init__(self, simulation: Simulation, clock: Callable[[], float] = time.process_time):
         self.simulation, self.points, self.work_clock = simulation, simulation.points, clock
         self.clock = clock if self.points.comm.size == 1 else time.perf_counter
         self.outside = 0.0

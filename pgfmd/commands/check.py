@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from pgfmd import coarsening
 from pgfmd.forecast.advice import remarks, warnings
@@ -20,6 +21,10 @@ from pgfmd.scene.precision import best_precision
 from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
+    from pgfmd.scene.model import Punch
 
 TELLING_SPREAD = 1.5
 """Factor up to which an estimate is told as a number; where it may be further off, a range is told."""
@@ -53,7 +58,7 @@ class Report:
         return any(line.name == name for lines in self.sections.values() for line in lines)
 
 
-def report(scene, ranks: int = 1) -> Report:
+def report(scene: Scene, ranks: int = 1) -> Report:
     """Everything that can be said about a scene, for a run on `ranks` ranks."""
     sections = {
         "Scene (SI)": list(_values(scene)),
@@ -67,13 +72,13 @@ def report(scene, ranks: int = 1) -> Report:
     return Report(scene.title, sections, list(warnings(scene, ranks)), [*remarks(scene), *advice])
 
 
-def cohesive_zone(scene) -> float:
+def cohesive_zone(scene: Scene) -> float:
     """Length [m] of the zone at a crack where the law pulls: Dugdale's (pi/4) E* gamma/sigma_th^2, static modulus."""
     adhesion = scene.adhesion
     return math.pi / 4 * scene.substrate.contact_modulus * adhesion.work_of_adhesion / law_of(adhesion).strength ** 2
 
 
-def _values(scene) -> Iterator[Line]:
+def _values(scene: Scene) -> Iterator[Line]:
     for name, model in SECTIONS.items():
         section = scene.section(name)
         for field, info in model.model_fields.items():
@@ -85,7 +90,7 @@ def _values(scene) -> Iterator[Line]:
             yield Line(f"{name}.{field}", _plain(value), _unit(extra.get("dimension", "")), note)
 
 
-def _is_chosen(scene, field: str) -> bool:
+def _is_chosen(scene: Scene, field: str) -> bool:
     """Whether a key's value was chosen by `best_precision`."""
     return field == "precision" and scene.solver.automatic_precision
 
@@ -102,14 +107,14 @@ def _unit(dimension: str) -> str:
     return DIMENSIONS[dimension].unit if dimension in DIMENSIONS else ""
 
 
-def _punch(scene) -> Iterator[Line]:
+def _punch(scene: Scene) -> Iterator[Line]:
     face = face_of(scene)
     note = f"{handy_quantity(face.relief, 'length')} from the lowest to the highest point of the face"
     yield Line("height range", face.relief, "m", note)
     yield Line("steepest slope", face.slope, "", "1 is 45 degrees; small slopes are assumed")
 
 
-def _adhesion(scene) -> Iterator[Line]:
+def _adhesion(scene: Scene) -> Iterator[Line]:
     adhesion, punch, modulus = scene.adhesion, scene.punch, scene.substrate.contact_modulus
     energy, reach, own = adhesion.work_of_adhesion, adhesion.range, automatic_range(scene)
     yield Line("contact modulus E*", modulus, "Pa", "E/(1 - nu^2), static")
@@ -135,7 +140,7 @@ def _adhesion(scene) -> Iterator[Line]:
         yield Line("gamma/v_full", energy / stored, "", note)
 
 
-def _full_contact_energy(punch, modulus: float) -> float:
+def _full_contact_energy(punch: Punch, modulus: float) -> float:
     """Elastic energy per area [J/m^2] of static full contact."""
     wave_number = 2.0 * math.pi / punch.wavelength
     if punch.pattern == "sinusoid":
@@ -143,7 +148,7 @@ def _full_contact_energy(punch, modulus: float) -> float:
     return corrugation.full_contact_energy(punch.amplitude, wave_number, modulus)
 
 
-def _rheology(scene) -> Iterator[Line]:
+def _rheology(scene: Scene) -> Iterator[Line]:
     series = series_of(scene.rheology)
     creep = series.to_creep()
     yield Line("kappa_inf", series.kappa_inf, "", "E(infinity)/E(0)")
@@ -156,7 +161,7 @@ def _rheology(scene) -> Iterator[Line]:
         yield Line(f"retardation time {index}", float(time), "s", f"J = {weight:.4g}")
 
 
-def _cost(scene, ranks: int) -> Iterator[Line]:
+def _cost(scene: Scene, ranks: int) -> Iterator[Line]:
     points, memory, effort = punch_points(scene), memory_of(scene, ranks), effort_of(scene)
     yield Line("grid spacing h", scene.grid.length / scene.grid.n, "m")
     yield Line("points under the punch", points.total, "", f"in a block of {points.nb} x {points.nb}")
@@ -193,7 +198,7 @@ def _expected(name: str, value: float, effort: Effort) -> Line:
     return Line(name, f"{_rounded(value / effort.spread)} to {_rounded(value * effort.spread)}", "", why)
 
 
-def _symmetry(scene) -> Line:
+def _symmetry(scene: Scene) -> Line:
     found = expected(scene)
     value = {"": "none", "x": "x", "xy": "x, y"}[found.mirror]
     if not found.mirror:
@@ -202,7 +207,7 @@ def _symmetry(scene) -> Line:
     return Line("mirror symmetry", value, "", f"{part} of the points stand for all, and {part} of the work is done")
 
 
-def _coarse_grid(scene) -> Line:
+def _coarse_grid(scene: Scene) -> Line:
     found = coarsening.expected(scene)
     if not found.factor:
         return Line("coarser grid", "none", "", found.reason)

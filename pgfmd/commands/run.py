@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,6 +17,9 @@ from pgfmd.physics.drive import DETACHED
 
 from .names import path_option
 from .printing import command
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
 Changes = Annotated[
@@ -70,7 +73,7 @@ def run(
     changed = all_changes(changes, overrides)
     comm = launch.world()
 
-    def work(comm) -> None:
+    def work(comm: Intracomm) -> None:
         loaded, directory = launch.on_first(comm, lambda: _prepared(scene, changed, out, comm.size))
         from pgfmd.restart.keeper import Timing
         from pgfmd.runner import Options, run_scene

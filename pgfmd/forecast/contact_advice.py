@@ -7,11 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
 
 from .resolution import image_stiffness, overlap_share, range_follows_the_grid, summit_points
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
 
 FEW_SUMMIT_POINTS = 12.0
 """Grid points of a summit within the range below which pull-off forces are wrong by more than a third (docs:
@@ -28,7 +32,7 @@ IMAGES_OF_FILM = 0.05
 """Influence of a film's periodic images on the stiffness of a contact that is warned of."""
 
 
-def summits(scene) -> Iterator[str]:
+def summits(scene: Scene) -> Iterator[str]:
     """Summits whose height the grid cannot resolve within the range: whole cells pull at once."""
     points = summit_points(scene)
     if points >= FEW_SUMMIT_POINTS:
@@ -50,7 +54,7 @@ def summits(scene) -> Iterator[str]:
     )
 
 
-def few_points(scene) -> Iterator[str]:
+def few_points(scene: Scene) -> Iterator[str]:
     points = summit_points(scene)
     if scene.adhesion.law == "cosine" and FEW_SUMMIT_POINTS <= points < SOME_SUMMIT_POINTS:
         yield (
@@ -59,7 +63,7 @@ def few_points(scene) -> Iterator[str]:
         )
 
 
-def overlap(scene) -> Iterator[str]:
+def overlap(scene: Scene) -> Iterator[str]:
     share, repulsive = overlap_share(scene), scene.adhesion.law == "repulsive"
     most = SOFT_WALL if repulsive else SOFT_ADHESION
     if share <= most:
@@ -79,7 +83,7 @@ def overlap(scene) -> Iterator[str]:
         yield text + f"Set adhesion.range to {shorter}, with the finer grid that this needs"
 
 
-def soft_overlap(scene) -> Iterator[str]:
+def soft_overlap(scene: Scene) -> Iterator[str]:
     share = overlap_share(scene)
     if scene.adhesion.law == "cosine" and SOFT_OVERLAP < share <= SOFT_ADHESION:
         cure = "a finer grid, with its shorter range," if range_follows_the_grid(scene) else "a shorter adhesion.range"
@@ -89,7 +93,7 @@ def soft_overlap(scene) -> Iterator[str]:
         )
 
 
-def films(scene) -> Iterator[str]:
+def films(scene: Scene) -> Iterator[str]:
     """Films that their periodic images, or their edges, make others than a film without end."""
     substrate, radius, spacing = scene.substrate, scene.punch.radius, scene.grid.length / scene.grid.n
     if not math.isfinite(substrate.thickness):
@@ -112,7 +116,7 @@ def films(scene) -> Iterator[str]:
         )
 
 
-def free_boundary(scene) -> str:
+def free_boundary(scene: Scene) -> str:
     """What a free boundary offers to a scheme that can have one."""
     if registry.scheme_of(scene).periodic_only:
         return ""

@@ -20,6 +20,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,6 +33,10 @@ from pgfmd.symmetry import expected
 from .estimate import depth_of, guessed_seconds, pair_cost, pair_seconds
 from .fitted import FITTED, Numbers
 from .indentation import depth_at_preload, pull_off_height
+
+if TYPE_CHECKING:
+    from pgfmd.physics.rheology import CreepSeries
+    from pgfmd.scene import Scene
 
 JUMP_FACTOR = 0.38
 """A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
@@ -90,12 +95,12 @@ class Way:
     stiffness: float
 
 
-def jump_threshold(scene) -> float:
+def jump_threshold(scene: Scene) -> float:
     """kappa_inf below which a flat punch jumps in zero time: 0.38 n at the automatic range, more at a shorter one."""
     return JUMP_FACTOR * scene.grid.n * (automatic_range(scene) / scene.adhesion.range) ** 2
 
 
-def kind_of(scene) -> str:
+def kind_of(scene: Scene) -> str:
     """The kind of a scene, of which FITTED has numbers."""
     if scene.adhesion.law == "repulsive":
         return "repulsive"
@@ -112,7 +117,7 @@ def kind_of(scene) -> str:
     return f"{shape}elastic"
 
 
-def ways_of(scene) -> tuple[Way, Way]:
+def ways_of(scene: Scene) -> tuple[Way, Way]:
     """The ways in and out."""
     drive, reach = scene.drive, scene.adhesion.range
     depth, beyond = depth_at_preload(scene), pull_off_height(scene)
@@ -136,7 +141,7 @@ def ways_of(scene) -> tuple[Way, Way]:
     )  # fmt: skip
 
 
-def slowness(scene, creep, time: float, speed: float) -> float:
+def slowness(scene: Scene, creep: CreepSeries, time: float, speed: float) -> float:
     """How slow the punch is on a way that takes this time [s], see Way. creep: the CreepSeries of the scene."""
     if not creep.elements:
         return 1.0
@@ -147,12 +152,12 @@ def slowness(scene, creep, time: float, speed: float) -> float:
     return scene.adhesion.work_of_adhesion / (scene.substrate.contact_modulus * speed * middle)
 
 
-def effort_of(scene) -> Effort:
+def effort_of(scene: Scene) -> Effort:
     """Steps and transform pairs of a run."""
     return registry.scheme_of(scene).effort_of(scene)
 
 
-def fitted_effort(scene) -> Effort:
+def fitted_effort(scene: Scene) -> Effort:
     """The same where steps follow an accuracy, by the numbers that were fitted to runs."""
     found = FITTED[kind_of(scene)]
     (steps_in, pairs_in), (steps_out, pairs_out) = (counts_of(way, found) for way in ways_of(scene))
@@ -163,12 +168,12 @@ def fitted_effort(scene) -> Effort:
     )  # fmt: skip
 
 
-def ahead_of(scene) -> list[tuple[object, float]]:
+def ahead_of(scene: Scene) -> list[tuple[object, float]]:
     """The coarse approaches that are run ahead of a run (run_ahead.py), each with its expected transform pairs."""
     return [(coarse, effort_of(coarse).approach[1]) for coarse in coarse_scenes(scene)]
 
 
-def told_of_ahead(scene) -> tuple[str, str]:
+def told_of_ahead(scene: Scene) -> tuple[str, str]:
     """What is run ahead, and its expected work beside that of the run; both empty where nothing is."""
     ahead = ahead_of(scene)
     if not ahead:
@@ -180,7 +185,7 @@ def told_of_ahead(scene) -> tuple[str, str]:
     return what, f"{100.0 * share / (own.pairs * work):.1g} % of the work of the run"
 
 
-def _work_of_pair(scene) -> float:
+def _work_of_pair(scene: Scene) -> float:
     """The arithmetic of a pair, in units of its own: n^2 log n, less where mirror images are left out."""
     n = scene.grid.n
     return n**2 * math.log(n) / 2 ** len(expected(scene).mirror) * pair_cost(scene)
@@ -198,7 +203,7 @@ def counts_of(way: Way, numbers: Numbers) -> tuple[float, float]:
     return steps, steps * (numbers.pairs_least + pairs_rate * root)
 
 
-def stiffness_of_law(scene) -> float:
+def stiffness_of_law(scene: Scene) -> float:
     """K_0 l/E*, see Way. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
     punch = scene.punch
     if punch.pattern in ("sphere", "power"):
@@ -210,7 +215,7 @@ def stiffness_of_law(scene) -> float:
     return law_of(scene.adhesion).stiffness * size / scene.substrate.contact_modulus
 
 
-def _unlike(scene) -> Iterator[str]:
+def _unlike(scene: Scene) -> Iterator[str]:
     """What a scene has that none has by which the numbers were fitted."""
     series = relaxation_of(scene)
     if scene.punch.pattern == "file":
@@ -227,7 +232,7 @@ def _unlike(scene) -> Iterator[str]:
         yield "a dwell"
 
 
-def effort_of_steps(scene, step: float, pair: float, cost: float) -> Effort:
+def effort_of_steps(scene: Scene, step: float, pair: float, cost: float) -> Effort:
     """The same for explicit steps of known length [s], with a pair each, which takes `pair` times `pair_seconds`; cost: as in Effort. The time of the
     programme is that of the depth, with what adhesion adds to the way back."""
     drive, depth = scene.drive, depth_at_preload(scene)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,10 @@ from pgfmd.reference import flat_punch, hertz
 from pgfmd.schemes import registry
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.symmetry import expected, points_of
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
+    from pgfmd.scene.model import Punch
 
 OWN_BYTES = 110e6
 """Private memory of each rank for Python, compiled kernels and libraries (scripts/studies/cost/memory.py at n = 64)."""
@@ -64,7 +69,7 @@ class Memory:
         return ranks * (self.peak + OWN_BYTES) + FILE_BYTES
 
 
-def punch_points(scene) -> PunchPoints:
+def punch_points(scene: Scene) -> PunchPoints:
     """The points under the punch as a single rank would own them, all of them."""
     return points_of(scene, "")
 
@@ -75,17 +80,17 @@ def largest_share(points: PunchPoints, ranks: int) -> int:
     return int(np.diff(points.offset[ends], prepend=0).max())
 
 
-def memory_of(scene, ranks: int = 1) -> Memory:
+def memory_of(scene: Scene, ranks: int = 1) -> Memory:
     """Memory of the rank with the largest share, out of `ranks`."""
     return registry.scheme_of(scene).memory_of(scene, ranks)
 
 
-def rough_share(scene) -> float:
+def rough_share(scene: Scene) -> float:
     """Size of the numbers within conjugate gradients, relative to that of those which last."""
     return 0.5 if scene.solver.precision == "mixed" else 1.0
 
 
-def memory_of_vectors(scene, ranks: int, counts: tuple[float, float]) -> Memory:
+def memory_of_vectors(scene: Scene, ranks: int, counts: tuple[float, float]) -> Memory:
     """Memory of a scheme that solves static problems (newton.py), of the rank with the largest share.
 
     counts: numbers that a run keeps for every point under the punch, (state, everything else).
@@ -123,7 +128,7 @@ def memory_of_vectors(scene, ranks: int, counts: tuple[float, float]) -> Memory:
     return Memory(state + rest, transform, state, start, output_bytes(scene, points, ranks, size))
 
 
-def _cells_bytes(scene, size: float) -> float:
+def _cells_bytes(scene: Scene, size: float) -> float:
     """The coarser grid of a run (two_grid.py), which each rank has whole. size: of a number [bytes]."""
     coarse = coarsening.scene_of_cells(scene)
     if coarse is None:
@@ -133,7 +138,7 @@ def _cells_bytes(scene, size: float) -> float:
     return size * (multiplier + 2.0 * rows * columns + 7.0 * largest_share(points, 1))
 
 
-def output_bytes(scene, points: PunchPoints, ranks: int, size: float) -> float:
+def output_bytes(scene: Scene, points: PunchPoints, ranks: int, size: float) -> float:
     """The surface and traction of the largest tension, and what a snapshot needs for a while: one field of the whole punch as a
     vector and as rows of the block; and with patches gap and traction of the whole punch, labels of points, and of the block."""
     whole, here = points.whole, largest_share(points, ranks)
@@ -143,7 +148,7 @@ def output_bytes(scene, points: PunchPoints, ranks: int, size: float) -> float:
     return (2.0 + scene.output.surface) * size * here + max(writing, finding)
 
 
-def _transform_of(scene, points: PunchPoints, ranks: int) -> tuple[int, int, int, float]:
+def _transform_of(scene: Scene, points: PunchPoints, ranks: int) -> tuple[int, int, int, float]:
     """Rows of all ranks; complex columns of one of them, out of `ranks`; numbers that a column of G0 has, and all of its
     columns."""
     width = transform_side(scene, points.nb, mirror=points.mirror) // 2 + 1
@@ -152,17 +157,17 @@ def _transform_of(scene, points: PunchPoints, ranks: int) -> tuple[int, int, int
     return points.nb - points.top, columns, width, float(columns * width * (2 if points.mirror else 1))
 
 
-def map_bytes_of(punch) -> float:
+def map_bytes_of(punch: Punch) -> float:
     """A height map while heights are taken from it."""
     return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
 
 
-def modulus_of(scene) -> float:
+def modulus_of(scene: Scene) -> float:
     """E* [Pa] of a slow contact: static, but for a quasi-static run with the instantaneous modulus."""
     return scene.substrate.contact_modulus / quasistatic_compliance(scene)
 
 
-def depth_of(scene, stiffening: float = 1.0) -> float:
+def depth_of(scene: Scene, stiffening: float = 1.0) -> float:
     """Rough indentation [m] at the preload: static, or with a modulus that is larger by the factor `stiffening`."""
     punch, modulus, preload = scene.punch, stiffening * modulus_of(scene), scene.drive.preload
     if punch.radius is None:
@@ -173,7 +178,7 @@ def depth_of(scene, stiffening: float = 1.0) -> float:
     return image * preload / float(flat_punch.force(1.0, punch.radius, modulus))
 
 
-def pair_cost(scene) -> float:
+def pair_cost(scene: Scene) -> float:
     """Time of a run for each of its transform pairs, relative to `pair_seconds`; in mixed precision nearly all are single.
     With what a coarser grid takes for each."""
     cells = CELLS if coarsening.expected(scene).factor else 0.0
@@ -185,7 +190,7 @@ def guessed_seconds(pairs: float, seconds: float, cost: float) -> float:
     return pairs * (seconds * cost + CALLS)
 
 
-def pair_seconds(scene) -> float:
+def pair_seconds(scene: Scene) -> float:
     """Rough time [s] of one transform pair in double precision on one core of this machine, from a few lines of it (scipy.fft).
 
     Half of that where half of the points are stepped, and a quarter where a quarter is: 0.44 to 0.63 and 0.23 to 0.39 were

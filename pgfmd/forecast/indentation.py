@@ -11,6 +11,7 @@ the time in which that is done. k is the share that periodic images leave of it:
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from pgfmd.reference import flat_punch, jkr
 
 from .estimate import depth_of, modulus_of
 from .resolution import mean_kappa, softness_of_film
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
 
 SAMPLES = 96
 """Points across a punch at which its heights are looked at."""
@@ -34,7 +38,7 @@ LEAST_SHARE = 0.1
 """Images never carry more of the load than this share leaves."""
 
 
-def images_share(scene) -> float:
+def images_share(scene: Scene) -> float:
     """What the periodic images leave of the indentation of a flat punch; 1 where there are none."""
     if scene.substrate.boundary != "periodic" or scene.punch.radius is None:
         return 1.0
@@ -43,7 +47,7 @@ def images_share(scene) -> float:
     return max(LEAST_SHARE, 1.0 - MADELUNG / math.pi * x + SECOND / (3.0 * math.pi) * x**3)
 
 
-def depth_at_preload(scene) -> float:
+def depth_at_preload(scene: Scene) -> float:
     """Indentation [m] at which the preload is met, with the modulus of the approach."""
     punch = scene.punch
     if punch.radius is None or scene.substrate.compliance_file:
@@ -58,7 +62,7 @@ def depth_at_preload(scene) -> float:
     return min(depth, deepest_indentation(scene))
 
 
-def _heights(scene) -> np.ndarray | None:
+def _heights(scene: Scene) -> np.ndarray | None:
     """Heights [m] of the face above its lowest point, at a sample of its points; None for a map that can't be read any
     more."""
     x = np.linspace(-scene.punch.radius, scene.punch.radius, SAMPLES + 1)
@@ -72,7 +76,7 @@ def _heights(scene) -> np.ndarray | None:
     return heights - heights.min()
 
 
-def _depth_with(scene, stiffening: float, heights: np.ndarray | None) -> float:
+def _depth_with(scene: Scene, stiffening: float, heights: np.ndarray | None) -> float:
     """Indentation [m] with a modulus that is larger by this factor; heights: of the face, None where Hertz's is known."""
     punch, load, law = scene.punch, scene.drive.preload, law_of(scene.adhesion)
     if punch.pattern == "sphere" and law.attractive:
@@ -96,7 +100,7 @@ def _depth_with(scene, stiffening: float, heights: np.ndarray | None) -> float:
     return low + whole * softness_of_film(scene, punch.radius)
 
 
-def pull_off_height(scene) -> float:
+def pull_off_height(scene: Scene) -> float:
     """Displacement [m] at which the punch comes off: little above zero, but for a flat punch, which has to stretch the
     elastomer as far as Kendall's force does, and a sphere, which draws a neck as JKR's. Maugis, Contact, Adhesion and
     Rupture of Elastic Solids, 2000."""
@@ -106,7 +110,7 @@ def pull_off_height(scene) -> float:
     return adhesion.range + stretch(scene) + neck(scene)
 
 
-def stretch(scene) -> float:
+def stretch(scene: Scene) -> float:
     """How far [m] a flat punch stretches the elastomer before it comes off, as that is in this time; 0 for others."""
     if scene.punch.pattern != "flat":
         return 0.0
@@ -114,7 +118,7 @@ def stretch(scene) -> float:
     return relaxed / math.sqrt(mean_kappa(scene, relaxed / scene.drive.retract_speed))
 
 
-def neck(scene) -> float:
+def neck(scene: Scene) -> float:
     """How far [m] a sphere that sticks draws the elastomer up, by JKR's theory at fixed grips; 0 for others."""
     punch, adhesion = scene.punch, scene.adhesion
     if punch.pattern != "sphere" or adhesion.law == "repulsive":

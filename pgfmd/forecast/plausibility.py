@@ -11,6 +11,7 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,10 @@ from pgfmd.physics.heightfile import WHOLE as WHOLE_MAP
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
+    from pgfmd.scene.model import Punch
 
 STEEPEST = 1.0
 """Slope of a face, 45 degrees, beyond which nothing is left of small slopes."""
@@ -47,24 +52,16 @@ class Face:
     size: tuple[float, float] | None = None
 
 
-def warnings(scene) -> Iterator[str]:
+def warnings(scene: Scene) -> Iterator[str]:
     """What can't be meant in a scene whose files are there."""
-    for rule in (
-        _face,
-        _map_fits_the_cell,
-        _range,
-        _tightness,
-        _speed,
-        _pressure,
-        _clearance,
-        _spacing,
-        _shares,
-        _unread,
-    ):
+    rules = (
+        _face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing, _shares, _unread,
+    )  # fmt: skip
+    for rule in rules:
         yield from rule(scene)
 
 
-def face_of(scene) -> Face:
+def face_of(scene: Scene) -> Face:
     """Relief and slope of the scene's punch. Raises ValueError, OSError for a map that can't be used."""
     stamp = None
     if scene.punch.file is not None:
@@ -74,12 +71,12 @@ def face_of(scene) -> Face:
 
 
 @functools.lru_cache(maxsize=1)
-def _face_of(punch, grid, stamp) -> Face:
+def _face_of(punch: Punch, grid, stamp) -> Face:
     """stamp: what tells that a map has been written anew."""
     return _map_face(punch, grid) if punch.pattern == "file" else _pattern_face(punch, grid)
 
 
-def _map_face(punch, grid) -> Face:
+def _map_face(punch: Punch, grid) -> Face:
     """From all pixels under the punch, a stripe of rows after another, as a large map stays on the disk. Slopes are those
     over a spacing of the grid, where that is more than a pixel: what is finer the grid does not see."""
     found, spacing = topography_of(punch).map, grid.length / grid.n
@@ -106,7 +103,7 @@ def _map_face(punch, grid) -> Face:
     return Face(max(highest, default=0.0) - min(lowest, default=0.0), slope, found.size)
 
 
-def _under_the_punch(punch, found, rows, columns) -> np.ndarray:
+def _under_the_punch(punch: Punch, found, rows, columns) -> np.ndarray:
     """Heights [m] of these rows and columns of a map, with the curvature of the whole punch; NaN beside the punch."""
     (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
     x, y = (columns + 0.5) * (size_x / count_x) - 0.5 * size_x, (rows + 0.5) * (size_y / count_y) - 0.5 * size_y
@@ -125,7 +122,7 @@ def _largest(values) -> float:
     return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
 
 
-def _pattern_face(punch, grid) -> Face:
+def _pattern_face(punch: Punch, grid) -> Face:
     """From points that are spread over the outline without a period of their own (Roberts' R2 sequence), its centre and
     its rim."""
     reach = punch.radius if punch.radius is not None else 0.5 * grid.length
@@ -142,14 +139,14 @@ def _pattern_face(punch, grid) -> Face:
     return Face(float(np.ptp(here)), float(slope))
 
 
-def _scale(scene) -> tuple[float, str]:
+def _scale(scene: Scene) -> tuple[float, str]:
     """The length [m] that others are compared with, and what it is."""
     if scene.punch.radius is not None:
         return scene.punch.radius, "the punch's radius"
     return 0.5 * scene.grid.length, "half of the cell"
 
 
-def _face(scene) -> Iterator[str]:
+def _face(scene: Scene) -> Iterator[str]:
     punch, face, (scale, what) = scene.punch, face_of(scene), _scale(scene)
     relief = shown(face.relief, "length")
     keys = {"punch.file": punch.file, "punch.amplitude": punch.amplitude, "punch.layer_step": punch.layer_step}
@@ -165,7 +162,7 @@ def _face(scene) -> Iterator[str]:
         yield f"{where}: from its lowest to its highest point the face rises by {relief}, less than an atom: it is flat"
 
 
-def _map_fits_the_cell(scene) -> Iterator[str]:
+def _map_fits_the_cell(scene: Scene) -> Iterator[str]:
     """A map that fills the cell is repeated over the plane, the cell as well."""
     punch, length = scene.punch, scene.grid.length
     if punch.pattern != "file" or punch.radius is not None:
@@ -180,7 +177,7 @@ def _map_fits_the_cell(scene) -> Iterator[str]:
         )
 
 
-def _range(scene) -> Iterator[str]:
+def _range(scene: Scene) -> Iterator[str]:
     adhesion, (scale, what), thickness = scene.adhesion, _scale(scene), scene.substrate.thickness
     if thickness < scale:
         scale, what = thickness, "the film's thickness"
@@ -200,7 +197,7 @@ def _range(scene) -> Iterator[str]:
     )
 
 
-def _tightness(scene) -> Iterator[str]:
+def _tightness(scene: Scene) -> Iterator[str]:
     """gamma/E*, about how far adhesion pulls the surface out."""
     adhesion, (scale, what) = scene.adhesion, _scale(scene)
     modulus = scene.substrate.contact_modulus
@@ -213,7 +210,7 @@ def _tightness(scene) -> Iterator[str]:
         )
 
 
-def _speed(scene) -> Iterator[str]:
+def _speed(scene: Scene) -> Iterator[str]:
     """Speeds beyond that of sound: inertia would count. Where time does not count, speeds do not."""
     drive = scene.drive
     sound = math.sqrt(scene.substrate.contact_modulus / DENSITY)
@@ -227,7 +224,7 @@ def _speed(scene) -> Iterator[str]:
             )
 
 
-def _pressure(scene) -> Iterator[str]:
+def _pressure(scene: Scene) -> Iterator[str]:
     """Preloads that press the elastomer together, wherever they are not warned of by their indentation."""
     punch, substrate, modulus = scene.punch, scene.substrate, scene.substrate.contact_modulus
     if punch.radius is not None and not math.isfinite(substrate.thickness) and not substrate.compliance_file:
@@ -242,7 +239,7 @@ def _pressure(scene) -> Iterator[str]:
         )
 
 
-def _clearance(scene) -> Iterator[str]:
+def _clearance(scene: Scene) -> Iterator[str]:
     clearance, (scale, what) = scene.drive.clearance, _scale(scene)
     if clearance > max(scale, scene.adhesion.range):
         yield (
@@ -252,7 +249,7 @@ def _clearance(scene) -> Iterator[str]:
         )
 
 
-def _spacing(scene) -> Iterator[str]:
+def _spacing(scene: Scene) -> Iterator[str]:
     spacing = scene.grid.length / scene.grid.n
     if spacing < ATOM:
         yield (
@@ -261,7 +258,7 @@ def _spacing(scene) -> Iterator[str]:
         )
 
 
-def _shares(scene) -> Iterator[str]:
+def _shares(scene: Scene) -> Iterator[str]:
     """Weights that may be shares of the instantaneous modulus, where the scene does not say of which they are."""
     rheology = scene.rheology
     if rheology.model != "prony" or rheology.reference is not None or not 0.0 < sum(rheology.kappa) < 1.0:
@@ -274,7 +271,7 @@ def _shares(scene) -> Iterator[str]:
     )
 
 
-def _unread(scene) -> Iterator[str]:
+def _unread(scene: Scene) -> Iterator[str]:
     """Keys that ask for what the scheme does not do."""
     scheme = registry.scheme_of(scene)
     reasons = dict(scheme.unread)

@@ -16,12 +16,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from pgfmd.parts import deepest_indentation
 from pgfmd.schemes import registry
 
 from .effort import effort_of
 from .indentation import depth_at_preload, pull_off_height
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ class Way:
         return done / (done + self.in_left + out_weight * self.out_left)
 
 
-def outlook(scene, moment: Moment) -> Outlook:
+def outlook(scene: Scene, moment: Moment) -> Outlook:
     """What is left of a run, from where it is."""
     if moment.phase != "approach" and moment.depth is None:
         return Outlook(remark="where the preload was met is not known")
@@ -86,7 +90,7 @@ def outlook(scene, moment: Moment) -> Outlook:
     return Outlook(progress, steps, remark)
 
 
-def _way(scene, moment: Moment) -> Way:
+def _way(scene: Scene, moment: Moment) -> Way:
     clearance, position = scene.drive.clearance, moment.displacement
     beyond = pull_off_height(scene)
     if moment.phase == "approach":
@@ -96,7 +100,7 @@ def _way(scene, moment: Moment) -> Way:
     return Way(clearance + moment.depth, 0.0, max(back, 0.0), max(moment.depth + beyond - back, 0.0))
 
 
-def _depth_ahead(scene, moment: Moment) -> float:
+def _depth_ahead(scene: Scene, moment: Moment) -> float:
     """Indentation [m] at which the preload is going to be met."""
     told, preload = depth_at_preload(scene), scene.drive.preload
     if moment.stiffness is None or moment.stiffness <= 0.0:
@@ -107,7 +111,7 @@ def _depth_ahead(scene, moment: Moment) -> float:
     return min((1.0 - share) * told + share * ahead, deepest_indentation(scene))
 
 
-def steps_by_way(scene, moment: Moment, way: Way) -> tuple[float, str]:
+def steps_by_way(scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:
     """Steps that are left where their length follows the error, and what they leave out."""
     drive = scene.drive
     viscous = scene.adhesion.law != "repulsive" and scene.rheology.model != "elastic"
@@ -119,13 +123,13 @@ def steps_by_way(scene, moment: Moment, way: Way) -> tuple[float, str]:
     return steps, f"and what the dwell of {drive.dwell:g} s takes" if coming and drive.dwell > 0.0 else ""
 
 
-def _dwell_steps(scene, moment: Moment) -> float:
+def _dwell_steps(scene: Scene, moment: Moment) -> float:
     """Steps to the end of the dwell, if they go on growing in proportion to its time."""
     elapsed = max(moment.time - moment.preload_time - 0.5 * scene.drive.turn_time, moment.step)
     return elapsed / moment.step * math.log(max(scene.drive.dwell / elapsed, 1.0))
 
 
-def time_left(scene, moment: Moment, way: Way) -> float:
+def time_left(scene: Scene, moment: Moment, way: Way) -> float:
     """Time [s] until the punch is off."""
     drive = scene.drive
     left = way.in_left / drive.speed + way.out_left / drive.retract_speed

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,10 @@ from pgfmd.reference import hertz
 from pgfmd.solver.grid import Grid
 
 from .estimate import depth_of, modulus_of
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
+    from pgfmd.scene.model import Punch
 
 MOST_POINTS = 2**20
 """Points of a height map that are looked at, at most."""
@@ -31,7 +36,7 @@ WAVES = 96
 """Waves a side, either way, in the sum over a cell: it converges like the third power."""
 
 
-def summit_points(scene) -> float:
+def summit_points(scene: Scene) -> float:
     """Grid points around a summit whose height above it is below the range of adhesion; infinite where nothing is
     round.
 
@@ -52,7 +57,7 @@ def summit_points(scene) -> float:
     return 2.0 * math.pi * summit_radius(punch) * raw / spacing**2
 
 
-def summit_radius(punch) -> float:
+def summit_radius(punch: Punch) -> float:
     """Radius of curvature [m] of a summit, that of the whole punch included."""
     radius = topography_of(punch).summit_radius
     curvature = 0.0 if math.isinf(radius) else 1.0 / radius
@@ -69,7 +74,7 @@ def _before_layers(height: float, layer_step: float, smoothing: float) -> float:
     return float(raw[np.searchsorted(layered(raw, layer_step, smoothing), height)])
 
 
-def _rise_of_map(scene) -> float:
+def _rise_of_map(scene: Scene) -> float:
     """How much higher [m] the four neighbours of a summit are than it, in the mean: h^2/(2R) where it is round.
 
     The median of the lowest summits of a height map on the scene's grid, 0 where it has none.
@@ -123,7 +128,7 @@ def _summits(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return 0.25 * nearest - middle[lowest], middle[lowest]
 
 
-def overlap_share(scene) -> float:
+def overlap_share(scene: Scene) -> float:
     """How far punch and elastomer overlap at the preload, relative to the indentation: an estimate; 0 where there is
     none.
 
@@ -153,7 +158,7 @@ def overlap_share(scene) -> float:
     return overlap / (depth * softness_of_film(scene, size))
 
 
-def range_follows_the_grid(scene) -> bool:
+def range_follows_the_grid(scene: Scene) -> bool:
     """Whether the range of adhesion is the automatic one, which a finer grid makes shorter."""
     adhesion, grid, modulus = scene.adhesion, scene.grid, scene.substrate.contact_modulus
     q_ref = 2.0 * math.pi * grid.n / grid.length
@@ -161,7 +166,7 @@ def range_follows_the_grid(scene) -> bool:
     return math.isclose(own, adhesion.range, rel_tol=1e-9)
 
 
-def softness_of_film(scene, size: float) -> float:
+def softness_of_film(scene: Scene, size: float) -> float:
     """G0 of the scene's film relative to that of a half-space, for a contact of this radius [m]: q = 1/a."""
     substrate = scene.substrate
     if math.isinf(substrate.thickness):
@@ -170,7 +175,7 @@ def softness_of_film(scene, size: float) -> float:
     return float(film(1.0 / size, 0.0)) * substrate.contact_modulus / (2.0 * size)
 
 
-def mean_kappa(scene, time: float) -> float:
+def mean_kappa(scene: Scene, time: float) -> float:
     """E/E(0) of an indentation that takes so long [s]: the relaxation function, averaged over it."""
     series = relaxation_of(scene)
     if not series.elements:
@@ -179,7 +184,7 @@ def mean_kappa(scene, time: float) -> float:
     return 1.0 + float((series.kappa * -np.expm1(-x) / x).sum())
 
 
-def image_stiffness(scene) -> float:
+def image_stiffness(scene: Scene) -> float:
     """Stiffness of a film under the scene's punch in a periodic cell, relative to that of a film without end.
 
     Of a uniform pressure p on a disc of the contact's radius a, whose spectrum is 2 pi a p J_1(qa)/q: the mean

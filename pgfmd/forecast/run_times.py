@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from pgfmd import coarsening
 from pgfmd.host.processes import cores
 from pgfmd.parts import transform_side
@@ -12,6 +14,9 @@ from .effort import Effort, ahead_of, effort_of
 from .estimate import guessed_seconds, pair_cost, pair_seconds
 from .machine_profile import NoProfile, Profile, read
 from .scaling import Problem
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
 
 CELL_PAIRS = 10.0
 """Time of the coarse grid for each pair on all points, in pairs of a run on a grid as coarse, on one rank (each rank
@@ -29,7 +34,7 @@ def ranks_of(count: int) -> str:
     return "1 rank" if count == 1 else f"{count} ranks"
 
 
-def run_times(scene, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
+def run_times(scene: Scene, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
     """(times, advice): times as (ranks, seconds, what is to be said of it), and remarks on the number of ranks.
 
     From the profile of this machine; where it has none, or not for such a scene, a guess for one rank alone.
@@ -51,13 +56,14 @@ def run_times(scene, ranks: int) -> tuple[list[tuple[int, float, str]], list[str
     return _by_profile(scene, profile, effort, ahead, ranks)
 
 
-def problem_of(scene, mirror: str | None = None) -> Problem:
-    """What a run of the scene shares out. mirror: the axes whose images it leaves out, those that it will find by default."""
+def problem_of(scene: Scene, mirror: str | None = None) -> Problem:
+    """What a run of the scene shares out. mirror: the axes whose images it leaves out, those that it will find by
+    default."""
     points = points_of(scene, expected(scene).mirror if mirror is None else mirror)
     return Problem.of(points, transform_side(scene, points.nb, mirror=points.mirror), scene.solver.precision)
 
 
-def _not_measured(scene, profile: Profile) -> str:
+def _not_measured(scene: Scene, profile: Profile) -> str:
     """Why a profile tells nothing of such a scene; empty where it does."""
     if registry.scheme_of(scene).explicit:
         return "the machine is measured with implicit schemes only"
@@ -67,7 +73,7 @@ def _not_measured(scene, profile: Profile) -> str:
 
 
 def _by_profile(
-    scene, profile: Profile, effort: Effort, ahead: list, ranks: int
+    scene: Scene, profile: Profile, effort: Effort, ahead: list, ranks: int
 ) -> tuple[list[tuple[int, float, str]], list[str]]:
     problem, pairs, usable = problem_of(scene), effort.pairs, min(cores(), profile.most_ranks)
     coarser = coarsening.scene_of_cells(scene)

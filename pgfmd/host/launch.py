@@ -18,7 +18,8 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from pgfmd.errors import WRITTEN_IS_VALID, LaunchError, PgfmdError
 
@@ -26,6 +27,9 @@ from . import faults
 from .launchers import is_launched, launched
 from .processes import end_with_launcher
 from .streams import complain
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
@@ -41,7 +45,7 @@ class RelayedError(PgfmdError):
         self.exit_code = exit_code
 
 
-def world():
+def world() -> Intracomm:
     """MPI's communicator of all ranks. Raises LaunchError if the launcher started more processes than MPI sees.
 
     After this call, no rank survives its launcher. An uncaught exception, or a sys.exit with a code other than 0, ends
@@ -65,7 +69,7 @@ def world():
     return MPI.COMM_WORLD
 
 
-def communicator(comm, what: str):
+def communicator(comm: Intracomm | None, what: str) -> Intracomm:
     """The communicator for a function of the Python interface: the given one, or one of this process alone.
 
     Raises LaunchError if several processes were started and no communicator is given.
@@ -83,7 +87,7 @@ def communicator(comm, what: str):
     return MPI.COMM_SELF
 
 
-def on_first(comm, action: Callable[[], Any]) -> Any:
+def on_first(comm: Intracomm, action: Callable[[], Any]) -> Any:
     """The result of `action` on rank 0, on every rank. A PgfmdError is raised on every rank. Collective."""
     result, failure = None, None
     if comm.rank == 0:
@@ -93,9 +97,9 @@ def on_first(comm, action: Callable[[], Any]) -> Any:
             failure = error
     if comm.size > 1:
         # For objects of any size: MPI's own broadcast refuses more than 2 GiB, on rank 0 alone.
-        from mpi4py.util.pkl5 import Intracomm
+        from mpi4py.util import pkl5
 
-        comm = Intracomm(comm)
+        comm = pkl5.Intracomm(comm)
     told = comm.bcast((result, None) if failure is None else (None, (str(failure), failure.exit_code)))
     if failure is not None:
         raise failure
@@ -149,7 +153,7 @@ def _exit(status: object = None) -> None:
     raise _Exit(status)
 
 
-def _watch_for_faults(MPI) -> None:
+def _watch_for_faults(MPI: ModuleType) -> None:
     """Makes errors, and exits with an error code, end all ranks. MPI itself would wait for the others for ever.
 
     An exit with code 0 is not an error: ranks may finish earlier than others.
@@ -189,7 +193,7 @@ def _watch_for_faults(MPI) -> None:
 
 
 @contextmanager
-def guarded(comm) -> Iterator[None]:
+def guarded(comm: Intracomm) -> Iterator[None]:
     """A context for collective work: an exception on one rank ends the whole job within seconds.
 
     A PgfmdError on all ranks is printed once, and raises SystemExit with its exit code. A PgfmdError on some ranks, and
@@ -237,7 +241,7 @@ def guarded(comm) -> Iterator[None]:
 _INTERRUPTION = f"interrupted. {WRITTEN_IS_VALID}"
 
 
-def _stopper(comm) -> Callable[[int, Any], None]:
+def _stopper(comm: Intracomm) -> Callable[[int, Any], None]:
     """The handler of Ctrl-C: raises KeyboardInterrupt on a single rank; several ranks can't unwind together, so ends
     the job."""
 
@@ -253,7 +257,7 @@ def _stopper(comm) -> Callable[[int, Any], None]:
     return stop
 
 
-def _all_here(meeting) -> bool:
+def _all_here(meeting: Intracomm) -> bool:
     """Whether every rank arrives here within PATIENCE.
 
     This may use MPI's world communicator in the middle of other calls: if not all ranks arrive, the job ends anyway.

@@ -1,7 +1,8 @@
 """Ranks for which their node has no core. They wait for the others and do no work.
 
 Ranks synchronise several times in each pair of transforms. A rank that shares its core is late each time, and all
-others wait for it: three ranks on two cores take at least a third longer than two.
+others
+wait for it: three ranks on two cores take at least a third longer than two.
 """
 
 from __future__ import annotations
@@ -10,13 +11,16 @@ import os
 import signal
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pgfmd.errors import PgfmdError
 
 from .launch import RelayedError
 from .processes import cores_of
 from .streams import say
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 ALL_RANKS = "PGFMD_ALL_RANKS"
 """Environment variable; if it is 1, all ranks get work."""
@@ -26,7 +30,7 @@ _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that a launcher forwards to all ranks, and that working ranks handle."""
 
 
-def on_cores(comm, action: Callable[[Any], Any]) -> Any:
+def on_cores(comm: Intracomm, action: Callable[[Any], Any]) -> Any:
     """Calls `action` on the ranks that have a core of their own, with a communicator of these; returns its result
     there, and None on the other ranks after it has finished. To be used within launch.guarded(comm). Collective.
 

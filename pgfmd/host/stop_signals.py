@@ -23,11 +23,14 @@ import signal
 import socket
 import threading
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pgfmd.errors import WRITTEN_IS_VALID
 
 from .launch import INTERRUPTED, is_ignored, take_early
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 PATIENCE = 6.0
 """Time [s] from TERM or Ctrl-C until the ranks must have agreed to stop."""
@@ -57,7 +60,7 @@ class StopSignals:
             XCPU have none either: they announce an end, and a long step must not prevent the checkpoint.
     """
 
-    def __init__(self, comm):
+    def __init__(self, comm: Intracomm):
         self.patience = PATIENCE
         self._alone = comm.size == 1
         self._speaks = comm.rank == 0

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from pgfmd.assemble import assemble
 from pgfmd.errors import RunError
@@ -16,8 +18,17 @@ from pgfmd.symmetry import points_of
 
 from .observers import Progress
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
-def run_ahead(scene, comm, say, keeper=None) -> list[tuple[float, str]]:
+    from pgfmd.restart.keeper import Keeper
+    from pgfmd.scene import Scene
+    from pgfmd.solver.simulation import Simulation
+
+
+def run_ahead(
+    scene: Scene, comm: Intracomm, say: Callable[[str], None], keeper: Keeper = None
+) -> list[tuple[float, str]]:
     """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
 
     How long the approach takes is known only at its end, so coarse ones are run ahead. Nothing is run where no such snapshot
@@ -40,7 +51,7 @@ def run_ahead(scene, comm, say, keeper=None) -> list[tuple[float, str]]:
     return times
 
 
-def _shared(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:
+def _shared(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Keeper) -> tuple[list[Met], int]:
     """What `_run` gives, on every rank, of those ranks that the coarse grids have rows and columns for."""
     most = min(_most_ranks(one) for one in coarse)
     if comm.size <= most:
@@ -66,12 +77,12 @@ def _shared(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:
     return outcome
 
 
-def _most_ranks(scene) -> int:
+def _most_ranks(scene: Scene) -> int:
     """So many ranks can have a pair of rows and a column of a scene's transforms each."""
     return min(shared_out(scene, points_of(scene, "").nb))
 
 
-def _run(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:
+def _run(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Keeper) -> tuple[list[Met], int]:
     """Where the coarse approaches met surface and preload, up to the first that met none, and their transform pairs."""
     heed = {}
     if keeper:
@@ -91,7 +102,7 @@ def _run(coarse: list, comm, say, keeper) -> tuple[list[Met], int]:
     return found, pairs
 
 
-def met(simulation) -> Met:
+def met(simulation: Simulation) -> Met:
     """Where the machine of a simulation was at the first contact, and at the preload, which it has met."""
     state, drive = simulation.state, simulation.drive
     first = state.first_contact_time if state.first_contact_time is not None else 0.0

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -24,6 +25,9 @@ from pgfmd.files.regular_files import bring_to_disk, require_regular
 from pgfmd.files.storage import agree, attempt, on_root
 from pgfmd.host.streams import say
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
 # HDF5's own book-keeping for one more snapshot: B-tree nodes and chunks of the per-snapshot numbers.
 BOOKKEEPING_BYTES = 2**17
 Rows = np.ndarray | Callable[[], np.ndarray]
@@ -31,7 +35,7 @@ Rows = np.ndarray | Callable[[], np.ndarray]
 _told = False
 
 
-def tell_once(comm) -> None:
+def tell_once(comm: Intracomm) -> None:
     """Say on rank 0, once per process, that arrays go through rank 0."""
     global _told
     if not _told and comm.rank == 0:
@@ -50,7 +54,7 @@ class FieldsFile:
     def __init__(
         self,
         path: str | Path,
-        comm,
+        comm: Intracomm,
         n: int,
         length: float,
         block_start: int,
@@ -232,7 +236,7 @@ class FieldsFile:
             file[name][frame, start : start + len(rows)] = rows
 
 
-def _writes_together(path: Path, comm, parallel: bool | None) -> bool:
+def _writes_together(path: Path, comm: Intracomm, parallel: bool | None) -> bool:
     """Whether to use MPI-IO; ResultError if it is demanded of an h5py that has none. The same on every rank."""
     has_mpi = h5py.get_config().mpi
     if parallel and not has_mpi:
@@ -242,7 +246,7 @@ def _writes_together(path: Path, comm, parallel: bool | None) -> bool:
     return (has_mpi and comm.size > 1) if parallel is None else parallel
 
 
-def _check_rows(comm, mine: tuple[int, int], side: int) -> None:
+def _check_rows(comm: Intracomm, mine: tuple[int, int], side: int) -> None:
     """ValueError on every rank, unless the ranks' (first row, rows) make up 0 ... side without gap or overlap."""
     rows = comm.allgather(tuple(map(int, mine)))
     reached = 0

@@ -7,6 +7,7 @@ import math
 import platform
 import resource
 import sys
+from typing import TYPE_CHECKING
 
 from pgfmd.files.storage import plain
 from pgfmd.restart.history import History
@@ -15,10 +16,16 @@ from pgfmd.schemes import registry
 
 from . import observers
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
+    from pgfmd.scene import Scene
+    from pgfmd.solver.simulation import Simulation
+
 _LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
 
 
-def record_of(simulation, scene, comm, history: History) -> dict:
+def record_of(simulation: Simulation, scene: Scene, comm: Intracomm, history: History) -> dict:
     """The contents of `run.json` (docs: results): what does not apply, or is not known, is None. Collective."""
     state, scheme = simulation.state, simulation.scheme
     counters, energies = state.counters, state.energies
@@ -58,12 +65,12 @@ def record_of(simulation, scene, comm, history: History) -> dict:
     return plain(record)
 
 
-def accuracy_and_order(scene) -> dict:
+def accuracy_and_order(scene: Scene) -> dict:
     """What the record tells of steps that follow an accuracy."""
     return {"accuracy": scene.solver.accuracy, "order": scene.solver.order}
 
 
-def _forces(simulation, scene) -> dict:
+def _forces(simulation: Simulation, scene: Scene) -> dict:
     """What the run found of forces (docs: reference, "Numbers"), and how far off that may be."""
     state, share = simulation.state, uncertainty.share_of(vars(scene.solver))
     retracted = _has_retracted(simulation)
@@ -80,7 +87,7 @@ def _forces(simulation, scene) -> dict:
     }
 
 
-def _works(simulation, scene) -> dict:
+def _works(simulation: Simulation, scene: Scene) -> dict:
     """Works of the punch, and how far off they may be where energies are followed."""
     energies, share = simulation.state.energies, uncertainty.share_of(vars(scene.solver))
     retracted, separation = _has_retracted(simulation), energies.work_of_separation
@@ -95,7 +102,7 @@ def _works(simulation, scene) -> dict:
     }
 
 
-def _has_retracted(simulation) -> bool:
+def _has_retracted(simulation: Simulation) -> bool:
     """Whether the punch has begun to go up again."""
     return simulation.state.preload_time is not None and simulation.retracting
 

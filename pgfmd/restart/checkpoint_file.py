@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -24,6 +25,9 @@ from pgfmd.solver.finite import lines_of, not_finite_on
 from . import checkpoint_layout
 from .checkpoint_layout import Damaged, Entry, compare_sums
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
 PIECE_BYTES = 2**20
 """Most bytes in one collective write of a rank, because MPI-IO keeps copies of them."""
 
@@ -37,13 +41,13 @@ class Place:
     widest: int
 
     @classmethod
-    def of(cls, comm, width: int) -> Place:
+    def of(cls, comm: Intracomm, width: int) -> Place:
         """The place of a share with `width` columns. Collective."""
         widths = comm.allgather(width) if comm.size > 1 else [width]
         return cls(sum(widths[: comm.rank]), sum(widths), max(widths))
 
 
-def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray], wanted: Path | None = None) -> int:
+def write(path: Path, comm: Intracomm, head: dict, arrays: dict[str, np.ndarray], wanted: Path | None = None) -> int:
     """Writes head and arrays (this rank's shares) to a new file; returns its size [bytes].
 
     wanted: the final name of the file, for messages.
@@ -71,7 +75,7 @@ def write(path: Path, comm, head: dict, arrays: dict[str, np.ndarray], wanted: P
     return comm.bcast(size)
 
 
-def read_head(path: Path, comm) -> dict:
+def read_head(path: Path, comm: Intracomm) -> dict:
     """The head of a file with a valid seal, on every rank. Raises Damaged on every rank if it is invalid or missing."""
     head, problem = None, None
     if comm.rank == 0:
@@ -91,7 +95,7 @@ class Reader:
     """Reads this rank's shares of the arrays of a file, and checks their checksums: `reader(name, share)` fills
     `share`. Collective. Raises Damaged on every rank if an array has changed."""
 
-    def __init__(self, path: Path, comm, head: dict):
+    def __init__(self, path: Path, comm: Intracomm, head: dict):
         self.path, self.comm = path, comm
         self.entries = {entry.name: entry for entry in head["entries"]}
 
@@ -116,7 +120,7 @@ class Reader:
                 file[name].read_direct(lines, np.s_[:, first : first + lines.shape[1]])
 
 
-def _over_ranks(comm, sums: np.ndarray) -> np.ndarray:
+def _over_ranks(comm: Intracomm, sums: np.ndarray) -> np.ndarray:
     """Sums modulo 2^64 over all ranks."""
     if comm.size == 1:
         return sums
@@ -125,19 +129,21 @@ def _over_ranks(comm, sums: np.ndarray) -> np.ndarray:
     return total
 
 
-def _entry(comm, name: str, share: np.ndarray, place: Place) -> Entry:
+def _entry(comm: Intracomm, name: str, share: np.ndarray, place: Place) -> Entry:
     sums = _over_ranks(comm, block_sums(share, place.first, place.total))
     return Entry(name, (len(share), place.total), share.dtype.str, sums)
 
 
-def _require_finite(comm, shares: dict[str, np.ndarray]) -> None:
+def _require_finite(comm: Intracomm, shares: dict[str, np.ndarray]) -> None:
     """RunError on every rank if a number of a share is not finite."""
     where = not_finite_on(comm, shares)
     if where:
         raise RunError(f"the state is no longer finite: {where}. The checkpoints from before are valid")
 
 
-def _write_shares(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place], what: str) -> None:
+def _write_shares(
+    path: Path, comm: Intracomm, shares: dict[str, np.ndarray], places: dict[str, Place], what: str
+) -> None:
     """Writes every rank's shares into the datasets. Raises ResultError on every rank, with a message that begins with
     `what`, if one fails."""
     if comm.size > 1 and h5py.get_config().mpi:
@@ -155,7 +161,7 @@ def _write_alone(path: Path, shares: dict[str, np.ndarray], places: dict[str, Pl
                 file[name].write_direct(share, dest_sel=np.s_[:, first : first + share.shape[1]])
 
 
-def _write_together(path: Path, comm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
+def _write_together(path: Path, comm: Intracomm, shares: dict[str, np.ndarray], places: dict[str, Place]) -> None:
     with h5py.File(path, "r+", driver="mpio", comm=comm) as file:
         problem = write_together(f"{path}: could not be written", _calls(file, shares, places))
     if problem is not None:

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from pgfmd.files.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, on_ro
 
 from . import checkpoint_file
 from .checkpoint_layout import Damaged, none_valid
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class Checkpoints:
     guard: called on rank 0 before a change; raises if the folder is no longer the one that was locked.
     """
 
-    def __init__(self, folder: Path, comm, guard: Callable[[], None] = lambda: None):
+    def __init__(self, folder: Path, comm: Intracomm, guard: Callable[[], None] = lambda: None):
         self.comm, self.guard = comm, guard
         self.newest, self.previous = folder / CHECKPOINT_FILE, folder / PREVIOUS_CHECKPOINT_FILE
         # A damaged file must not replace the one from which the run was restored.

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +19,12 @@ from pgfmd.host.walltime import LIMIT_OF_TIME
 
 from .checkpoints import Checkpoints, Saved
 from .history import History
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm
+
+    from pgfmd.output.outputs import Outputs
+    from pgfmd.solver.simulation import Simulation
 
 OUT_OF_TIME = -1
 """Used like the number of a signal: the time limit is near."""
@@ -55,8 +63,10 @@ class Keeper:
         out_of_time: whether the reason is the time limit.
     """
 
-    def __init__(self, comm, checkpoints: Checkpoints, outputs, signals: StopSignals, timing: Timing, about: dict,
-                 history: History, bytes_expected: int, say):  # fmt: skip
+    def __init__(
+        self, comm: Intracomm, checkpoints: Checkpoints, outputs: Outputs, signals: StopSignals, timing: Timing,
+        about: dict[str, Any], history: History, bytes_expected: int, say: Callable[[str], None],
+    ):  # fmt: skip
         """about: data on the run for the head of every checkpoint (scene, files, versions); bytes_expected: approximate
         size of a checkpoint."""
         self.comm, self.checkpoints, self.outputs, self.signals = comm, checkpoints, outputs, signals
@@ -68,7 +78,7 @@ class Keeper:
         self._longest_step, self._longest_save = 0.0, bytes_expected / SLOW_DISK
         self._phase: int | None = None
 
-    def attend(self, simulation) -> bool:
+    def attend(self, simulation: Simulation) -> bool:
         """Writes a checkpoint if one is due; returns whether to stop, with the reason in `why`. Collective."""
         state = simulation.state
         if state.finished:
@@ -114,7 +124,7 @@ class Keeper:
             return StopSignals.name_of(stop)
         return f"{LIMIT_OF_TIME} ({self.timing.whose})" if self.timing.whose else LIMIT_OF_TIME
 
-    def go_on(self, simulation) -> None:
+    def go_on(self, simulation: Simulation) -> None:
         """To be called after a restart: no checkpoint is due, and the time that one takes is known."""
         self._phase = simulation.state.phase
         self._last_save = self._last_step = time.perf_counter()
@@ -141,7 +151,7 @@ class Keeper:
         kept += steps_kept * self._longest_step + SAVES_KEPT * self._longest_save
         return time.time() >= self.timing.limit - kept
 
-    def _save(self, simulation) -> Saved:
+    def _save(self, simulation: Simulation) -> Saved:
         # A signal that arrives now must not end a process while it writes.
         self.signals.heard()
         state, snapshots = simulation.state, self.outputs.snapshots

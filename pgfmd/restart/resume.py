@@ -9,6 +9,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
@@ -17,6 +18,9 @@ from pgfmd.solver.simulation import STOPPED_STEPS
 
 from .checkpoint_layout import Damaged, none_valid, read_head
 from .scene_changes import DERIVED, contents_of, differing, precision_kept, require_known, review
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
 
 OF_EARLIER = (
     "holds a run of version 0.1 of pgfmd, which counts as contact only what overlaps: this version can't go on with it. "
@@ -44,14 +48,14 @@ class Plan:
     told: list[str] = field(default_factory=list)
     precision: str | None = None
 
-    def scene_of(self, scene):
+    def scene_of(self, scene: Scene):
         """The scene to run, with the precision that the run began with."""
         if self.precision is None:
             return scene
         return scene.model_copy(update={"solver": scene.solver.chosen(self.precision)})
 
 
-def plan(folder: Path, scene, fresh: bool, allow: Sequence[str]) -> Plan:
+def plan(folder: Path, scene: Scene, fresh: bool, allow: Sequence[str]) -> Plan:
     """The plan for a folder whose lock is held. If `fresh`, moves old results away.
 
     Raises SceneError if the scene is not the one that the run began with, or if `allow` has an unknown key; ResultError
@@ -93,7 +97,7 @@ def finished_record(folder: Path) -> dict | None:
     return None if found is None else storage.require_record(path, found)
 
 
-def _of_finished(folder: Path, record: dict | None, scene) -> Plan | None:
+def _of_finished(folder: Path, record: dict | None, scene: Scene) -> Plan | None:
     """The plan for a finished run of the same scene without a checkpoint; None if it is not one."""
     if not record or record["finished"] == FAILED:
         return None
@@ -102,7 +106,7 @@ def _of_finished(folder: Path, record: dict | None, scene) -> Plan | None:
     return Plan(record=record)
 
 
-def _plan_from(folder: Path, checkpoints: list[Path], scene, allow: Sequence[str]) -> Plan:
+def _plan_from(folder: Path, checkpoints: list[Path], scene: Scene, allow: Sequence[str]) -> Plan:
     """The plan if there are checkpoints. Their arrays are checked later, when they are read."""
     head, problems = None, []
     for path in checkpoints:
@@ -135,7 +139,7 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene, allow: Sequence[str
     return Plan(go_on=True, mirror=head.get("mirror", ""), told=told, precision=kept)
 
 
-def _told_of_scene(folder: Path, scene) -> str:
+def _told_of_scene(folder: Path, scene: Scene) -> str:
     """A line with the keys in which a scene differs from that of the run in a folder; empty if there are none."""
     try:
         text = (folder / storage.SCENE_FILE).read_text(encoding="utf-8")

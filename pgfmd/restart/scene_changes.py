@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pgfmd.errors import Problem, SceneError
 from pgfmd.parts import drive_of
@@ -18,6 +19,9 @@ from pgfmd.physics.drive import PRELOAD, automatic_turn
 from pgfmd.scene import parse_scene
 from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.path_checks import FILE_KEYS
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
 
 UNIMPORTANT = ("title", "output.directory")
 PRECISION = "solver.precision"
@@ -29,7 +33,7 @@ DERIVED = ("adhesion.q_ref", "adhesion.range", "drive.clearance", "drive.turn_ti
 NOT_THERE = "not there"
 
 
-def contents_of(scene) -> dict[str, str]:
+def contents_of(scene: Scene) -> dict[str, str]:
     """SHA-256 of each file that the scene names, by key. Raises OSError if one can't be read."""
     named = {dotted: getattr(scene.section(dotted.split(".")[0]), dotted.split(".")[1]) for dotted in FILE_KEYS}
     return {key: _digest_of(path) for key, path in named.items() if path}
@@ -48,7 +52,7 @@ def require_known(allow: Sequence[str]) -> None:
         raise SceneError("command line", problems)
 
 
-def review(head: dict, scene, allow: Sequence[str], folder: Path) -> list[str]:
+def review(head: dict, scene: Scene, allow: Sequence[str], folder: Path) -> list[str]:
     """The keys that have changed since a checkpoint with this head was written.
 
     allow: keys or sections that may change. Raises SceneError with all keys that must not have changed.
@@ -66,7 +70,7 @@ def review(head: dict, scene, allow: Sequence[str], folder: Path) -> list[str]:
     return changed
 
 
-def differing(text: str, scene, known: dict[str, str] | None = None) -> Iterator[tuple[str, object, object]]:
+def differing(text: str, scene: Scene, known: dict[str, str] | None = None) -> Iterator[tuple[str, object, object]]:
     """Key, old value and new value for all differences between a scene and the one in `text`, which is TOML.
 
     known: SHA-256 of the files of the old scene; without it, files are compared by name. A precision that the scene
@@ -87,12 +91,12 @@ def differing(text: str, scene, known: dict[str, str] | None = None) -> Iterator
         yield key, before, now
 
 
-def precision_kept(text: str, scene) -> str | None:
+def precision_kept(text: str, scene: Scene) -> str | None:
     """The precision of a continued run, from the text of its scene; None if the new scene names one."""
     return _flat(text).get(PRECISION, "double") if scene.solver.automatic_precision else None
 
 
-def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:
+def _refusal(key: str, head: dict, scene: Scene, allow: Sequence[str]) -> str | None:
     """Why a key must not change, or how to allow it; None if it may."""
     section = key.partition(".")[0]
     if key in ("drive.control", "drive.machine_stiffness"):
@@ -108,13 +112,13 @@ def _refusal(key: str, head: dict, scene, allow: Sequence[str]) -> str | None:
     return f"to go on with the new one, add --allow {key}"
 
 
-def _turn_follows(key: str, scene) -> bool:
+def _turn_follows(key: str, scene: Scene) -> bool:
     """Whether a key is the turn time, and has the automatic value for the speeds."""
     speeds = scene.drive.speed, scene.drive.retract_speed
     return key == "drive.turn_time" and scene.drive.turn_time == automatic_turn(scene.adhesion.range, *speeds)
 
 
-def _drive_refusal(head: dict, scene) -> str:
+def _drive_refusal(head: dict, scene: Scene) -> str:
     """Why the programme of the scene can't be used; empty if only future phases have changed."""
     if "state" not in head:
         return "the run is over"

@@ -155,6 +155,13 @@ class Rheology(Section):
     )
 
 
+if TYPE_CHECKING:
+    # A scene is resolved: whoever reads one finds numbers.
+    Automatic = OfGrid = LikeAnother = float
+else:
+    Automatic, OfGrid, LikeAnother = float | Literal["auto"], float | Literal["grid"], float | None
+
+
 class Adhesion(Section):
     """The cohesive law between punch and elastomer."""
 
@@ -164,11 +171,11 @@ class Adhesion(Section):
     work_of_adhesion: float = quantity(
         "energy per area", "work of adhesion gamma; of `repulsive` it only sets the overlap's stiffness"
     )
-    range: float | Literal["auto"] = quantity(
+    range: Automatic = quantity(
         "length", "range rho; `auto` solves gamma pi^2/(2 rho^2) = range_factor q_ref E*", "auto", words=("auto",)
     )
     range_factor: float = number("factor of the automatic range; 0.156 gives the paper's ranges", 0.156, above=0.0)
-    q_ref: float | Literal["grid"] = quantity(
+    q_ref: OfGrid = quantity(
         "wavenumber", "reference wavenumber of the automatic range; `grid` is 2 pi n/L", "grid", words=("grid",)
     )
 
@@ -178,7 +185,7 @@ class Drive(Section):
 
     speed: float = quantity("speed", "speed of the approach")
     preload: float = quantity("force", "compressive force at which the punch turns round")
-    retract_speed: float | None = quantity(
+    retract_speed: LikeAnother = quantity(
         "speed", "speed of the retraction; that of the approach unless said otherwise", None
     )
     dwell: float = quantity("time", "time for which the displacement is held after the turn", 0.0, at_least=0.0)
@@ -190,7 +197,7 @@ class Drive(Section):
         "stiffness", "stiffness of the machine's spring between drive and punch; `quasistatic` only", math.inf,
         infinite=True,
     )  # fmt: skip
-    turn_time: float | Literal["auto"] = quantity(
+    turn_time: Automatic = quantity(
         "time",
         "time in which the velocity turns; `auto` moves the punch by at most 0.02 ranges beyond the preload and by "
         "at most 0.02 back: 0.08 range/speed at equal speeds, 0.04 range over the faster one where they are very "
@@ -198,7 +205,7 @@ class Drive(Section):
         "auto",
         words=("auto",),
     )
-    clearance: float | Literal["auto"] = quantity(
+    clearance: Automatic = quantity(
         "length",
         "smallest gap at the start, negative to start pressed in; `auto` is the range, just out of reach",
         "auto",

@@ -9,7 +9,6 @@ over unsigned indices, as the test for negative ones keeps them from being vecto
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numba
 import numpy as np
@@ -38,15 +37,16 @@ def number_of(bits: np.integer) -> np.floating:
     return bits.view(np.float32 if bits.dtype == np.int32 else np.float64)
 
 
+# Without types, as what they return: numba wants the two to have the same signature.
 @overload(bits_of, inline="always")
-def _bits_of(number: numba.types.Type) -> Callable:
+def _bits_of(number):  # type: ignore[no-untyped-def]
     if number == numba.types.float32:
         return lambda number: np.float32(number).view(np.int32)
     return lambda number: np.float64(number).view(np.int64)
 
 
 @overload(number_of, inline="always")
-def _number_of(bits: numba.types.Type) -> Callable:
+def _number_of(bits):  # type: ignore[no-untyped-def]
     if bits == numba.types.int32:
         return lambda bits: np.int32(bits).view(np.float32)
     return lambda bits: np.int64(bits).view(np.float64)

@@ -1,12 +1,12 @@
-"""Connected patches of contact, found by all ranks together, and what each of them carries. Collective.
+"""Connected patches of contact: labelling by all ranks together, areas and forces. Collective.
 
-Contact is where the gap is below the law's contact_gap (cohesion.py), as in the contact area. Points are connected through the four sides of their
-cells: two that share a corner only have no width of contact between them. Only where the punch fills the cell do
-patches go on across its edges. Patches are numbered by their first points, row by row, whatever the number of ranks.
+Contact is where the gap is below the law's contact_gap, as for the contact area. Points are connected through the four
+sides of their grid cells, not through corners. Patches continue across the edges of the cell only if the punch fills
+it. Patches are numbered by their first points, row by row, for any number of ranks.
 
-Each rank labels its rows. Labels that meet at the edge of two ranks' rows are joined on all ranks; one row a rank is
-sent. Counts and positions are sums of whole numbers, forces are summed row by row in the order of the rows: the same
-bits for any number of ranks.
+Each rank labels its rows. Labels that touch at the boundary of two ranks are joined on all ranks; each rank sends one
+row. Counts and positions are sums of integers, and forces are summed row by row in the order of the rows, so they have
+the same bits for any number of ranks.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 Numbers = NDArray[np.int64]
 
 MERGED = "merged"
-"""Kind of a patch that holds sites of several kinds."""
+"""Kind of a patch that contains sites of several kinds."""
 
 MOST = 2**31 - 1
-"""What MPI counts to."""
+"""Largest count of MPI."""
 
 
 @dataclass(frozen=True)
@@ -236,8 +236,8 @@ def centres(points: PunchPoints, labels: Labels, periodic: bool) -> tuple[Number
 
 
 def _rows_in_contact(points: PunchPoints, labels: Labels) -> Iterator[tuple[int, Numbers, Numbers, Numbers]]:
-    """Of each local row with contact, its index among these, and of its points in contact: patches, columns in the punch block,
-    indices."""
+    """Of each local row with contact, its index among these, and of its points in contact: patches, columns in the
+    punch block, indices."""
     for row, (begin, end) in enumerate(pairwise(points.offset)):
         held = np.flatnonzero(labels.of_point[begin:end] >= 0)
         if held.size:

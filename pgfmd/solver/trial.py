@@ -1,4 +1,4 @@
-"""A step that was tried, and the error it is judged by. Plain Python."""
+"""A trial step and its error estimate. Plain Python."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ CURVE_SHARE = 0.25
 
 @dataclass(frozen=True)
 class Change:
-    """What a step has changed. Surface: largest over interacting points, in ranges of adhesion; force: relative to the
-    largest so far, at least the preload.
+    """The change in a step. Surface: largest over interacting points, in ranges of adhesion; force: relative to the
+    largest so far or the preload, whichever is larger.
 
-    surface, force: over the step. surface_distance, force_distance: from the polynomial through the last ends of steps,
-    whose `times` [s] count back from the start of the step, 0, ...; step [s].
+    surface, force: changes over the step. surface_distance, force_distance: distances from the polynomial through the
+    last ends of steps, whose `times` [s] are relative to the start of the step (0, then negative). step [s].
     """
 
     surface: float
@@ -47,11 +47,12 @@ class Change:
         return max(self.surface, self.force)
 
     def error(self, error_constant: float, order: int) -> float:
-        """Error of the end of a step of this order, of surface or force, whichever is larger.
+        """Error of the end of a step of this order: that of the surface or of the force, whichever is larger.
 
-        The distance is the extrapolating polynomial's error plus the step's own; where that goes through order + 1 ends
-        of steps, both go with the same derivative, and error_constant (retardation.Tableau) tells their ratio. An error
-        is hardly more than half of the change itself, but extrapolated errors of earlier solves can be.
+        The distance is the error of the extrapolating polynomial plus that of the step. If the polynomial goes through
+        order + 1 ends of steps, both are proportional to the same derivative, and error_constant (retardation.Tableau)
+        is their ratio. An error is hardly more than half of the change itself, whereas extrapolated errors of earlier
+        solves may be.
         """
         share = FEW_STEPS_SHARE
         if len(self.times) == order + 1:
@@ -62,9 +63,10 @@ class Change:
         return max(surface, min(share * self.force_distance, 0.5 * self.force))
 
     def elastic_error(self, attractive: bool) -> float:
-        """The same for steps that end in equilibrium: how well the path is followed, and how smooth the curve is.
+        """The same for steps that end in equilibrium: a measure of how closely the path is followed, and how smooth the
+        curve is.
 
-        Without attraction the equilibrium is unique, and the path to it of no concern.
+        Without attraction the equilibrium is unique, and the path to it does not matter.
         """
         path = SURFACE_SHARE * self.surface_distance if attractive else 0.0
         return max(path, min(CURVE_SHARE * self.force_distance, 0.5 * self.force))
@@ -72,13 +74,14 @@ class Change:
 
 @dataclass
 class Trial:
-    """The outcome of a step that was tried: nothing of it is in the State yet.
+    """The result of a trial step, which has not changed the State yet.
 
-    error: see Change. energy_error: see EnergyAudit.error, zero where it bounds nothing. potential_drop [J]: by how
-    much the stages' potentials fell from their starting points. forces [N]: on the punch, at the stages. The
-    fields belong to the scheme and live until the next trial. uncertainty [J]: how far, for not knowing where within
-    the step the surface jumped, the energy that a quasi-static jump releases may be off. flung: whether a dead load has
-    pulled the punch off. left_over: see newton.Outcome, of the last solve.
+    error: see Change. energy_error: see EnergyAudit.error, zero if it limits nothing.
+    potential_drop [J]: decrease of the potentials of the stages from their starting points.
+    forces [N]: on the punch, at the stages. Fields belong to the scheme and are valid until the next trial.
+    uncertainty [J]: of the energy released in a quasi-static jump, because its place within the step is unknown.
+    flung: whether a controlled force has detached the punch.
+    left_over: see newton.Outcome, of the last solve.
     """
 
     step: float

@@ -9,8 +9,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.drive import Drive
+    from pgfmd.physics.rheology import PronySeries
+    from pgfmd.scene.solver_section import GfmdKeys
+    from pgfmd.solver.multiplier import Compliance
 
 STABLE = 2.0
 """Leapfrog steps of a mode with eigenfrequency W are stable while W dt is below this, whatever the damping."""
@@ -34,13 +42,13 @@ class Inertia:
         """
         return self.frequency * self.step * math.sqrt(1.0 + contact_stiffness / kappa_inf)
 
-    def added_viscosity(self, series) -> float:
+    def added_viscosity(self, series: PronySeries) -> float:
         """What the damping adds at low frequencies, 2 kappa_inf/omega, relative to the material's own sum kappa_n
         tau_n."""
         return 2.0 * series.kappa_inf / self.frequency / float((series.kappa * series.tau).sum())
 
 
-def inertia_of(keys, series, law, drive) -> Inertia:
+def inertia_of(keys: GfmdKeys, series: PronySeries, law: CohesiveLaw, drive: Drive) -> Inertia:
     """The inertia that a scene's [solver.gfmd] means.
 
     keys: the section (omega_tau, steps_per_tau, fast_pull; omega and dt, given both, overrule them). series:
@@ -58,7 +66,7 @@ def inertia_of(keys, series, law, drive) -> Inertia:
     return Inertia(keys.omega_tau / keys.steps_per_tau / step, step, limited_by)
 
 
-def contact_stiffness(compliance, law, n: int, length: float) -> float:
+def contact_stiffness(compliance: Compliance, law: CohesiveLaw, n: int, length: float) -> float:
     """K_0 max G0(q): stiffness of contact, relative to that of the softest wave of the cell (dimensionless).
 
     compliance: G0(qx, qy) of a periodic cell of side `length` [m] with n points a side. Along the axes, as |q| decides,

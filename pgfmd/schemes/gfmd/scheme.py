@@ -9,6 +9,8 @@ linear within the step; one forward and one backward transform of the whole plan
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from pgfmd.physics.drive import Phase
@@ -19,6 +21,12 @@ from pgfmd.solver.state import State
 
 from . import kernels
 from .inertia import Inertia
+
+if TYPE_CHECKING:
+    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.solver.grid import PunchPoints
+    from pgfmd.solver.multiplier import Compliance
+    from pgfmd.solver.transform import Plane
 
 
 class Gfmd:
@@ -35,11 +43,11 @@ class Gfmd:
 
     def __init__(
         self,
-        points,
-        plane,
-        compliance,
-        height,
-        law,
+        points: PunchPoints,
+        plane: Plane,
+        compliance: Compliance,
+        height: np.ndarray,
+        law: CohesiveLaw,
         series: PronySeries,
         inertia: Inertia,
         audit: bool,

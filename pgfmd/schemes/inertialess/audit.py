@@ -6,6 +6,7 @@ It needs no transform: with psi_m = G0 phi_m kept beside the branches, all energ
 from __future__ import annotations
 
 from itertools import accumulate
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,12 @@ from pgfmd.solver.trial import Trial
 
 from . import retardation_kernels
 from .retardation import StagedTrial, StepWeights, Tableau
+
+if TYPE_CHECKING:
+    from numpy.typing import DTypeLike
+
+    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.solver.grid import PunchPoints
 
 FINE = 1.5e-3
 """At tolerances below this, the audit's residual of a step limits the step as well."""
@@ -52,7 +59,15 @@ class EnergyAudit:
     the fields. bounds_steps: whether steps this fine are to be bounded.
     """
 
-    def __init__(self, points, creep: CreepSeries, law, tableau: Tableau, tolerance: float, dtype):
+    def __init__(
+        self,
+        points: PunchPoints,
+        creep: CreepSeries,
+        law: CohesiveLaw,
+        tableau: Tableau,
+        tolerance: float,
+        dtype: DTypeLike,
+    ):
         self.points, self.creep, self.law, self.tableau, self.tolerance = points, creep, law, tableau, tolerance
         # Without attraction and retardation nothing is dissipated that an error could be compared with.
         self.bounds_steps = tolerance <= FINE and (creep.elements > 0 or law.attractive)

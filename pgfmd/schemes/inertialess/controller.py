@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from pgfmd.errors import WRITTEN_IS_VALID, RunError
 from pgfmd.physics.drive import Phase
-from pgfmd.schemes.base import ImplicitScheme
+from pgfmd.schemes.base import ImplicitScheme, Trial
 from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
 from pgfmd.solver.state import State
 from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
@@ -75,7 +75,7 @@ class Controller:
         self.scheme, self.limits, self.preload = scheme, limits, preload
         self.slack = slack_of(preload, limits.tolerance)
 
-    def advance(self, state: State, phase: Phase, until: float = math.inf):
+    def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Trial, str]:
         """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted Trial, why it
         ended).
 
@@ -119,7 +119,7 @@ class Controller:
             return trial, "preload" if met else why
         raise RunError(self._stuck(state, phase, trial))
 
-    def _accept(self, state: State, phase: Phase, trial, wanted: float) -> None:
+    def _accept(self, state: State, phase: Phase, trial: Trial, wanted: float) -> None:
         self.scheme.accept(state, trial)
         if trial.is_jump:
             state.step = 0.0
@@ -132,19 +132,19 @@ class Controller:
         # A step cut short by an event says nothing against the one that was wanted.
         state.step = max(proposal, wanted) if wanted > trial.step and growth >= 1.0 else proposal
 
-    def _cut(self, phase: Phase, trial) -> float:
+    def _cut(self, phase: Phase, trial: Trial) -> float:
         if not trial.converged or not math.isfinite(trial.error):
             return CUT_ON_FAILURE
         return min(0.8, max(STRONGEST_CUT, self._wish(phase, trial)))
 
-    def _wish(self, phase: Phase, trial) -> float:
+    def _wish(self, phase: Phase, trial: Trial) -> float:
         """By which factor the step might have been longer."""
         by_error = SAFETY * (self.limits.tolerance / max(trial.error, 1e-300)) ** (1.0 / (self.scheme.order + 1))
         by_error = min(by_error, self.limits.largest(phase) / trial.step)
         by_energy = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
         return min(by_error, max(by_energy, by_error / ENERGY_CUT[self.scheme.order]))
 
-    def _stuck(self, state: State, phase: Phase, trial) -> str:
+    def _stuck(self, state: State, phase: Phase, trial: Trial) -> str:
         return (
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, t = {state.time:.6g} s, "
             f"d = {state.position:.6g} m, step {trial.step:.3g} s). {WRITTEN_IS_VALID} "
@@ -152,7 +152,7 @@ class Controller:
         )
 
 
-def _jumped(trial, refused: list) -> bool:
+def _jumped(trial: Trial, refused: list[Trial]) -> bool:
     """Whether a step that was refused again and again jumps: whether its change has not shrunk with the step.
 
     Without a history, as after a jump, any change counts as an error, and a surface that just moves faster than the

@@ -223,7 +223,7 @@ class Quasistatic(PathFollowing):
         trial.converged, trial.left_over = outcome.converged, outcome.left_over
 
     def _leave_saddles(
-        self, state: State, trial: Trial, surface, outcome: Outcome, tolerance: float, jump: bool, left: bool,
+        self, state: State, trial: Trial, surface: tuple[np.ndarray, np.ndarray], outcome: Outcome, tolerance: float, jump: bool, left: bool,
         largest: float = 0.0,
     ) -> tuple[Outcome, bool]:  # fmt: skip
         """Confirms that the equilibrium is a minimum; goes on downhill along the soft mode where it is not, if that is

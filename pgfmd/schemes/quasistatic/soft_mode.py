@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -23,6 +24,9 @@ import scipy.linalg
 from pgfmd.solver import kernels
 
 from . import stability_kernels as kernels_of_modes
+
+if TYPE_CHECKING:
+    from pgfmd.solver.newton import NewtonSolver
 
 NOISE = 1.0
 """Part of the noise in the first gradient of a search, relative to the mode (in the norm of A^-1)."""
@@ -53,7 +57,7 @@ class SoftMode:
     least_iterations, most_iterations, first_iterations = 3, 12, 30
     """Least and largest number of iterations of a search, and of one that knows no mode."""
 
-    def __init__(self, solver, compliance: float):
+    def __init__(self, solver: NewtonSolver, compliance: float):
         self.solver, self.points, self.compliance = solver, solver.points, compliance
         self._rows = np.zeros((12, self.points.rows))
         # What a point's own unit load moves it by; noise, a load on every point by itself, has about this norm each.
@@ -129,7 +133,9 @@ class SoftMode:
         kernels.dot(v, dual, self.points.offset, self._rows)
         return float(self._total(1)[0])
 
-    def _best(self, k, x, dx, z, dz, p, dp):
+    def _best(
+        self, k: np.ndarray, x: np.ndarray, dx: np.ndarray, z: np.ndarray, dz: np.ndarray, p: np.ndarray, dp: np.ndarray
+    ) -> tuple[float, tuple[float, ...], float] | None:
         """(mu, weights of x, z and p, error) of the lowest quotient in their span; None where it is x alone."""
         kernels_of_modes.quotients(k, x, dx, z, dz, p, dp, self.points.offset, self._rows)
         bend, norm = (_symmetric(values) for values in np.split(self._total(12), 2))
