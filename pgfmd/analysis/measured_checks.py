@@ -26,10 +26,12 @@ NEAR_THE_DEEPEST, LARGE = 0.05, 0.5
 """Within this share of the way from the deepest row the force reaches this share of its largest."""
 SMALLEST_LOSS = -0.005
 """Net work of a loop, as a share of all work, below which it can't be noise."""
-FAR = (0.1, 0.05, 0.02)
-"""Outermost shares of the way in which the force far away is looked for, the first that is level."""
+FAR = (0.1, 0.05, 0.02, 0.01)
+"""Outermost shares of the way in which the force far away is looked for, the first that is level with the next as wide."""
 LEVEL = 0.01
-"""Change of force, as a share of its range, up to which it is level."""
+"""Change of force, as a share of its range, from one tenth of the way to the next, up to which it is level."""
+LEAST_OUTSIDE = 3
+"""Rows from which a mean force far away is taken."""
 ZERO = 1e-3
 """Force far away, as a share of the range, up to which it is zero."""
 SIGNS = "--positive-displacement in|out, --positive-force compression|tension"
@@ -149,18 +151,19 @@ def without_baseline(rows: Rows, turn: int) -> tuple[Array, str]:
 
 
 def _far(rows: Rows, branch: slice, span: float) -> tuple[float, float] | None:
-    """The middle of the outermost rows of a branch, as a row number, and the mean force there; None where it is not level.
+    """The middle of the outermost rows of a branch, as a row number, and their mean force; None where it is not level.
     span [N]: range of all forces."""
     numbers = np.arange(len(rows.force))[branch]
     depth, force = rows.indentation[branch], rows.force[branch]
+    place = (depth - np.min(depth)) / max(float(np.ptp(depth)), np.finfo(float).tiny)
     for share in FAR:
-        outer = depth <= np.min(depth) + share * np.ptp(depth)
-        if outer.sum() < 4:
+        outer, inner = place <= share, (place > share) & (place <= 2.0 * share)
+        if min(outer.sum(), inner.sum()) < LEAST_OUTSIDE:
             continue
-        order = np.argsort(depth[outer], kind="stable")
-        halves = np.array_split(force[outer][order], 2)
-        if abs(np.mean(halves[0]) - np.mean(halves[1])) <= LEVEL * span and np.ptp(depth) > 0.0:
-            return float(np.mean(numbers[outer])), float(np.mean(force[outer]))
+        # What a contact of constant stiffness would change is ten times as much.
+        if abs(np.mean(force[outer]) - np.mean(force[inner])) <= LEVEL * span * share / FAR[0]:
+            both = outer | inner
+            return float(np.mean(numbers[both])), float(np.mean(force[both]))
     return None
 
 

@@ -121,11 +121,11 @@ def temperature_in_kelvin(text: str) -> float:
     return kelvin
 
 
-def degrees(kelvin: float | None, unit: str = "C", digits: int = 4) -> str:
+def degrees(kelvin: float | None, unit: str = "C") -> str:
     """A temperature in the unit "C" or "K", for messages."""
     if kelvin is None:
         return "an unknown temperature"
-    return f"{kelvin + (ABSOLUTE_ZERO if unit == 'C' else 0.0) + 0.0:.{digits}g} {unit}"
+    return f"{kelvin + ABSOLUTE_ZERO + 0.0:.4g} C" if unit == "C" else f"{kelvin:.5g} K"
 
 
 def _reptate(path: Path) -> tuple[dict[str, NDArray], tuple[str, ...]] | None:

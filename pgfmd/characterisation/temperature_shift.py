@@ -66,7 +66,7 @@ class WLF:
         return WLF(self.C1 * self.C2 / C2, C2, reference_temperature, self.unit)
 
     def _shown(self, kelvin: float) -> str:
-        return degrees(float(kelvin), self.unit, 5)
+        return degrees(float(kelvin), self.unit)
 
 
 def master_curve(sweeps: Sequence[Sweep], wlf: WLF, vertical: bool = False) -> Sweep:

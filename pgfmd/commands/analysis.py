@@ -73,46 +73,45 @@ def analyse(
         print(path)
 
 
+Sources = Annotated[
+    list[Path],
+    typer.Argument(metavar="DIR [DIR...] [EXP.csv...]", parser=named, help="Folders of results, and measured curves."),
+]
+MachineStiffness = Annotated[
+    str,
+    typer.Option("--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off measured curves; such as 38.1kN/m."),
+]
+Offset = Annotated[str, typer.Option("--offset", metavar="LENGTH|fit", help="By which measured curves are pushed in.")]
+PositiveDisplacement = Annotated[
+    Inwards | None,
+    typer.Option(
+        "--positive-displacement",
+        help="Which way measured displacements count, if not as their name says: a gap or an extension outwards, others "
+        "inwards.",
+    ),
+]
+Baseline = Annotated[
+    str,
+    typer.Option(
+        "--baseline", metavar="auto|FORCE", help="Measured force far away, taken off; as the rows show it, with auto."
+    ),
+]
+
+
 def compare(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="DIR [DIR...] [EXP.csv...]", parser=named, help="Folders of results, and measured curves."
-        ),
-    ],
-    machine_stiffness: Annotated[
-        str,
-        typer.Option(
-            "--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off measured curves; such as 38.1kN/m."
-        ),
-    ] = "inf",
+    sources: Sources,
+    machine_stiffness: MachineStiffness = "inf",
     correct: Annotated[
         Correct, typer.Option("--correct", help="Which curves take up the compliance of the periodic cell.")
     ] = Correct.none,
     low_pass: LowPass = None,
-    offset: Annotated[
-        str, typer.Option("--offset", metavar="LENGTH|fit", help="By which measured curves are pushed in.")
-    ] = "0 um",
-    positive_displacement: Annotated[
-        Inwards | None,
-        typer.Option(
-            "--positive-displacement",
-            help="Which way measured displacements count, if not as their name says: a gap or an extension outwards, "
-            "others inwards.",
-        ),
-    ] = None,
+    offset: Offset = "0 um",
+    positive_displacement: PositiveDisplacement = None,
     positive_force: Annotated[
         Pressing, typer.Option("--positive-force", help="Which way measured forces count.")
     ] = Pressing.compression,
     cycle: Annotated[int | None, typer.Option("--cycle", min=1, help="Which of several measured cycles.")] = None,
-    baseline: Annotated[
-        str,
-        typer.Option(
-            "--baseline",
-            metavar="auto|FORCE",
-            help="Measured force far away, taken off; as the rows show it, with auto.",
-        ),
-    ] = "auto",
+    baseline: Baseline = "auto",
     out: Annotated[Path, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = Path(
         "comparison.png"
     ),

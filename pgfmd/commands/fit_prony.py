@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,22 +18,38 @@ from .names import named, path_option
 CELSIUS_OR_KELVIN = "Temperature of the tack test, such as 25C; needed where the file has several."
 
 
-class Modulus(str, Enum):
+class Modulus(StrEnum):
     """What measured moduli are, where their names don't say."""
 
     tensile = "tensile"
     shear = "shear"
 
 
+MeasuredModuli = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MODULI.csv",
+        parser=named,
+        help="Columns frequency, E', E'' (or G', G''), and temperature if any; or time and E.",
+    ),
+]
+PoissonRatio = Annotated[
+    float | None,
+    typer.Option(
+        "--poisson",
+        min=-0.99,
+        max=0.5,
+        metavar="NU",
+        help="Poisson's ratio that makes E of shear moduli; that of --into's scene, or 0.5, without it.",
+    ),
+]
+Into = Annotated[
+    Path | None, path_option("--into", "-i", metavar="SCENE.toml", help="Write modulus and series into this scene.")
+]
+
+
 def fit_prony(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="MODULI.csv",
-            parser=named,
-            help="Columns frequency, E', E'' (or G', G''), and temperature if any; or time and E.",
-        ),
-    ],
+    file: MeasuredModuli,
     elements: Annotated[
         int | None,
         typer.Option("--elements", "-n", min=1, max=40, help="Maxwell elements; as few as serve without it."),
@@ -48,19 +64,8 @@ def fit_prony(
     modulus: Annotated[
         Modulus | None, typer.Option("--modulus", help="What the moduli are, where their names don't say: E or G.")
     ] = None,
-    poisson: Annotated[
-        float | None,
-        typer.Option(
-            "--poisson",
-            min=-0.99,
-            max=0.5,
-            metavar="NU",
-            help="Poisson's ratio that makes E of shear moduli; that of --into's scene, or 0.5, without it.",
-        ),
-    ] = None,
-    into: Annotated[
-        Path | None, path_option("--into", "-i", metavar="SCENE.toml", help="Write modulus and series into this scene.")
-    ] = None,
+    poisson: PoissonRatio = None,
+    into: Into = None,
     out: Annotated[Path | None, path_option("--out", "-o", metavar="FILE.toml", help="Write the table there.")] = None,
     plot: Annotated[Path | None, path_option("--plot", "-p", metavar="FILE.png", help="Draw data and fit.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the table's file.")] = False,

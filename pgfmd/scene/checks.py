@@ -169,7 +169,7 @@ def refer_to_relaxed(draft: Draft) -> list[Problem]:
     except Unread:
         return []
     rest = 1.0 - math.fsum(shares)
-    if not 1.0 / LARGEST_MODULUS_RATIO <= rest:
+    if not rest >= 1.0 / LARGEST_MODULUS_RATIO:
         total = math.fsum(shares)
         cure = (
             'leave out reference, or set it to "relaxed", if these are E_n/E(0)'

@@ -11,10 +11,9 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from pgfmd.errors import MeasurementError
 from pgfmd.characterisation.rheology_table import characterise, wlf_constants
 from pgfmd.characterisation.temperature_shift import WLF
-from pgfmd.errors import ResultError
+from pgfmd.errors import MeasurementError, ResultError
 from pgfmd.parts import series_of
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.plots import rheology as rheology_plots

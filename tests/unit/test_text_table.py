@@ -38,7 +38,11 @@ def test_numerals_and_what_is_none():
 @pytest.mark.parametrize(
     ("numbers", "mark", "words"),
     [
-        (["1,527", "0.1"], "\t", "'0.1' and line 2: '1,527': expected one decimal mark, found numbers with a point and"),
+        (
+            ["1,527", "0.1"],
+            "\t",
+            "'0.1' and line 2: '1,527': expected one decimal mark, found numbers with a point and",
+        ),
         (["1,527", "22,496"], "\t", "'1,527' can be 1.527 or 1527"),
         (["1,527", "950"], ";", "'1,527' can be 1.527 or 1527"),
         (["1,234,567", "1"], "\t", "without thousands separators"),
@@ -68,7 +72,7 @@ def test_a_declaration_above_the_table_decides(tmp_path):
     text = "force (mN)\ttime (s)\n1,527\t0\n22,496\t1\n"
     _, found = columns_of(file_of(tmp_path, f"# decimal: comma\n{text}"))
     np.testing.assert_array_equal(found["force"], [1.527, 22.496])
-    with pytest.raises(MeasurementError, match="expected '.' as the decimal mark, as the file declares"):
+    with pytest.raises(MeasurementError, match=r"expected '\.' as the decimal mark, as the file declares"):
         columns_of(file_of(tmp_path, f"#DECIMAL:POINT\n{text}"))
 
 
