@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import MeasurementError
+from pgfmd.units import handy_quantity
 
 from .measured_columns import Rows
 
-PLACES = {"height (measured)": "gap", "height (piezo)": "gap", "piezo position": "piezo", "tip position": "gap"}
-"""Columns of afmformats that say the position [m], the best first, and as what they count: heights grow outwards."""
+PLACES = ("height (measured)", "height (piezo)")
+"""Columns of afmformats that say the piezo's position [m], the better one first; heights grow outwards."""
 CURE = "export the curve as a table with columns such as piezo (um), force (nN)"
 
 
@@ -36,7 +37,12 @@ def rows_of_afm(path: Path, positive_displacement: str | None, positive_force: s
         raise MeasurementError(f"{path}: could not be read: no such file")
     try:
         curves = afmformats.load_data(path)
-    except (afmformats.errors.AFMFormatsError, OSError, ValueError, KeyError, IndexError) as error:
+    except (
+        # Which are no Exceptions.
+        afmformats.errors.AFMFileFormatError,
+        afmformats.errors.MissingMetaDataError,
+        OSError, ValueError, KeyError, IndexError, AttributeError,
+    ) as error:  # fmt: skip
         raise MeasurementError(f"{path}: afmformats can't read it ({error}); {CURE}") from None
     if len(curves) != 1:
         raise MeasurementError(
@@ -62,6 +68,6 @@ def _rows(path: Path, curve: Any, positive_displacement: str | None, positive_fo
     if stiffness:
         rows.remarks.append(
             f"{path.name}: '{place}' of the piezo; the cantilever's compliance is taken off by --machine-stiffness "
-            f'"{stiffness:.4g} N/m"'
+            f'"{handy_quantity(stiffness, "stiffness")}"'
         )
-    return rows.taken(PLACES[place], positive_displacement, positive_force)
+    return rows.taken("gap", positive_displacement, positive_force)

@@ -27,7 +27,7 @@ from .measured_checks import (
 )
 from .measured_columns import rows_of
 
-TABLES = (".csv", ".txt", ".dat", ".tsv", ".asc", ".prn", ".xls", ".log", ".lvm", ".out", ".tab", ".xy")
+TABLES = (".csv", ".txt", ".dat", ".tsv", ".asc", ".prn", ".xls", ".log", ".lvm", ".out", ".xy")
 """Ends of names of files that are read as tables; what others are, afmformats is asked."""
 
 

@@ -212,10 +212,11 @@ def _time_falls(table: TextTable, column: Column, time: Array, lines: NDArray) -
 
 def _joined(branches: list[Rows]) -> Rows:
     """Branches one after the other."""
-    arrays = [
+    indentation, force, time, lines = (
         np.concatenate([getattr(b, name) for b in branches]) for name in ("indentation", "force", "time", "lines")
-    ]
-    return Rows(branches[0].path, *arrays, remarks=[text for branch in branches for text in branch.remarks])
+    )
+    remarks = [text for branch in branches for text in branch.remarks]
+    return Rows(branches[0].path, indentation, force, time, lines, remarks=remarks)
 
 
 def _texts(table: TextTable, quantity: str, lines: NDArray) -> list[str]:

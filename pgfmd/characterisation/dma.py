@@ -83,12 +83,13 @@ def read_moduli(
     nu) G; the usual one if None. Raises MeasurementError naming file, line, what was expected and a cure.
     """
     path = Path(path)
+    unsure: tuple[str, ...] = ()
     if path.suffix.lower() in HEADERLESS and (known := _reptate(path)):
         values, notes = known
         kind: Kind = "shear"
         if modulus == "tensile":
             raise MeasurementError(f"{path}: a {path.suffix} file holds shear moduli; leave out --modulus tensile")
-        unit, unsure = "C", ()
+        unit = "C"
     else:
         table = read_table(path, Vocabulary(NAMES), EXAMPLE)
         chosen = choose(table, modulus)
@@ -143,7 +144,9 @@ def _reptate(path: Path) -> tuple[dict[str, NDArray], tuple[str, ...]] | None:
         raise MeasurementError(
             f"{path}: expected numbers in its first {len(names)} columns; complete or delete the others"
         )
-    notes = (f"{path.suffix} file: columns {', '.join(names)} in the units of RepTate (rad/s, s, Pa, C)",)
+    notes: tuple[str, ...] = (
+        f"{path.suffix} file: columns {', '.join(names)} in the units of RepTate (rad/s, s, Pa, C)",
+    )
     try:
         if "T" in parameters:
             values["temperature"] = np.full(len(block.values), float(parameters["T"]) - ABSOLUTE_ZERO)
@@ -208,11 +211,11 @@ def _storage_and_loss(table: TextTable, values: dict[str, NDArray]) -> dict[str,
                 f"{table.where}: expected phase angles below 90°, found {np.degrees(phase.max()):.4g}°"
             )
         ratio = np.tan(phase)
-    if "complex" in values:
+    if ratio is not None and "complex" in values:
         values["storage"] = values.pop("complex") / np.sqrt(1.0 + ratio**2)
-    if "storage" in values and "loss" not in values:
+    if ratio is not None and "loss" not in values:
         values["loss"] = values["storage"] * ratio
-    elif "storage" in values and ratio is not None:
+    elif ratio is not None:
         own = values["loss"] / values["storage"]
         off = float(np.median(np.abs(own / np.maximum(ratio, 1e-9) - 1.0)))
         if off > CONTRADICTION:

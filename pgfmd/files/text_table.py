@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -214,7 +214,9 @@ class _Body:
         below = [(number, line) for number, line in lines[head.index + 1 :] if not is_comment(line)]
         self.cells = [(number, cells_of(line, head.delimiter)) for number, line in below]
         known = [(place, title, vocabulary.named(title)) for place, title in enumerate(head.cells)]
-        self.columns = [Column(*astuple(found), place, title) for place, title, found in known if found]
+        self.columns = [
+            Column(found.quantity, found.unit, found.part, place, title) for place, title, found in known if found
+        ]
 
     def table(self) -> TextTable:
         """The whole. Raises MeasurementError."""

@@ -261,9 +261,9 @@ def _spacing(scene: Scene) -> Iterator[str]:
 def _shares(scene: Scene) -> Iterator[str]:
     """Weights that may be shares of the instantaneous modulus, where the scene does not say of which they are."""
     rheology = scene.rheology
-    if rheology.model != "prony" or rheology.reference is not None or not 0.0 < sum(rheology.kappa) < 1.0:
+    total = sum(rheology.kappa or ())
+    if rheology.model != "prony" or rheology.reference is not None or not 0.0 < total < 1.0:
         return
-    total = sum(rheology.kappa)
     yield (
         f"rheology.kappa has a sum of {total:.4g}, so that the elastomer is only {1.0 + total:.4g} times as stiff at once "
         "as when relaxed: if these are g_i of Abaqus or alpha_i of Ansys, shares of the instantaneous modulus, set "

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from pgfmd.analysis.compliance import corrected_experiment
 from pgfmd.analysis.experiment import read_experiment
 from pgfmd.cli import app
 from pgfmd.errors import MeasurementError
@@ -218,3 +219,25 @@ def test_compare_takes_several_measured_curves(tmp_path):
     assert forces[1:] == pytest.approx([PULL_OFF] * 3, rel=0.015)
     assert re.search(r"^hysteresis +- +J? *.*the loop is not closed", done.stdout, re.MULTILINE)
     assert re.search(r"holds the retraction alone", done.stdout)
+
+
+@pytest.mark.parametrize("end", ["h5", "tab"])
+def test_a_curve_of_a_force_microscope(tmp_path, end):
+    pytest.importorskip("afmformats")
+    from afmformats.mod_force_distance import AFMForceDistance
+
+    data = {
+        "height (measured)": 2e-5 - DEPTH - FORCE / 38e3,
+        "force": FORCE + 2e-3,
+        "segment": np.arange(UM.size) >= TURN,
+    }
+    curve = AFMForceDistance(data, {"spring constant": 38e3, "path": tmp_path / "a", "imaging mode": "force-distance",
+                                    "point count": UM.size, "enum": 0})  # fmt: skip
+    curve.export_data(tmp_path / f"a.{end}", metadata=True, fmt=end)
+    loop = read_experiment(tmp_path / f"a.{end}")
+    assert "force far away, 2 mN, taken off" in loop.treated and '--machine-stiffness "38 kN/m"' in loop.remarks[0]
+    right(corrected_experiment(loop, 38e3))
+    (tmp_path / "b.h5").write_bytes(b"nothing")
+    refused(tmp_path / "b.h5", "afmformats can't read it")
+    (tmp_path / "b.abc").write_bytes(b"nothing")
+    refused(tmp_path / "b.abc", "a kind of file that is not known; export the curve as a table")
