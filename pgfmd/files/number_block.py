@@ -27,12 +27,13 @@ _TAIL = re.compile(r"\s#(?!N/A|NV|DIV|VALUE|NUM|REF|WERT|ZAHL|NAN).*", re.I)
 
 @dataclass(frozen=True)
 class NumberBlock:
-    """Numbers of a file: values (rows, columns), NaN where a cell has a token for a missing one; preamble: the lines above
-    them, without marks of comments; header: the cells of the line right above if there are as many as columns, else ();
-    first_line: of the numbers, from 1; delimiter; notes: what was passed over below."""
+    """Numbers of a file: values (rows, columns), NaN where a cell has a token for a missing one; preamble and below: the lines
+    above and below them, without marks of comments; header: the cells of the line right above if there are as many as columns,
+    else (); first_line: of the numbers, from 1; delimiter; notes: what was passed over below."""
 
     values: NDArray[np.float64]
     preamble: tuple[str, ...]
+    below: tuple[str, ...]
     header: tuple[str, ...]
     first_line: int
     delimiter: str
@@ -61,14 +62,28 @@ def read_number_block(path: str | Path) -> NumberBlock:
             f"{path}, line {odd[0]}: expected {width} numbers as in the other lines, found {odd[1]}; complete the line"
         )
     preamble = tuple(bare(line) for number, line in lines if number < first)
-    values, kept = _values(path, [(number, line) for number, line, _ in rows], delimiter, declared_mark(preamble))
+    values = _values(path, [(number, line) for number, line, _ in rows], delimiter, declared_mark(preamble))
+    some = _columns_with_cells([line for _, line, _ in rows], width, delimiter)
+    values = values[:, some]
     titles = cells_of(preamble[-1], delimiter) if preamble else []
     if len(titles) == width:
-        titles = [title for title, there in zip(titles, kept, strict=True) if there]
+        titles = [title for title, kept in zip(titles, some, strict=True) if kept]
     header = tuple(titles) if len(titles) == values.shape[1] else ()
-    below = [number for number, line in lines if number > last and not is_comment(line)]
-    notes = (f"{path.name}: passed over {in_words(below)}, below the numbers",) if below else ()
-    return NumberBlock(values, preamble, header, first, delimiter, notes)
+    passed = [number for number, line in lines if number > last and not is_comment(line)]
+    notes = (f"{path.name}: passed over {in_words(passed)}, below the numbers",) if passed else ()
+    below = tuple(bare(line) for number, line in lines if number > last)
+    return NumberBlock(values, preamble, below, header, first, delimiter, notes)
+
+
+def _columns_with_cells(texts: Sequence[str], width: int, delimiter: str) -> NDArray[np.bool_]:
+    """All columns but one of empty cells at either end, which a mark at the beginnings or ends of all lines makes. A column of
+    tokens for missing numbers is one like any other."""
+    some = np.ones(width, bool)
+    if delimiter != " ":
+        stripped = [text.strip(" \u00a0\ufeff") for text in texts]
+        some[0] = not all(text.startswith(delimiter) for text in stripped)
+        some[-1] = not all(text.endswith(delimiter) for text in stripped)
+    return some
 
 
 def _longest_run(lines: list[Line], delimiter: str) -> list[tuple[int, str, int]]:
@@ -95,16 +110,16 @@ def _width(line: str, delimiter: str) -> int:
         for cell in cells:
             float(cell if delimiter == "," else cell.replace(",", "."))
     except ValueError:
-        if not any(map(is_numeral, cells)) or not all(is_numeral(cell) or is_missing(cell) for cell in cells):
+        # A row of a map may have no number at all, but words for that, other than dashes below a title.
+        if not any(letter.isalnum() for letter in line) or not all(
+            is_numeral(cell) or is_missing(cell) for cell in cells
+        ):
             return 0
     return len(cells)
 
 
-def _values(
-    path: Path, rows: Sequence[Line], delimiter: str, declared: str | None
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """The numbers, at once where the decimal mark is plain, else cell by cell, and which columns are kept: those but empty
-    ones at the two ends, which a mark at the ends of lines makes."""
+def _values(path: Path, rows: Sequence[Line], delimiter: str, declared: str | None) -> NDArray[np.float64]:
+    """The numbers, at once where the decimal mark is plain, else cell by cell."""
     texts = [line for _, line in rows]
     commas = delimiter != "," and any("," in text for text in texts)
     points = any("." in text for text in texts)
@@ -114,15 +129,12 @@ def _values(
         try:
             numbers = (text.replace(",", ".") for text in texts) if commas else iter(texts)
             found = np.loadtxt(numbers, comments=None, delimiter=None if delimiter == " " else delimiter, ndmin=2)
-            return np.where(np.isfinite(found), found, np.nan), np.ones(found.shape[1], bool)
+            return np.where(np.isfinite(found), found, np.nan)
         except ValueError:
             pass
     cells = [[Cell(number, cell) for cell in cells_of(line, delimiter)] for number, line in rows]
-    columns = list(zip(*cells, strict=True))
     try:
-        mark = decimal_mark(columns, delimiter, declared)
+        mark = decimal_mark(list(zip(*cells, strict=True)), delimiter, declared)
     except NumeralError as error:
         raise MeasurementError(f"{path}, {error}") from None
-    some = np.array([any(cell.text for cell in column) for column in columns])
-    kept = np.logical_or.accumulate(some) & np.logical_or.accumulate(some[::-1])[::-1]
-    return np.array([[value(cell.text, mark) for cell in row] for row in cells])[:, kept], kept
+    return np.array([[value(cell.text, mark) for cell in row] for row in cells])

@@ -25,7 +25,7 @@ COMPLEX = np.hypot(STORAGE, LOSS)
 
 def right(path, **reading):
     """Whether the known elastomer comes back."""
-    found = characterise(path, **reading)
+    found = characterise(path, 2, **reading)
     assert found.fit.static_modulus == pytest.approx(STATIC, rel=2e-3)
     np.testing.assert_allclose(found.fit.series.kappa, KNOWN.kappa, rtol=2e-3)
     np.testing.assert_allclose(found.fit.series.tau, KNOWN.tau, rtol=2e-3)
@@ -80,7 +80,7 @@ def test_hertz_and_radians_are_never_guessed(tmp_path, unit):
 def test_shear_moduli_by_their_names(tmp_path, header):
     path = written(tmp_path / "g.csv", header, HZ, np.full(HZ.size, 25), STORAGE / 3e-6, LOSS / 3e-6, TAN)
     assert any("E = 2 (1 + nu) G with nu = 0.5" in line for line in right(path).report())
-    found = characterise(path, poisson_ratio=0.2)
+    found = characterise(path, 2, poisson_ratio=0.2)
     assert found.fit.static_modulus == pytest.approx(0.8 * STATIC, rel=2e-3)
     refused(path, "is a shear modulus by its name", modulus="tensile")
 
@@ -240,7 +240,7 @@ def test_a_fit_is_written_into_a_scene_whose_comments_stay(tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(SPHERE.format(reference='reference = "instantaneous"'))
     shear = written(tmp_path / "g.csv", "f (Hz),G' (MPa),G'' (MPa)", HZ, STORAGE / 2.99, LOSS / 2.99)
-    done = CliRunner().invoke(app, ["fit-prony", str(shear), "--into", str(scene)])
+    done = CliRunner().invoke(app, ["fit-prony", str(shear), "-n", "2", "--into", str(scene)])
     assert done.exit_code == 0, done.exception
     text = scene.read_text()
     for comment in ("# the elastomer of a finite-element model", "# at once", "# from material.inp"):
