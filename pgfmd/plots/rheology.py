@@ -69,7 +69,7 @@ def draw_modulus(axis: Any, series: PronySeries) -> None:
         label = f"power law $\\omega^{{{exponent}}}$"
         axis.plot(omega[shown], values[shown], color=GREY, linestyle=line, linewidth=1.1, label=label, zorder=1)
     axis.set(xscale="log", yscale="log", xlim=omega[[0, -1]], ylim=(max(bottom, 1e-2), top))
-    axis.set(xlabel="angular frequency ω (rad/s)", ylabel="modulus over static modulus", title="(a) modulus")
+    axis.set(xlabel="angular frequency ω (rad/s)", ylabel="modulus over relaxed modulus", title="(a) modulus")
     axis.legend(loc="upper left")
 
 

@@ -130,12 +130,14 @@ class Substrate(Section):
 
 
 class Rheology(Section):
-    """The relaxation spectrum kappa(s) = 1 + sum kappa_n s tau_n / (1 + s tau_n); it multiplies the static modulus."""
+    """The relaxation spectrum kappa(s) = 1 + sum kappa_n s tau_n / (1 + s tau_n); it multiplies the relaxed (static) modulus."""
 
     model: Literal["elastic", "single", "geometric", "prony"] = key(
         "`elastic`, a `single` Maxwell element, a `geometric` series of them, or your own `prony` series"
     )
-    modulus_ratio: float | None = number("E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO)
+    modulus_ratio: float | None = number(
+        "instantaneous over relaxed modulus, E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO
+    )
     relaxation_time: float | None = quantity("time", "relaxation time; of `geometric` the shortest", None)
     elements: int | None = key("number N of Maxwell elements", None, ge=1, le=200)
     time_ratio: float | None = number("ratio s of successive relaxation times: tau_{n+1} = tau_n / s", None, above=1.0)

@@ -32,7 +32,9 @@ def test_from_raw_data_to_an_overlay(tmp_path):
     stiffness = f"{raw.MACHINE_STIFFNESS} N/m"
     words = ["--machine-stiffness", stiffness, "--offset", "fit", "-o", tmp_path / "both.png"]
     told = pgfmd_command("compare", tmp_path / "out", tmp_path / "tack.csv", *words)
-    assert re.search(r"^tack +force far away, 18\S+ uN, taken off, - F/k_M \(2 kN/m\), pushed in by", told, re.MULTILINE)
+    assert re.search(
+        r"^tack +force far away, 18\S+ uN, taken off, - F/k_M \(2 kN/m\), pushed in by", told, re.MULTILINE
+    )
     runs, measured = load_loops([tmp_path / "out", tmp_path / "tack.csv"])
     both = overlay(runs, measured, machine_stiffness=raw.MACHINE_STIFFNESS, offset=None)
     run, tack = both.measures
