@@ -133,7 +133,8 @@ def without_baseline(rows: Rows, turn: int) -> tuple[Array, str]:
         if abs(outer) > 2.0 * LEVEL * span:
             rows.remarks.append(
                 f"{name}: the rows do not show the force far away, as it is not level where they are outermost "
-                f"({shown(outer, 'force')}); an offset would spoil forces and works: look at it, or give --baseline"
+                f"({shown(outer, 'force')}); an offset, or a tilt over the way, would spoil forces and works: look at it, take a "
+                "tilt off, or give --baseline"
             )
         return rows.force, ""
     values = [force for _, force in known]

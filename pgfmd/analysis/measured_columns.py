@@ -191,6 +191,7 @@ def _chosen(table: TextTable, columns: list[Column], part: str) -> dict[str, Col
             )
         chosen[quantity] = several[0]
     if "time" in chosen and not any(is_numeral(cell.text) for cell in table.cells(chosen["time"].place)):
+        # A clock's: rows are in the order of time by themselves.
         del chosen["time"]
     return chosen
 

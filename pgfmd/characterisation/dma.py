@@ -202,7 +202,12 @@ def _values(table: TextTable, chosen: Chosen) -> dict[str, NDArray]:
 def _storage_and_loss(table: TextTable, values: dict[str, NDArray]) -> dict[str, NDArray]:
     """With E' and E'' from whatever says them: tan delta or phase angle, and the size of the complex modulus."""
     if "frequency" in values:
-        values["omega"] = values.pop("frequency")
+        rate = values.pop("frequency")
+        if np.max(np.abs(rate / values.setdefault("omega", rate) - 1.0)) > CONTRADICTION:
+            raise MeasurementError(
+                f"{table.where}: expected an angular frequency of 2 pi times the frequency, the columns differ by other "
+                "factors; delete the wrong one"
+            )
     ratio = values.pop("tan delta", None)
     if "phase" in values:
         phase = values.pop("phase")

@@ -7,6 +7,7 @@ by neither E nor G are of shear where a torque stands beside them.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
@@ -81,6 +82,10 @@ NAMES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Column names by quantity, for `files.text_table.read_table`."""
 
+_ROTATIONAL = re.compile(
+    r"parallel[- ]plates?|plate[- ]plate|cone|couette|rheometer|\b(?:PP|CP)-?\d\d?\b|platte[- ]platte", re.I
+)
+"""Words of rotational rheometers, as lines above a header may have them."""
 PARTS = ("storage", "loss", "complex", "relaxation")
 OSCILLATION = (
     ("storage", "loss"), ("storage", "tan delta"), ("storage", "phase"), ("complex", "tan delta"), ("complex", "phase"),
@@ -110,6 +115,9 @@ def choose(table: TextTable, modulus: Kind | None = None) -> Chosen:
     if swept:
         rate = _one(table, ["omega"] if table.found("omega") else ["frequency"])
         columns[rate.quantity] = rate
+        if rate.quantity == "omega" and len(table.found("frequency")) == 1:
+            # Beside it, for a comparison.
+            columns["frequency"] = table.found("frequency")[0]
         pair = next((pair for pair in OSCILLATION if all(_of(table, part, kind, named) for part in pair)), None)
         if pair is None:
             raise _lacking(table, kind, named)
@@ -139,10 +147,10 @@ def _kind(table: TextTable, modulus: Kind | None, swept: bool) -> tuple[Kind, bo
         )
     if modulus in both or not both:
         kind = modulus or "tensile"
-        if not both and modulus is None and table.found("torque"):
+        if not both and modulus is None and (why := _sign_of_shear(table)):
             raise MeasurementError(
-                f"{table.where}: expected names of moduli with E or G in them; beside '{table.found('torque')[0].title}' "
-                "they will be of shear, but the file does not say so: give --modulus shear (or tensile)"
+                f"{table.where}: expected names of moduli with E or G in them; {why} they will be of shear, but no name "
+                "says so: give --modulus shear (or tensile)"
             )
         return kind, bool(both)
     if modulus is not None:
@@ -151,6 +159,14 @@ def _kind(table: TextTable, modulus: Kind | None, swept: bool) -> tuple[Kind, bo
             f"{table.where}: '{title}' is a {both[0]} modulus by its name; leave out --modulus {modulus}"
         )
     return ("shear" if both == ["shear"] else "tensile"), True
+
+
+def _sign_of_shear(table: TextTable) -> str:
+    """What of a table tells of a rotational rheometer: a torque, or words above the header; "" for nothing."""
+    if torque := table.found("torque"):
+        return f"beside '{torque[0].title}'"
+    words = next((match[0] for line in table.preamble if (match := _ROTATIONAL.search(line))), None)
+    return f"as the lines above speak of '{words}'" if words else ""
 
 
 def _of(table: TextTable, part: str, kind: Kind, named: bool) -> list[str]:

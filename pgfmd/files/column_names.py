@@ -94,7 +94,8 @@ def _key(name: str) -> str:
 
 def bare_unit(text: str) -> str:
     """The unit of a cell of a line of units, or behind a name: without brackets; "" for a dash."""
-    unit = text.strip(" \t\"'\u00a0").strip("()[]").strip()
+    # The circumflex is what is left of a text in UTF-8 that was taken for Windows-1252 once.
+    unit = text.strip(" \t\"'\u00a0").strip("()[]").strip().replace("\u00c2", "")
     return "" if unit in _NO_UNIT else unit
 
 

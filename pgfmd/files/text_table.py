@@ -25,7 +25,7 @@ from pgfmd.units import UnitError, parse_quantity
 
 from .column_names import Column, Vocabulary, bare_unit, usual_unit
 from .numerals import Cell, NumeralError, decimal_mark, declared_mark, is_missing, is_numeral, value
-from .text_lines import DELIMITERS, Line, bare, cells_of, in_words, is_comment, lines_of, titles_of
+from .text_lines import DELIMITERS, Line, bare, cells_of, holds_units, in_words, is_comment, lines_of, titles_of
 
 LONGEST_HEAD = 1000
 """How many lines that hold something may stand above the names of the columns."""
@@ -211,8 +211,10 @@ class _Body:
         self.preamble = tuple(bare(line) for _, line in lines[: head.index])
         self.notes: list[str] = []
         self.repeated: list[int] = []
-        below = [(number, line) for number, line in lines[head.index + 1 :] if not is_comment(line)]
-        self.cells = [(number, cells_of(line, head.delimiter)) for number, line in below]
+        below = [
+            (number, line) for number, line in lines[head.index + 1 :] if not is_comment(line) or holds_units(line)
+        ]
+        self.cells = [(number, cells_of(bare(line), head.delimiter)) for number, line in below]
         known = [(place, title, vocabulary.named(title)) for place, title in enumerate(head.cells)]
         self.columns = [
             Column(found.quantity, found.unit, found.part, place, title) for place, title, found in known if found

@@ -66,6 +66,9 @@ def test_hertz_and_radians_are_never_guessed(tmp_path, unit):
     columns = STORAGE, LOSS
     refused(written(tmp_path / "a.csv", f"frequency ({unit}),E' (MPa),E'' (MPa)", HZ, *columns), r"a factor of 6\.28")
     right(written(tmp_path / "b.csv", f"angular frequency ({unit}),E' (MPa),E'' (MPa)", OMEGA, *columns))
+    both = "frequency (Hz),angular frequency (rad/s),E' (MPa),E'' (MPa)"
+    right(written(tmp_path / "c.csv", both, HZ, OMEGA, *columns))
+    refused(written(tmp_path / "d.csv", both, HZ, HZ, *columns), "of 2 pi times the frequency")
 
 
 @pytest.mark.parametrize(
@@ -95,6 +98,9 @@ def test_a_rheometers_moduli_without_a_letter_have_to_be_told(tmp_path):
     )
     refused(path, "beside 'Oscillation torque' they will be of shear.*--modulus shear")
     right(path, modulus="shear")
+    path = written(tmp_path / "p.csv", "Geometry,25mm parallel plate,\nomega,storage modulus (Pa),loss modulus (Pa)", OMEGA,
+                   STORAGE / 3e-6, LOSS / 3e-6)  # fmt: skip
+    refused(path, "the lines above speak of 'parallel plate'")
     path = written(tmp_path / "e.csv", "f (Hz),storage modulus (MPa),loss modulus (MPa)", HZ, STORAGE, LOSS)
     assert "are called by neither E nor G and are taken for tensile" in right(path).warnings()[0]
     assert right(path, modulus="tensile").warnings() == []

@@ -84,6 +84,8 @@ def test_a_declaration_above_the_table_decides(tmp_path):
         "time\tforce\ns\tmN\nA\tB\n2\t1\n4\t3\n",
         "force (mN)   time (s)\n 1.0  2.0\n 3.0  4.0\n",
         "# columns: force_mN time_s\n1 2\n3 4\n",
+        "# columns: force time\n# units: mN s\n1 2\n3 4\n",
+        "force (\u00c2mN),time (s)\n1,2\n3,4\n",
         '"force\n(mN)","time (s)"\n1,2\n3,4\n',
         "force [mN],time [s],remark,\n1,2,first,\n3,4,,\n",
         "force (mN),time (s)\n1,2\n\npause\nforce (mN),time (s)\n3,4\n",
