@@ -23,7 +23,8 @@ from pgfmd.scene.path_checks import FILE_KEYS
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
-UNIMPORTANT = ("title", "output.directory")
+UNIMPORTANT = ("title", "output.directory", "rheology.reference")
+"""Keys that change nothing of a run; weights of a resolved scene are shares of the relaxed modulus, said or not."""
 PRECISION = "solver.precision"
 """The key that a scene may leave open ("auto"). A continued run then keeps the precision that it began with."""
 CHANGEABLE = ("output.every", "output.snapshots", "solver.accuracy", "solver.max_steps")

@@ -15,6 +15,7 @@ from pgfmd.errors import MeasurementError, SceneError
 from pgfmd.forecast.plausibility import warnings
 from pgfmd.parts import series_of
 from pgfmd.physics.rheology import PronySeries
+from pgfmd.restart.scene_changes import differing
 from pgfmd.scene import load_scene, parse_scene, shipped_text
 from tests.unit.measured_inputs import KNOWN, STATIC, moduli, written
 
@@ -221,6 +222,8 @@ def test_weights_with_a_sum_below_one_are_asked_about():
     plain = parse_scene(SPHERE.format(reference=""))
     assert plain.substrate.youngs_modulus == 30e6 and plain.rheology.reference is None
     assert "reference" not in plain.to_toml()
+    # Who says what was meant can go on with a run.
+    assert not list(differing(plain.to_toml(), parse_scene(SPHERE.format(reference='reference = "relaxed"'))))
 
 
 @pytest.mark.parametrize("kappa", ["0.5, 0.3, 0.2", "10, 6, 3", "0.5, 0.3, 0.1999999999"])
