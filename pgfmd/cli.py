@@ -14,10 +14,10 @@ from . import __version__
 from .commands import analysis as analysis_command
 from .commands import bench as bench_command
 from .commands import fit_prony as fit_command
+from .commands import plot as plot_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
-from .commands.names import Folder, path_option
 from .commands.printing import command
 from .commands.run import Changes, Overrides, SceneName, all_changes
 from .errors import PgfmdError, Problem, ResultError, SceneError
@@ -138,66 +138,17 @@ def check(
     ranks: Annotated[int, typer.Option("--ranks", "-n", min=1, help="Number of ranks of the planned run.")] = 1,
 ) -> None:
     """Show what a scene means: SI values, scales, cost, warnings."""
-    from .commands.check import report
-    from .parts import confirm
+    from .commands.check import check as check_of
     from .scene import load_scene
     from .sections import show
 
-    loaded = load_scene(scene, all_changes(changes, overrides))
-    confirm(loaded, scene, ranks)
-    found = report(loaded, ranks)
+    found = check_of(load_scene(scene, all_changes(changes, overrides)), ranks, source_name=scene)
     notes = [("warning", "yellow", text) for text in found.warnings] + [("note", "", text) for text in found.remarks]
     show(found.title, found.sections, notes, digits=6)
 
 
-@app.command()
-def plot(
-    directory: Folder,
-    out: Annotated[
-        Path | None,
-        path_option("--out", "-o", metavar="DIR", help="Folder of the pictures, if not DIR itself."),
-    ] = None,
-    greys: Annotated[
-        int, typer.Option("--greys", min=3, max=4, help="Of the maps of contact: 3 are the paper's, without overlap.")
-    ] = 4,
-    contact_gap: Annotated[
-        str | None, typer.Option("--contact-gap", metavar="GAP", help="Maps show contact below it; the run's own.")
-    ] = None,
-    near_gap: Annotated[
-        str | None, typer.Option("--near-gap", metavar="GAP", help="Maps show what is near below it; the run's own.")
-    ] = None,
-) -> None:
-    """Draw curves, maps and energies of a results folder as PNG files in it."""
-    from .commands.quantities import gap
-    from .plots.folder import plot_results
-
-    gaps = gap(contact_gap, "--contact-gap"), gap(near_gap, "--near-gap")
-    for path in plot_results(directory, out, greys, *gaps):
-        print(path)
-
-
-@app.command()
-def plot_rheology(
-    scene: SceneName,
-    changes: Changes = None,
-    overrides: Overrides = None,
-    out: Annotated[Path | None, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = None,
-) -> None:
-    """Draw modulus and creep of a scene's elastomer, and what the paper's auxiliary masses make of them."""
-    from .parts import series_of
-    from .plots.rheology import plot_rheology as draw
-    from .scene import load_scene
-
-    loaded = load_scene(scene, all_changes(changes, overrides))
-    series = series_of(loaded.rheology)
-    if not series.elements:
-        cure = "give it a relaxation, such as rheology.model=single"
-        raise SceneError(scene, [Problem("rheology.model", loaded.rheology.model, "a modulus that relaxes", cure)])
-    out = out or Path(f"{Path(scene).stem}-rheology.png")
-    draw(series, out, loaded.title)
-    print(out)
-
-
+app.command()(plot_command.plot)
+app.command()(plot_command.plot_rheology)
 app.command()(fit_command.fit_prony)
 app.command()(run_command.run)
 app.command()(status_command.status)

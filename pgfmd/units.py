@@ -11,9 +11,10 @@ import difflib
 import functools
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
@@ -40,6 +41,7 @@ DIMENSIONS = {
     "energy per area": Dimension("an energy per area", "J/m^2", "50 mJ/m^2", ("J/m^2", "mJ/m^2", "uJ/m^2", "mN/m")),
     "angular frequency": Dimension("an angular frequency", "rad/s", "15700 rad/s", ("rad/s", "1/s")),
     "wavenumber": Dimension("a wavenumber", "1/m", "5e6 1/m", ("1/m", "1/mm", "1/um", "1/nm")),
+    "stiffness per area": Dimension("a stiffness per area", "Pa/m", "20 GPa/mm", ("Pa/m", "GPa/m", "GPa/mm", "MPa/um")),
     "stiffness": Dimension("a stiffness", "N/m", "38.1 kN/m", ("N/m", "kN/m", "MN/m", "mN/m", "N/mm", "N/um")),
 }
 
@@ -53,6 +55,10 @@ _BARE_POWER = re.compile(r".*[^\W\d_]\d\s*")
 _PREFIXES = {12: "T", 9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "u", -9: "n", -12: "p"}
 _PREFIXED = ("m", "s", "N", "Pa", "J/m^2", "m/s", "N/m")
 """Units that a person writes with a prefix; `rad/s` and `1/m` are not among them."""
+_FACTORS = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n", 1e-12: "p", 1e-15: "f"}
+_AREAS = {1.0: "m²", 1e-6: "mm²", 1e-12: "µm²"}
+_SCALABLE = ("m", "s", "N", "Pa", "J", "m/s", "rad/s", "J/m^2")
+"""Units whose prefix an axis of a picture chooses."""
 _LONG_TIMES = {"years": 31557600.0, "days": 86400.0, "h": 3600.0, "min": 60.0}
 
 
@@ -65,7 +71,7 @@ class UnitError(ValueError):
 
 
 @functools.cache
-def _registry() -> UnitRegistry:
+def _registry() -> UnitRegistry[Any]:
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)
@@ -161,6 +167,11 @@ def parse_quantity(text: object, dimension: str) -> float:
     return value
 
 
+def in_si(value: float | str, dimension: str) -> float:
+    """The SI value of what a Python program gives: a number in SI units, or a text with a unit. Raises UnitError."""
+    return parse_quantity(value, dimension) if isinstance(value, str) else float(value)
+
+
 def format_quantity(value: float, dimension: str) -> str:
     """The SI value as a text that `parse_quantity` reads back to the same bits; "inf" has no unit."""
     value = float(value)
@@ -183,3 +194,20 @@ def handy_quantity(value: float, dimension: str, digits: int = 3) -> str:
     power = min(max(3 * (power // 3), min(_PREFIXES)), max(_PREFIXES))
     # Three digits at least: 290 nm, not 2.9e+02 nm.
     return f"{value / 10.0**power:.{max(digits, 3)}g} {_PREFIXES[power]}{unit}"
+
+
+def handy(values: Iterable[float], unit: str) -> tuple[float, str]:
+    """Factor and name of the unit in which the largest of the values is between 1 and 1000: (1e-6, "µm/s").
+
+    Areas in m², mm² or µm², the largest at least a tenth.
+    """
+    largest = max((abs(value) for value in values), default=0.0)
+    if unit == "m^2":
+        return next(((factor, name) for factor, name in _AREAS.items() if largest >= 0.1 * factor), (1e-12, "µm²"))
+    if unit not in _SCALABLE or largest == 0.0:
+        return 1.0, unit
+    for factor, prefix in _FACTORS.items():
+        # What is 1000 nm but for rounding is 1 um.
+        if largest >= factor * (1.0 - 1e-9):
+            return factor, f"{prefix}{unit}".replace("^2", "²")
+    return 1.0, unit

@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.results import load
+from pgfmd.results.about import about
 from pgfmd.results.curve import Loop, Measures, measure
+from pgfmd.results.reading import Results, Run, opened
+from pgfmd.units import in_si
 
 from .compliance import (
     CellCompliance,
@@ -48,6 +50,83 @@ class Overlay:
     cell: CellCompliance | None
     offsets: list[float]
     differences: list[float | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Curves brought together: as they are drawn, and the table of their numbers.
+
+    measured: which of the loops is the first experiment, None without one; about: the first run in a line, for pictures.
+    """
+
+    overlay: Overlay
+    table: Table
+    measured: int | None
+    about: str
+
+    @property
+    def loops(self) -> list[Loop]:
+        """The curves, the runs first."""
+        return self.overlay.loops
+
+    @property
+    def measures(self) -> list[Measures]:
+        """Numbers of each."""
+        return self.overlay.measures
+
+    @property
+    def changes(self) -> list[str]:
+        """What has been done to each, in words."""
+        return self.overlay.changes
+
+
+def compare(
+    *sources: Run,
+    machine_stiffness: float | str = math.inf,
+    correct: str = "none",
+    low_pass: float | str | None = None,
+    offset: float | str = 0.0,
+    positive_displacement: str | None = None,
+    positive_force: str = "compression",
+    cycle: int | None = None,
+    baseline: float | str | None = None,
+) -> Comparison:
+    """Lays curves of runs, and measured ones, over each other; as `pgfmd compare`. `plot_comparison` draws them.
+
+    Args:
+        sources: results, or folders, of runs; and files of measured curves, if any.
+        machine_stiffness: k_M [N/m] that is taken off the experiments.
+        correct: what takes up the compliance of the periodic cell: "experiment", "simulation" or "none" (`overlay`).
+        low_pass: resolution [m] of a filter for all curves.
+        offset: [m] by which the experiments are pushed in, or "fit".
+        positive_displacement, positive_force, cycle: of measured curves, as for `experiment.read_experiment`.
+        baseline: measured force far away [N] that is taken off; None for what the rows show.
+
+    Quantities are SI numbers, or texts with units.
+
+    Raises:
+        ResultError: without a run, if a folder can't be read, or the curves can't be compared;
+        MeasurementError: if the file can't be read; UnitError: for a text that is no such quantity.
+    """
+    stiffness = in_si(machine_stiffness, "stiffness")
+    resolution = None if low_pass is None else in_si(low_pass, "length")
+    moved = None if offset == "fit" else in_si(offset, "length")
+    runs, experiments = load_loops(
+        sources,
+        positive_displacement=positive_displacement,
+        positive_force=positive_force,
+        cycle=cycle,
+        baseline=None if baseline is None else in_si(baseline, "force"),
+    )
+    try:
+        found = overlay(runs, experiments, correct, stiffness, resolution, moved)
+    except ValueError as problem:
+        raise ResultError(f"the curves could not be compared: {problem}") from None
+    table = comparison_table(found, correct, stiffness, resolution)
+    first = next(source for source in sources if isinstance(source, Results) or Path(source).is_dir())
+    with opened(first) as results:
+        text = about(results)
+    return Comparison(found, table, len(runs) if experiments else None, text)
 
 
 def overlay(
@@ -111,13 +190,13 @@ def fitted_offset(run: Loop, measured: Loop) -> float:
     """
     top = min(float(np.max(run.force)), float(np.max(measured.force)))
     levels = np.linspace(*FIT_LEVELS, 15) * top
-    places = [_first_passage(loop, levels) for loop in (run, measured)]
-    if top <= 0.0 or any(place is None for place in places):
+    there, here = (_first_passage(loop, levels) for loop in (run, measured))
+    if top <= 0.0 or there is None or here is None:
         raise ValueError(
             f"{measured.name}: an offset can only be fitted on a loading branch that passes "
             f"{FIT_LEVELS[0] * top:.3g} to {FIT_LEVELS[1] * top:.3g} N; give the offset itself"
         )
-    return float(np.mean(places[0] - places[1]))
+    return float(np.mean(there - here))
 
 
 def _first_passage(loop: Loop, levels: np.ndarray) -> np.ndarray | None:
@@ -158,19 +237,24 @@ def renamed(loops: list[Loop]) -> list[Loop]:
     return found
 
 
-def load_loops(sources: Sequence[Path], **reading: Any) -> tuple[list[Loop], list[Loop]]:
-    """Loops of folders, and of the measured files among them; names differ. reading: what `read_experiment` takes.
+def load_loops(sources: Sequence[Run], **reading: Any) -> tuple[list[Loop], list[Loop]]:
+    """Loops of runs, and of the measured files among the sources; names differ. reading: what `read_experiment` takes.
 
     Raises:
         ResultError: without a folder, or if one can't be read. MeasurementError: if a file can't.
     """
-    files = [path for path in sources if not path.is_dir() and path.suffix]
-    folders = [path for path in sources if path not in files]
+    files: list[Path] = []
+    folders: list[Run] = []
+    for source in sources:
+        if not isinstance(source, Results) and not Path(source).is_dir() and Path(source).suffix:
+            files.append(Path(source))
+        else:
+            folders.append(source)
     if not folders:
         raise ResultError("expected at least one folder of results to compare with; name it before the measured curve")
     runs = []
     for folder in folders:
-        with load(folder) as results:
+        with opened(folder) as results:
             runs.append(Loop.of(results))
     loops = renamed([*runs, *(read_experiment(path, **reading) for path in files)])
     return loops[: len(runs)], loops[len(runs) :]

@@ -1,26 +1,29 @@
-"""Pictures of an analysis: loops over each other, the fit of u_inf, shares of the hysteresis, the bearing-area
-model."""
+"""Pictures of an analysis and of a comparison: loops over each other, the fit of u_inf, shares of the hysteresis, the
+bearing-area model."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from pgfmd.errors import ResultError
 from pgfmd.plots.drawing import (
+    DASHES,
     GREY,
+    PALETTE,
     RED,
     TURQUOISE,
-    drawing,
+    VIOLET,
     energy_unit,
+    footer,
     literal,
     new_figure,
+    picture,
     seen,
     signed,
-    write_picture,
 )
 from pgfmd.results.curve import Loop
 
@@ -28,34 +31,74 @@ from .bulges import Bulge
 from .compliance import CellCompliance
 from .hysteresis import Audit, Twin
 
-COLOURS = (TURQUOISE, RED, "#d18f00", "#6a4c93", "#4a7c2a", "#8a5a44")
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .comparison import Comparison
+    from .summary import Analysis
+
 MEASURED = ("black", "0.45", "0.65")
-DASHES = (0, (4, 2))
+"""Colours of measured loops."""
 LEGEND_WIDTH = 75
 """Letters in a line of a legend above the curves."""
 LEGEND_LINE = 0.17
 """Height [inch] of such a line."""
-PARTS = (("viscous", RED), ("released in jumps", "#6a4c93"), ("stored or unexplained", "#c9c9c9"))
-TWIN_PARTS = (("multistability (twin)", "#6a4c93"), ("viscous and coaction", RED))
+PARTS = (("viscous", RED), ("released in jumps", VIOLET), ("stored or unexplained", "#c9c9c9"))
+TWIN_PARTS = (("multistability (twin)", VIOLET), ("viscous and coaction", RED))
 
 
-def save(figure: Any, path: Path, hint: str = "") -> Path:
-    """Write a figure in the style of the other pictures.
-
-    Raises:
-        ResultError: if it can't be written, with `hint` at the end.
-    """
-    with drawing():
-        return write_picture(figure, path, hint)
+def plot_comparison(found: Comparison) -> Figure:
+    """Curves of `compare` over each other, force against indentation; measured ones in black and greys."""
+    return _with_footer(overlay_figure(found.loops, found.measured, found.changes), found.about)
 
 
-def styled(draw: Any, *arguments: Any, **options: Any) -> Any:
-    """A figure made with the project's settings, whatever those of the caller."""
-    with drawing():
-        return draw(*arguments, **options)
+def plot_bulges(analysis: Analysis) -> Figure:
+    """The retraction with its minima and inflections. ResultError where there are none."""
+    _require(analysis.bulges, analysis, "bulges")
+    return _with_footer(bulge_figure(analysis.loop, analysis.bulges), analysis.about)
 
 
-def overlay_figure(loops: list[Loop], measured: int | None = None, changes: Sequence[str] = ()) -> Any:
+def plot_compliance(analysis: Analysis) -> Figure:
+    """u_inf against force, and k_cc. ResultError where it can't be fitted."""
+    cell = _require(analysis.cell, analysis, "compliance of its cell")
+    return _with_footer(compliance_figure(analysis.loop, cell), analysis.about)
+
+
+def plot_hysteresis(analysis: Analysis) -> Figure:
+    """Where the work of the loop went, by the audit and against the twin. ResultError without either."""
+    _require(analysis.audit or analysis.twin, analysis, "audit and no twin")
+    return _with_footer(hysteresis_figure(analysis.audit, analysis.twin), analysis.about)
+
+
+def plot_twin(analysis: Analysis) -> Figure:
+    """The loop over that of its quasi-static twin. ResultError without one."""
+    twin = _require(analysis.twin_loop, analysis, "twin; name its folder to `analyse`")
+    return _with_footer(overlay_figure([analysis.loop, twin]), analysis.about)
+
+
+def plot_bearing_area(analysis: Analysis) -> Figure:
+    """The loop over what independent asperities would do. ResultError where that was not asked for."""
+    _require(analysis.predictions, analysis, "bearing-area model; ask `analyse` for it")
+    loops = [analysis.loop, *(prediction.loop for prediction in analysis.predictions)]
+    return _with_footer(overlay_figure(loops), analysis.about)
+
+
+Wanted = TypeVar("Wanted")
+
+
+def _require(part: Wanted | None, analysis: Analysis, name: str) -> Wanted:
+    if not part:
+        raise ResultError(f"{analysis.directory}: this analysis has no {name}")
+    return part
+
+
+def _with_footer(figure: Figure, text: str) -> Figure:
+    footer(figure, text)
+    return figure
+
+
+@picture
+def overlay_figure(loops: list[Loop], measured: int | None = None, changes: Sequence[str] = ()) -> Figure:
     """Force [mN] against indentation [um]: approaches thin and dashed, retractions in colour.
 
     measured: number of the first loop that was measured; these are drawn in black and greys. changes: what has been done to
@@ -67,14 +110,14 @@ def overlay_figure(loops: list[Loop], measured: int | None = None, changes: Sequ
     axis = figure.subplots()
     axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     for number, loop in enumerate(loops):
-        is_measured = measured is not None and number >= measured
-        colour = MEASURED[(number - measured) % len(MEASURED)] if is_measured else COLOURS[number % len(COLOURS)]
+        own = None if measured is None or number < measured else number - measured
+        colour = PALETTE[number % len(PALETTE)] if own is None else MEASURED[own % len(MEASURED)]
         x, force = 1e6 * loop.indentation, 1e3 * loop.force
         rows = loop.branches["retraction"]
         before = slice(0, rows.start + 1)
         if rows.start > 1:
             axis.plot(*seen(x[before], force[before]), color=colour, linestyle=DASHES, linewidth=0.8)
-        width = 1.0 if is_measured else 1.4
+        width = 1.4 if own is None else 1.0
         label = literal("\n".join(labels[number]) if changes else loop.name)
         axis.plot(*seen(x[rows], force[rows]), color=colour, linewidth=width, label=label)
     # What has been done to a curve may be a long story: above the curves it hides none of them.
@@ -83,7 +126,8 @@ def overlay_figure(loops: list[Loop], measured: int | None = None, changes: Sequ
     return figure
 
 
-def bulge_figure(loop: Loop, found: list[Bulge]) -> Any:
+@picture
+def bulge_figure(loop: Loop, found: list[Bulge]) -> Figure:
     """The retraction, force [mN] against indentation [um], with its minima and inflections marked."""
     figure = new_figure(5.2, 3.6)
     axis = figure.subplots()
@@ -94,21 +138,22 @@ def bulge_figure(loop: Loop, found: list[Bulge]) -> Any:
     for kind, marker in (("minimum", "v"), ("inflection", "d")):
         own = [bulge for bulge in found if bulge.kind == kind]
         if own:
-            x = [1e6 * (-bulge.displacement - loop.offset) for bulge in own]
+            places = [1e6 * (-bulge.displacement - loop.offset) for bulge in own]
             y = [1e3 * bulge.force for bulge in own]
-            axis.plot(x, y, marker, color=RED, markersize=5, linestyle="none", label=kind)
+            axis.plot(places, y, marker, color=RED, markersize=5, linestyle="none", label=kind)
     axis.legend(loc="upper left")
     axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
     return figure
 
 
-def compliance_figure(loop: Loop, cell: CellCompliance) -> Any:
+@picture
+def compliance_figure(loop: Loop, cell: CellCompliance) -> Figure:
     """u_inf [um] against force [mN], and the line whose slope is 1/k_cc."""
     figure = new_figure(4.6, 3.6)
     axis = figure.subplots()
     for name, rows in loop.branches.items():
         colour = GREY if name == "approach" else TURQUOISE
-        style = {"linestyle": DASHES if name == "approach" else "-", "label": name}
+        style: dict[str, Any] = {"linestyle": DASHES if name == "approach" else "-", "label": name}
         axis.plot(*seen(1e3 * loop.force[rows], 1e6 * loop.u_inf[rows]), color=colour, **style)
     ends = np.array([loop.force.min(), loop.force.max()])
     label = f"F/k_cc,  k_cc = {cell.stiffness / 1e3:.4g} kN/m"
@@ -119,15 +164,16 @@ def compliance_figure(loop: Loop, cell: CellCompliance) -> Any:
     return figure
 
 
-def hysteresis_figure(audit: Audit | None, twin: Twin | None) -> Any:
+@picture
+def hysteresis_figure(audit: Audit | None, twin: Twin | None) -> Figure:
     """Bars of the loop's energy by the audit, and beside them against the quasi-static twin."""
     bars: list[tuple[str, list[tuple[str, str, float]]]] = []
     if audit is not None:
         values = (audit.viscous, audit.released, audit.work - audit.viscous - audit.released)
         bars.append(("energy audit", [(name, colour, v) for (name, colour), v in zip(PARTS, values, strict=True)]))
     if twin is not None:
-        values = (twin.twin_loop, twin.rest)
-        parts = [(name, colour, v) for (name, colour), v in zip(TWIN_PARTS, values, strict=True)]
+        of_twin = (twin.twin_loop, twin.rest)
+        parts = [(name, colour, v) for (name, colour), v in zip(TWIN_PARTS, of_twin, strict=True)]
         bars.append(("against the\nquasi-static twin", parts))
     largest = max(abs(value) for _, parts in bars for _, _, value in parts)
     factor, unit = energy_unit(largest)

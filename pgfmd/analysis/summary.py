@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +12,9 @@ from typing import Any
 from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_atomically
 from pgfmd.physics.drive import DETACHED
-from pgfmd.plots.drawing import elsewhere, target_folder
+from pgfmd.plots.drawing import drawing, elsewhere, target_folder, write_picture
 from pgfmd.results import Results, load
+from pgfmd.results.about import about
 from pgfmd.results.curve import Loop, Measures, measure
 from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
 
@@ -38,7 +39,7 @@ BY_ROWS = "by the parabola through the lowest rows"
 class Analysis:
     """What was found in a folder: table, the loop that was analysed, and the parts that have pictures of their own.
 
-    predictions: of the bearing-area model (bearing_area.Prediction), by law.
+    predictions: of the bearing-area model (bearing_area.Prediction), by law; about: the run in a line, for pictures.
     """
 
     directory: Path
@@ -51,6 +52,7 @@ class Analysis:
     twin: Twin | None
     twin_loop: Loop | None
     predictions: list[Any]
+    about: str = ""
 
     @property
     def record(self) -> dict:
@@ -70,22 +72,21 @@ class Analysis:
             raise ResultError(f"{problem}{hint}") from problem
         except OSError as problem:
             raise ResultError(f"{path}: could not be written: {problem.strerror}{hint}") from problem
-        return [path, *(pictures.save(draw(), folder / name, hint) for name, draw in self._drawings())]
+        with drawing():
+            return [path, *(write_picture(draw(self), folder / name, hint) for name, draw in self._drawings())]
 
-    def _drawings(self) -> Iterator[tuple[str, Any]]:
+    def _drawings(self) -> Iterator[tuple[str, Callable[[Analysis], Any]]]:
+        """Names of pictures, and what draws them, of the parts that there are."""
         if self.bulges:
-            yield "analysis-bulges.png", lambda: pictures.styled(pictures.bulge_figure, self.loop, self.bulges)
+            yield "analysis-bulges.png", pictures.plot_bulges
         if self.cell:
-            yield "analysis-compliance.png", lambda: pictures.styled(pictures.compliance_figure, self.loop, self.cell)
+            yield "analysis-compliance.png", pictures.plot_compliance
         if self.audit or self.twin:
-            draw = pictures.hysteresis_figure
-            yield "analysis-hysteresis.png", lambda: pictures.styled(draw, self.audit, self.twin)
+            yield "analysis-hysteresis.png", pictures.plot_hysteresis
         if self.twin_loop is not None:
-            loops = [self.loop, self.twin_loop]
-            yield "analysis-twin.png", lambda: pictures.styled(pictures.overlay_figure, loops)
+            yield "analysis-twin.png", pictures.plot_twin
         if self.predictions:
-            loops = [self.loop, *(prediction.loop for prediction in self.predictions)]
-            yield "analysis-bearing-area.png", lambda: pictures.styled(pictures.overlay_figure, loops)
+            yield "analysis-bearing-area.png", pictures.plot_bearing_area
 
 
 def analyse(
@@ -136,7 +137,9 @@ def analyse(
 
             predictions = add_bearing_area(table, results, found, single)
         twin_loop = Loop.of(other) if other else None
-        return Analysis(results.directory, table, loop, found, places, cell, audit, against, twin_loop, predictions)
+        return Analysis(
+            results.directory, table, loop, found, places, cell, audit, against, twin_loop, predictions, about(results)
+        )  # fmt: skip
 
 
 def _filtered(loop: Loop, resolution: float) -> Loop:
@@ -269,7 +272,7 @@ def _add_tabor(table: Table, results: Results, found: Measures, twin: Results | 
     from pgfmd.scene import load_scene
 
     scene = load_scene(source.directory / SCENE_FILE, require_files=False)
-    if scene.punch.radius is None or pull_off is None or scene.adhesion.law != "cosine" or pull_off.tension <= 0.0:
+    if scene.punch.radius is None or pull_off is None or not scene.adhesion.attractive or pull_off.tension <= 0.0:
         return
     adhesion, modulus = scene.adhesion, scene.substrate.contact_modulus
     tabor = effective_tabor(pull_off.tension, scene.punch.radius, modulus, adhesion.range, adhesion.work_of_adhesion)

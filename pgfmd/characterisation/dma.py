@@ -47,6 +47,12 @@ class Sweep:
     unit: str = "K"
 
     @property
+    def kelvin(self) -> float:
+        """The temperature [K], of a sweep that has one."""
+        assert self.temperature is not None, "asked for without a temperature"
+        return self.temperature
+
+    @property
     def degrees(self) -> str:
         """The temperature as the file has it, for messages."""
         return degrees(self.temperature, self.unit)

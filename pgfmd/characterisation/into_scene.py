@@ -33,7 +33,7 @@ def text_with(scene: Path, material: Material) -> str:
     Given.read(scene)  # says what is wrong with a file that can't be read
     document = tomlkit.parse(read_text(scene))
     _section(document, "substrate")["youngs_modulus"] = material.youngs_modulus
-    rheology, wanted = _section(document, "rheology"), material.rheology()
+    rheology, wanted = _section(document, "rheology"), material.written_rheology()
     for key in Rheology.model_fields:
         if key in rheology and key not in wanted:
             del rheology[key]

@@ -11,7 +11,7 @@ on top of it gained another tenth or less up to N = 10 over ten decades. All mis
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -155,7 +155,7 @@ def moduli_of(fit: PronyFit, omega: ArrayLike) -> tuple[NDArray, NDArray]:
     return fit.static_modulus * fit.series.storage(omega), fit.static_modulus * fit.series.loss(omega)
 
 
-def ladder(omega: NDArray, elements: int, margins: ArrayLike = (0.0, 0.0)) -> NDArray:
+def ladder(omega: NDArray, elements: int, margins: Sequence[float] | NDArray = (0.0, 0.0)) -> NDArray:
     """Relaxation times (s), ascending, from 1/omega[-1] to 1/omega[0], moved outwards by margins (decades)."""
     shortest, longest = -np.log10(omega[-1]) - margins[0], -np.log10(omega[0]) + margins[1]
     if elements == 1:
@@ -201,7 +201,7 @@ def _checked(omega: ArrayLike, storage: ArrayLike, loss: ArrayLike) -> tuple[NDA
 def _best_ladder(omega: NDArray, misfit_of: Callable[[NDArray], NDArray], elements: int) -> tuple[NDArray, float]:
     """The ladder (N,) with the ends that fit best, and its rms misfit."""
 
-    def rms(margins: ArrayLike) -> float:
+    def rms(margins: Sequence[float] | NDArray) -> float:
         if max(margins) > LARGEST_MARGIN or (elements > 1 and sum(margins) < -0.95 * span):
             return np.inf
         return float(np.sqrt(np.mean(misfit_of(ladder(omega, elements, margins)) ** 2)))

@@ -11,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pgfmd.errors import MeasurementError
 from pgfmd.scene.model import LARGEST_MODULUS_RATIO, toml_text
 
-from .dma import INCOMPRESSIBLE, Moduli, Sweep, degrees, read_moduli
+from .dma import INCOMPRESSIBLE, Moduli, Sweep, degrees, read_moduli, temperature_in_kelvin
 from .moduli_columns import Kind
 from .prony_fit import PronyFit, fit_series
 from .relaxation_fit import RelaxationFit, fit_relaxation
@@ -52,7 +53,7 @@ class Material:
 
     def shifts(self) -> list[float]:
         """log10 a_T of every sweep; 0 without a shift."""
-        return [0.0 if self.wlf is None else float(self.wlf.log_shift(sweep.temperature)) for sweep in self.sweeps]
+        return [0.0 if self.wlf is None else float(self.wlf.log_shift(sweep.kelvin)) for sweep in self.sweeps]
 
     def report(self) -> Iterator[str]:
         """What was read, shifted and fitted, and how well, a line each."""
@@ -66,7 +67,7 @@ class Material:
             how = "fitted" if self.wlf_is_fitted else "given"
             yield f"WLF, {how}: C1 = {wlf.C1:.4g}, C2 = {wlf.C2:.4g} K at {degrees(wlf.reference_temperature, self.unit)}"
             for sweep, shift in zip(self.sweeps, self.shifts(), strict=True):
-                factor = sweep.temperature / wlf.reference_temperature
+                factor = sweep.kelvin / wlf.reference_temperature
                 vertical = f", b_T = {factor:.4f}" if self.vertical else ""
                 yield f"  {sweep.degrees}: a_T = {10**shift:.4g}{vertical}"
         yield from fit.report(wlf is not None)
@@ -80,7 +81,7 @@ class Material:
         """What a user should know before trusting the table."""
         texts = [*self.unsure, *self.fit.warnings()]
         if self.wlf is not None:
-            temperatures, reference = [sweep.temperature for sweep in self.sweeps], self.wlf.reference_temperature
+            temperatures, reference = [sweep.kelvin for sweep in self.sweeps], self.wlf.reference_temperature
             if not min(temperatures) <= reference <= max(temperatures) and self.wlf_is_fitted:
                 texts.append(
                     f"the reference temperature {degrees(reference, self.unit)} lies outside the measured ones: "
@@ -93,7 +94,7 @@ class Material:
         lines = [f"# {line}" for line in self.report()] + [f"# warning: {line}" for line in self.warnings()]
         lines += ["", "# Put into [substrate] the relaxed (static) Young's modulus that belongs to this series:"]
         lines += [f'# youngs_modulus = "{self.youngs_modulus}"', "", "[rheology]"]
-        for name, value in self.rheology().items():
+        for name, value in self.written_rheology().items():
             lines.append(f"{name} = {toml_text(value)}")
         return "\n".join([*lines, ""])
 
@@ -102,14 +103,23 @@ class Material:
         """The relaxed Young's modulus, as a scene takes it."""
         return f"{self.fit.static_modulus / 1e6:.{DIGITS}g} MPa"
 
-    def rheology(self) -> dict[str, str | list[float] | list[str]]:
-        """The keys of [rheology], as a scene takes them; weights are shares of the relaxed modulus."""
+    @property
+    def rheology(self) -> dict[str, Any]:
+        """The keys of [rheology], for `Scene(..., rheology=material.rheology)`. Weights are shares of the relaxed modulus
+        that belongs to it, `fit.static_modulus` [Pa]."""
         series = self.fit.series
         if not series.elements:
             return {"model": "elastic"}
-        kappa = [float(f"{weight:.{DIGITS}g}") for weight in series.kappa]
-        tau = [f"{time:.{DIGITS}g} s" for time in series.tau]
+        kappa, tau = (list(map(float, values)) for values in (series.kappa, series.tau))
         return {"model": "prony", "reference": "relaxed", "kappa": kappa, "tau": tau}
+
+    def written_rheology(self) -> dict[str, Any]:
+        """The same as a scene's file has it, rounded, with units."""
+        keys = self.rheology
+        if "kappa" in keys:
+            keys["kappa"] = [float(f"{weight:.{DIGITS}g}") for weight in keys["kappa"]]
+            keys["tau"] = [f"{time:.{DIGITS}g} s" for time in keys["tau"]]
+        return keys
 
 
 def characterise(
@@ -145,6 +155,35 @@ def characterise(
             "leave out the highest frequencies, or measure E(0) at lower ones"
         )
     return replace(found, source=Path(path).name, notes=moduli.notes, unsure=moduli.unsure)
+
+
+def fit_prony(
+    path: str | Path,
+    elements: int | None = None,
+    temperature: float | str | None = None,
+    wlf: tuple[float, float] | str | None = None,
+    vertical_shift: bool = False,
+    modulus: Kind | None = None,
+    poisson_ratio: float | None = None,
+) -> Material:
+    """Fits a Prony series to measured moduli, or to a relaxation; as `pgfmd fit-prony`. `plot_fit` draws it.
+
+    Args:
+        path: a file with columns of frequency, E', E'' (or G', G''), and temperature if there are several; or of time and E.
+        elements: number of Maxwell elements; None for as few as serve.
+        temperature: of the tack test, in K, or a text such as "25C"; needed for sweeps at several temperatures.
+        wlf: constants C1 and C2 [K], also as a text "8.86,101.6"; fitted if None.
+        vertical_shift: whether moduli are divided by T/T_ref, too.
+        modulus: "tensile" or "shear", where the names of the columns don't say it.
+        poisson_ratio: by which shear moduli become Young's; 0.5 if None.
+
+    Raises:
+        MeasurementError: if the file can't be read, or no series fits; ValueError: for a text that is no temperature, or
+        no constants.
+    """
+    kelvin = temperature_in_kelvin(temperature) if isinstance(temperature, str) else temperature
+    constants = wlf_constants(wlf) if isinstance(wlf, str) else wlf
+    return characterise(path, elements, kelvin, constants, vertical_shift, modulus, poisson_ratio)
 
 
 def _fitted(

@@ -94,7 +94,7 @@ def superpose(sweeps: Sequence[Sweep], reference_temperature: float, vertical: b
     determine no shift, and then those whose shift is not that of the law through all others. Raises ValueError as
     `fit_wlf` does.
     """
-    sweeps = sorted(sweeps, key=lambda sweep: sweep.temperature)
+    sweeps = sorted(sweeps, key=lambda sweep: sweep.kelvin)
     telling = [number for number, sweep in enumerate(sweeps) if _rise(sweep) > LEAST_RISE]
     first = telling[0] if telling else 0
     words = []
@@ -109,7 +109,7 @@ def superpose(sweeps: Sequence[Sweep], reference_temperature: float, vertical: b
         law = _law_of_steps(sweeps[first + 1 :], steps[1:])
         if steps[0] is None or law is None:
             break
-        cold, warm = (sweep.temperature for sweep in sweeps[first : first + 2])
+        cold, warm = (sweep.kelvin for sweep in sweeps[first : first + 2])
         ends = cold <= law.reference_temperature - law.C2
         expected = -np.inf if ends else float(law.log_shift(warm) - law.log_shift(cold))
         if abs(steps[0] - expected) <= max(OFF_THE_LAW, SHARE_OFF * abs(steps[0])):
@@ -131,7 +131,7 @@ def fit_wlf(sweeps: Sequence[Sweep], reference_temperature: float, vertical: boo
     dense Prony series fits all sweeps best. reference_temperature: K.
     Raises ValueError for less than three temperatures, or if neighbours don't overlap.
     """
-    sweeps = sorted(sweeps, key=lambda sweep: sweep.temperature)
+    sweeps = sorted(sweeps, key=lambda sweep: sweep.kelvin)
     _confirm_number(sweeps)
     steps = _steps(sweeps, reference_temperature if vertical else None)
     return _refined(sweeps, steps, reference_temperature, vertical)
@@ -227,7 +227,7 @@ def _counted(number: int) -> str:
 
 def _shifted(sweeps: Sequence[Sweep], shifts: NDArray, reference: float | None) -> tuple[NDArray, NDArray, NDArray]:
     """omega a_T, E' and E'' of all sweeps, sorted; the moduli are divided by T/reference where one is given."""
-    factor = [1.0 if reference is None else reference / sweep.temperature for sweep in sweeps]
+    factor = [1.0 if reference is None else reference / sweep.kelvin for sweep in sweeps]
     omega = np.concatenate([sweep.omega * 10.0**shift for sweep, shift in zip(sweeps, shifts, strict=True)])
     storage = np.concatenate([sweep.storage * b for sweep, b in zip(sweeps, factor, strict=True)])
     loss = np.concatenate([sweep.loss * b for sweep, b in zip(sweeps, factor, strict=True)])

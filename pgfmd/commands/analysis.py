@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-
-from pgfmd.errors import ResultError
 
 from .names import Folder, named, path_option
 from .printing import print_json
@@ -120,30 +118,23 @@ def compare(
 
     Curves are compared as they are, unless a correction is asked for; a measured force that is not zero far away is made so.
     """
-    from pgfmd.analysis import pictures
-    from pgfmd.analysis.comparison import comparison_table, load_loops, overlay
+    from pgfmd.analysis.comparison import compare as comparison_of
+    from pgfmd.analysis.pictures import plot_comparison
     from pgfmd.analysis.table import show
+    from pgfmd.plots.drawing import drawing, write_picture
 
-    stiffness = _stiffness(machine_stiffness)
-    resolution = length(low_pass, "--low-pass")
-    moved = None if offset.strip() == "fit" else quantity(offset, "length", "--offset")
-    runs, experiments = load_loops(
-        sources,
+    found = comparison_of(
+        *sources,
+        machine_stiffness=quantity(machine_stiffness, "stiffness", "--machine-stiffness", lambda value: value > 0),
+        correct=correct.value,
+        low_pass=length(low_pass, "--low-pass"),
+        offset="fit" if offset.strip() == "fit" else quantity(offset, "length", "--offset"),
         positive_displacement=positive_displacement.value if positive_displacement else None,
         positive_force=positive_force.value,
         cycle=cycle,
         baseline=None if baseline.strip() == "auto" else quantity(baseline, "force", "--baseline"),
     )
-    try:
-        found = overlay(runs, experiments, correct.value, stiffness, resolution, moved)
-    except ValueError as problem:
-        raise ResultError(f"the curves could not be compared: {problem}") from None
-    table = comparison_table(found, correct.value, stiffness, resolution)
-    figure = pictures.styled(pictures.overlay_figure, found.loops, len(runs), found.changes)
-    path = pictures.save(figure, out)
-    show(table)
+    with drawing():
+        path = write_picture(plot_comparison(found), out)
+    show(found.table)
     print(path)
-
-
-def _stiffness(text: str) -> Any:
-    return quantity(text, "stiffness", "--machine-stiffness", lambda value: value > 0)

@@ -92,9 +92,11 @@ def fit_prony(
     elif into is None:
         print(material.table(), end="")
     if plot is not None:
+        from pgfmd.plots.drawing import drawing, write_picture
         from pgfmd.plots.rheology import plot_fit
 
-        plot_fit(material, plot)
+        with drawing():
+            write_picture(plot_fit(material), plot)
     sys.stdout.flush()
     for text in material.warnings():
         print(f"warning: {text}", file=sys.stderr)

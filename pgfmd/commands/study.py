@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pgfmd.errors import PgfmdError
-from pgfmd.host import launch
 from pgfmd.host.streams import say
 
 from .names import named, path_option
@@ -18,6 +16,7 @@ from .run import Changes, Overrides, SceneName, all_changes
 
 if TYPE_CHECKING:
     from pgfmd.studies.campaign import Campaign
+    from pgfmd.studies.table import StudyTable
 
 Out = Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the folders of the cases.")]
 Ranks = Annotated[int | None, typer.Option("--ranks", "-n", min=1, help="Ranks of each job.")]
@@ -71,31 +70,29 @@ def study(
     ] = False,
 ) -> None:
     """Run a grid of scenes, one folder a case, or go on with it; then its table and figures."""
-    from dataclasses import replace
+    from pgfmd.studies.study import planned
 
-    from pgfmd.studies.cases import cases_of
-    from pgfmd.studies.study_file import read_study
-
-    require_one_process()
     if collect and (slurm or dry_run):
         raise typer.BadParameter("goes with neither --slurm nor --dry-run", param_hint="--collect")
     if sbatch_options and not slurm:
         raise typer.BadParameter("needs --slurm", param_hint="--sbatch-options")
-    plan = read_study(file)
-    plan = replace(plan, ranks=ranks or plan.ranks, checkpoint_every=checkpoint_every or plan.checkpoint_every)
-    campaign = _campaign(cases_of(plan), out or Path("out", plan.name), plan.checkpoint_every, retry, fresh, allow)
-    chosen = campaign.only(only or [])
-    title = plan.title or plan.name
+    _require_time(checkpoint_every)
+    plan = planned(
+        file, None, None, out, ranks, None if slurm else jobs, checkpoint_every,
+        retry=retry, fresh=fresh, allow=allow or (), say=say,
+    )  # fmt: skip
+    chosen = plan.campaign.only(only or [])
     if collect:
-        show(campaign, plan.axes, title)
+        show(plan.table())
     elif slurm:
         from pgfmd.studies.slurm_array import submit
 
-        submit(chosen, plan.ranks, jobs, plan.name, sbatch_options, dry_run)
+        submit(chosen, plan.ranks, jobs, file.stem, sbatch_options, dry_run)
     elif dry_run:
         show_agenda(chosen)
     else:
-        _, problem = run_and_show(chosen, campaign, plan.ranks, jobs or plan.jobs, plan.axes, title)
+        table, problem = plan.run(only or [])
+        show(table)
         if problem is not None:
             raise problem
 
@@ -126,70 +123,48 @@ def converge(
 ) -> None:
     """Run a scene on finer and finer levels, fit a power law, and extrapolate; goes on where it was stopped."""
     from pgfmd.studies.extrapolation import extrapolate, report, write
-    from pgfmd.studies.refinement import FEWEST, levels_of
+    from pgfmd.studies.refinement import FEWEST
+    from pgfmd.studies.study import refined
 
-    require_one_process()
     if power is not None and not power > 0.0:
         raise typer.BadParameter("must be above 0", param_hint="--power")
-    ladder = levels_of(scene, all_changes(changes, overrides), axis.value, levels, start, factor, largest_n, ranks)
+    _require_time(checkpoint_every)
+    out = out or Path("out", f"converge-{Path(scene).stem}-{axis.value}")
+    ladder, plan = refined(
+        scene, all_changes(changes, overrides), axis.value, levels, start, factor, largest_n, ranks or 1, out,
+        checkpoint_every or "10min", retry=retry, fresh=fresh, allow=allow or (), say=say,
+    )  # fmt: skip
     for line in ladder.lines():
         say(line)
-    out = out or Path("out", f"converge-{Path(scene).stem}-{axis.value}")
-    campaign = _campaign(ladder.cases, out, checkpoint_every, retry, fresh, allow)
-    title = f"{ladder.cases[0].scene.title or scene}: refined in {axis.value}"
-    rows, problem = run_and_show(campaign, campaign, ranks, 1, (ladder.key,), title)
-    if problem is None or sum(row.standing.complete for row in rows) >= FEWEST:
-        found = extrapolate(ladder, rows, quantity.value, power)
-        for line in [*report(found), " ".join(map(str, write(out, found, title)))]:
+    table, problem = plan.run()
+    show(table)
+    if problem is None or sum(row.standing.complete for row in table.rows) >= FEWEST:
+        found = extrapolate(ladder, table.rows, quantity.value, power)
+        for line in [*report(found), " ".join(map(str, write(out, found, table.title)))]:
             say(line)
     if problem is not None:
         raise problem
 
 
-def run_and_show(
-    chosen: Campaign, campaign: Campaign, ranks: int, jobs: int, axes: Any, title: str
-) -> tuple[list, PgfmdError | None]:
-    """Runs the chosen cases, then shows all; returns the rows, and what is to be raised because cases are
-    unfinished."""
-    from pgfmd.studies.campaign import Unfinished
-
-    problem = None
-    try:
-        chosen.run(ranks, jobs)
-    except Unfinished as error:
-        problem = error
-    return show(campaign, axes, title), problem
-
-
-def _campaign(cases: list, out: Path, every: str, retry: bool, fresh: bool, allow: list[str] | None) -> Campaign:
+def _require_time(every: str | None) -> None:
+    """A usage error for a text that is no time between checkpoints."""
     from pgfmd.host.walltime import seconds_of
-    from pgfmd.restart.scene_changes import require_known
-    from pgfmd.studies.campaign import Campaign, Wishes
+    from pgfmd.studies.study import OFF
 
-    from .run import OFF
-
-    require_known(allow or ())
     try:
-        _ = every == OFF or seconds_of(every)
+        _ = every in (None, OFF) or seconds_of(every)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--checkpoint-every") from None
-    return Campaign(cases, out, Wishes(retry, fresh, tuple(allow or ()), every), say)
 
 
-def show(campaign: Campaign, axes: Any, title: str) -> list:
-    """Writes the table and the figures of a study, and prints the table; returns its rows."""
-    from pgfmd.studies import table
-    from pgfmd.studies.campaign import make_folder
-    from pgfmd.studies.pictures import draw_study
+def show(table: StudyTable) -> None:
+    """Writes the table and the figures of a study, and prints the table."""
+    from pgfmd.studies.study import write
 
-    make_folder(campaign.out)
-    rows = table.rows_of(campaign.cases, axes, campaign.standings(), campaign.out)
-    path = campaign.out / table.FILE
-    table.write_table(path, rows, axes)
-    for line in [*table.overview(rows), *(f"note: {text}" for text in table.remarks(rows))]:
+    paths = write(table)
+    for line in [*str(table).splitlines(), *(f"note: {text}" for text in table.remarks)]:
         say(line)
-    say(" ".join(str(written) for written in (path, *draw_study(campaign.out, rows, axes, title))))
-    return rows
+    say(" ".join(map(str, paths)))
 
 
 def show_agenda(campaign: Campaign) -> None:
@@ -200,10 +175,3 @@ def show_agenda(campaign: Campaign) -> None:
         mark = "to run" if case.name in chosen else "left"
         say(f"{mark:6}  {case.name}: {standings[case.name]}")
         say(f"        {command('pgfmd', 'run', *campaign.arguments(case), '--out', campaign.folder(case))}")
-
-
-def require_one_process() -> None:
-    """Raises where mpirun has started the command itself: it starts its jobs with it."""
-    processes, _ = launch.launched()
-    if processes > 1:
-        raise PgfmdError("start it without mpirun: it starts one for each of its jobs (--ranks)")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -159,7 +160,7 @@ def _transform_of(scene: Scene, points: PunchPoints, ranks: int) -> tuple[int, i
 
 def map_bytes_of(punch: Punch) -> float:
     """A height map while heights are taken from it."""
-    return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
+    return map_bytes(punch.file, topography_of(punch).file_order) if punch.file else 0.0
 
 
 def modulus_of(scene: Scene) -> float:
@@ -205,7 +206,7 @@ def pair_seconds(scene: Scene) -> float:
     width, lines = side // 2 + 1, max(4, min(64, 2**16 // side))
     real, columns = np.ones((lines, side)), np.ones((lines, side), complex)
 
-    def seconds(action) -> float:
+    def seconds(action: Callable[[], object]) -> float:
         action()
         times = []
         for _ in range(5):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgfmd.parts import topography_of
-from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.physics.adhesion.registry import clearance_of, range_by_rule
 from pgfmd.physics.heightfile import WHOLE as WHOLE_MAP
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.schemes import registry
@@ -168,6 +168,8 @@ def _map_fits_the_cell(scene: Scene) -> Iterator[str]:
     if punch.pattern != "file" or punch.radius is not None:
         return
     size = face_of(scene).size
+    if size is None:
+        return
     if any(abs(length / side - max(round(length / side), 1)) > WHOLE * length / side for side in size):
         sides = " x ".join(shown(side, "length") for side in size)
         yield (
@@ -184,7 +186,7 @@ def _range(scene: Scene) -> Iterator[str]:
     if adhesion.range <= LARGE_SHARE * scale:
         return
     modulus = scene.substrate.contact_modulus
-    own = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, adhesion.q_ref)
+    own = range_by_rule(adhesion, modulus, adhesion.range_factor, adhesion.q_ref)
     cure = "look at its unit"
     if math.isclose(own, adhesion.range, rel_tol=1e-9):
         cure = (
@@ -202,7 +204,7 @@ def _tightness(scene: Scene) -> Iterator[str]:
     adhesion, (scale, what) = scene.adhesion, _scale(scene)
     modulus = scene.substrate.contact_modulus
     length = adhesion.work_of_adhesion / modulus
-    if adhesion.law == "cosine" and length > LARGE_SHARE * scale:
+    if adhesion.attractive and length > LARGE_SHARE * scale:
         yield (
             f"adhesion.work_of_adhesion: gamma/E* = {shown(adhesion.work_of_adhesion, 'energy per area')} / "
             f"{shown(modulus, 'modulus')} = {shown(length, 'length')} is {length / scale:.2g} times "
@@ -241,7 +243,7 @@ def _pressure(scene: Scene) -> Iterator[str]:
 
 def _clearance(scene: Scene) -> Iterator[str]:
     clearance, (scale, what) = scene.drive.clearance, _scale(scene)
-    if clearance > max(scale, scene.adhesion.range):
+    if clearance > max(scale, clearance_of(scene.adhesion)):
         yield (
             f"drive.clearance: the punch starts {shown(clearance, 'length')} above the surface, "
             f"{clearance / scale:.2g} times {what}, and takes {shown(clearance / scene.drive.speed, 'time')} to come "

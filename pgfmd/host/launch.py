@@ -19,7 +19,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from pgfmd.errors import WRITTEN_IS_VALID, LaunchError, PgfmdError
 
@@ -142,14 +142,14 @@ class _Exit(SystemExit):
         self.stack = "".join(traceback.format_stack()[:-2])
 
     @property
-    def code(self) -> object:
+    def code(self) -> Any:  # type: ignore[override]
         if sys._getframe().f_back is None:
             # Without a calling frame it is the interpreter that asks, at exit.
             _Exit.leaving = self
         return None if not self.args else self.args[0] if len(self.args) == 1 else self.args
 
 
-def _exit(status: object = None) -> None:
+def _exit(status: object = None) -> NoReturn:
     raise _Exit(status)
 
 
@@ -183,10 +183,11 @@ def _watch_for_faults(MPI: ModuleType) -> None:
             on_error(found.exc_type, found.exc_value, found.exc_traceback)
 
     def at_end() -> None:
-        code = _Exit.leaving.code if _Exit.leaving else 0
-        if code in (0, None) or MPI.Is_finalized() or os.getpid() != process or _all_here(comm):
+        leaving = _Exit.leaving
+        code = leaving.code if leaving else 0
+        if leaving is None or code in (0, None) or MPI.Is_finalized() or os.getpid() != process or _all_here(comm):
             return
-        abort("exit", f"exit code {code}, from\n{_Exit.leaving.stack}", code if isinstance(code, int) else 1)
+        abort("exit", f"exit code {code}, from\n{leaving.stack}", code if isinstance(code, int) else 1)
 
     sys.excepthook, threading.excepthook, sys.exit = on_error, on_error_in_thread, _exit
     atexit.register(at_end)
@@ -208,7 +209,7 @@ def guarded(comm: Intracomm) -> Iterator[None]:
     try:
         yield
     except PgfmdError as error:
-        if alone or _all_here(meeting):
+        if meeting is None or _all_here(meeting):
             if comm.rank == 0:
                 complain(error)
             raise SystemExit(error.exit_code) from None

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from types import ModuleType
 
 from .launchers import environment_without
 
@@ -41,7 +42,7 @@ def launcher() -> str | None:
     return shutil.which("mpirun") or shutil.which("mpiexec")
 
 
-def library_of(mpi) -> str:
+def library_of(mpi: ModuleType) -> str:
     """Name and version of an MPI library."""
     return mpi.Get_library_version().splitlines()[0].split(",")[0].strip("\0 ")
 

@@ -71,12 +71,12 @@ def _told(ranks: int, working: int) -> str:
     )
 
 
-def _tell(channel, spare: list[int], code: int) -> None:
+def _tell(channel: Intracomm, spare: list[int], code: int) -> None:
     for rank in spare:
         channel.Send(bytes([code]), rank)
 
 
-def _wait(channel) -> None:
+def _wait(channel: Intracomm) -> None:
     """Waits until rank 0 has finished. Raises RelayedError if it had an error."""
     for number in _ENDING:
         # launch.guarded restores the earlier handlers at its end.

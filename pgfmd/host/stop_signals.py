@@ -145,10 +145,10 @@ class StopSignals:
                 if number in _REPEATED:
                     self._urge(signal.Signals(number))
             if self._time_left() <= 0.0:
-                name = self.name_of(min(self._urgent, key=self._urgent.get))
+                name = self.name_of(min(self._urgent, key=self._urgent.__getitem__))
                 self._end(f"{name}: no end of the step within {self.patience:g} s, ended without a checkpoint")
 
-    def _urge(self, number: int) -> None:
+    def _urge(self, number: signal.Signals) -> None:
         """Records a TERM, Ctrl-C or HUP; a second one ends the process."""
         now = time.monotonic()
         first = min(self._urgent.values(), default=now)

@@ -51,27 +51,50 @@ class Rows:
 
 
 class Recorder(Observer):
-    """Keeps a row of the curve for each step, of the energies where the run follows them, and one for each event."""
+    """Keeps a row of the curve for each step, of the energies where the run follows them, and one for each event.
 
-    def __init__(self) -> None:
+    measure: what else is kept of the state at the end of each step, in the list `measured`, an entry a row of the curve.
+    """
+
+    def __init__(self, measure: Callable[[Simulation], Any] | None = None) -> None:
         self.curve, self.energy, self.events = Rows(CURVE), Rows(ENERGY), Rows(EVENTS)
+        self.measured: list[Any] = []
+        self._measure, self._released = measure, array("d")
         self._jump = array("b")
 
     def observe(self, simulation: Simulation, event: Event) -> None:
         if event.kind in STEPS:
             self.curve.append(curve_row(simulation))
             self._jump.append(event.kind == "jump")
+            self._released.append(event.released)
+            if self._measure:
+                self.measured.append(self._measure(simulation))
             if simulation.scheme.audit:
                 self.energy.append(energy_row(simulation))
         if event.kind in ("jump", "preload", "end"):
             self.events.append(event_row(simulation, event))
 
+    @property
+    def jump(self) -> np.ndarray:
+        """Which rows of the curve are the ends of jumps, (rows,)."""
+        return np.array(self._jump, bool)
+
+    @property
+    def released(self) -> np.ndarray:
+        """Energy [J] that was released in the step of each row of the curve, (rows,)."""
+        return np.array(self._released)
+
+    def rows(self, *names: str) -> np.ndarray:
+        """Fields of the curve's rows that are numbers, (rows, names)."""
+        return np.stack([self.curve.column(name) for name in names], axis=1)
+
     def loop(self, simulation: Simulation, name: str = "") -> Loop:
         """The loop so far, with the works and the pull-off force that the run itself has found."""
         state = simulation.state
         columns = ("time", "displacement", "force", "contact_area", "u_inf", "phase")
+        time, displacement, force, area, u_inf, phase = (self.curve.column(each) for each in columns)
         return Loop(
-            name, *(self.curve.column(each) for each in columns), np.array(self._jump, bool), work=state.energies.work,
+            name, time, displacement, force, area, u_inf, phase, self.jump, work=state.energies.work,
             separation=state.energies.work_of_separation, told={"pull_off_force_N": -state.pull_off_force},
         )  # fmt: skip
 
@@ -98,7 +121,7 @@ class FieldsInMemory(Mapping):
 
     def append(
         self, label: str, time: float, punch_position: float, force: float, gap: Given, traction: Given,
-        displacement: Given, surface: None = None,
+        displacement: Given, surface: tuple[np.ndarray, int] | None = None,
     ) -> None:  # fmt: skip
         """Adds a snapshot, of this rank's rows, or of functions that make them. Collective."""
         for name, value in zip(self._numbers, (label, time, punch_position, force), strict=True):

@@ -31,10 +31,11 @@ class Lattice:
 
 def site_normals(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
     """Standard normal number of each site (i, j), shape of i and j broadcast together."""
-    i, j = (np.atleast_1d(np.asarray(index, dtype=np.int64)).view(np.uint64) for index in (i, j))
+    a, b = (np.atleast_1d(np.asarray(index, dtype=np.int64)).view(np.uint64) for index in (i, j))
     key = scrambled(np.full(1, seed & 0xFFFFFFFFFFFFFFFF, dtype=np.uint64) + STRIDE)
-    key = scrambled(scrambled(key + STRIDE * (i + np.uint64(1))) + STRIDE * (j + np.uint64(1)))
-    return ndtri(((key >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53)
+    key = scrambled(scrambled(key + STRIDE * (a + np.uint64(1))) + STRIDE * (b + np.uint64(1)))
+    normal: Array = ndtri(((key >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53)
+    return normal
 
 
 def lattice_normals(lattice: Lattice, seed: int, x: Array, y: Array) -> Array:

@@ -76,6 +76,10 @@ class Phase:
         return self.velocity_end > 0.0 and self.velocity(elapsed) > 0.0
 
 
+AT_REST = Phase("start", 0.0, 0.0)
+"""What is before the programme: the punch is where it begins."""
+
+
 @dataclass(frozen=True)
 class Drive:
     """The whole programme of a tack test.

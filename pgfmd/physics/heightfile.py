@@ -13,6 +13,7 @@ import math
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,17 +71,19 @@ def read_heights(path: str | Path) -> tuple[Array, tuple[float, float] | None]:
 def _read_npy(path: Path) -> Array:
     """An array; a large one stays on the disk, as all ranks of a node share what they read of it."""
     if path.stat().st_size > 8 * WHOLE:
-        return np.load(path, mmap_mode="r", allow_pickle=False)
+        mapped: Array = np.load(path, mmap_mode="r", allow_pickle=False)
+        return mapped
     with open(path, "rb") as file:
         # numpy.load would take an empty file for a pickle that has ended.
-        return np.lib.format.read_array(file, allow_pickle=False)
+        found: Array = np.lib.format.read_array(file, allow_pickle=False)
+        return found
 
 
-def _size_of(stored: Array) -> tuple[float, ...]:
+def _size_of(stored: Array) -> tuple[float, float]:
     """A size from a file, as plain numbers; whether it is one is seen by HeightMap."""
-    if stored.ndim != 1:
+    if stored.shape != (2,):
         raise ValueError(f"size has the shape {stored.shape}, expected (size_x, size_y)")
-    return tuple(float(side) for side in stored)
+    return float(stored[0]), float(stored[1])
 
 
 def map_bytes(path: str | Path, order: int = 1) -> float:
@@ -110,7 +113,7 @@ class HeightMap:
     size: tuple[float, float]
     periodic: bool = False
     order: int = 1
-    _kept: dict = field(default_factory=dict, init=False, repr=False)
+    _kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 2 or min(self.heights.shape) < 2:
@@ -133,9 +136,10 @@ class HeightMap:
     ) -> HeightMap:
         """Read a map; a given size wins over the file's. Raises ValueError, OSError."""
         heights, stored_size = read_heights(path)
-        if size is None and stored_size is None:
+        given = size or stored_size
+        if given is None:
             raise ValueError(f"{path}: says no size; give file_size = (x, y) [m]")
-        return cls(heights, size if size is not None else stored_size, periodic, order)
+        return cls(heights, given, periodic, order)
 
     @property
     def pixel(self) -> tuple[float, float]:
@@ -162,7 +166,8 @@ class HeightMap:
         # Here and below, not at the top: only a map needs them.
         from scipy.ndimage import map_coordinates
 
-        return map_coordinates(coefficients, places, order=self.order, mode=mode, prefilter=False)
+        found: Array = map_coordinates(coefficients, places, order=self.order, mode=mode, prefilter=False)
+        return found
 
     def _whole(self, mode: str) -> tuple[int, Array]:
         """What a small map is interpolated from, made once, and how many samples have been added around it."""
@@ -211,4 +216,5 @@ class HeightMap:
             samples = self.heights[places[0]].astype(float)[:, places[1]]
             self._kept["coefficients"] = spline_filter(samples, self.order, output=float) if self.order > 1 else samples
             self._kept["stripe"] = stripe
-        return self._kept["coefficients"]
+        coefficients: Array = self._kept["coefficients"]
+        return coefficients

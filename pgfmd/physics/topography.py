@@ -22,7 +22,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +31,8 @@ from .asperities import Lattice, lattice_normals
 from .heightfile import HeightMap
 
 Array = NDArray[np.float64]
+UNUSED: Any = None
+"""In the place of what a face's pattern does not ask for: whoever reads it has looked at the pattern."""
 
 
 def _hexagonal(punch: Topography, x: Array, y: Array) -> Array:
@@ -150,15 +152,15 @@ class Topography:
 
     pattern: str
     radius: float | None = None
-    wavelength: float | None = None
-    amplitude: float | None = None
+    wavelength: float = UNUSED
+    amplitude: float = UNUSED
     curvature_radius: float = math.inf
-    exponent: float | None = None
+    exponent: float = UNUSED
     layer_step: float = 0.0
     layer_smoothing: float = 0.5
     height_jitter: float = 0.0
     seed: int = 0
-    file: str | Path | None = None
+    file: str | Path = UNUSED
     file_size: tuple[float, float] | None = None
     file_periodic: bool | None = None
     file_order: Literal[1, 3] = 1
@@ -208,7 +210,7 @@ class Topography:
         z = pattern.heights(self, x, y)
         if math.isfinite(self.curvature_radius) and not pattern.round:
             z = z + (x * x + y * y) / (2 * self.curvature_radius)
-        if self.height_jitter > 0:
+        if self.height_jitter > 0 and pattern.lattice is not None:
             z = z + self.height_jitter * lattice_normals(pattern.lattice(self), self.seed, x, y)
         if self.layer_step > 0:
             z = layered(z, self.layer_step, self.layer_smoothing)

@@ -1,20 +1,30 @@
 """Drawing in the project's own manner, whatever matplotlib is set to by its user, and writing pictures: the style, the
-colours, how numbers are written, and which rows of a long curve are drawn.
+colours and lines, the widths of journals, how numbers are written, and which rows of a long curve are drawn.
 
-matplotlib is loaded when a picture is made, and without pyplot: the caller's own settings are not touched.
+A function with the decorator `picture` returns a Figure. matplotlib is loaded when a picture is made, and without pyplot:
+the caller's own settings are not touched.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import functools
+import io
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+P = ParamSpec("P")
+Drawn = TypeVar("Drawn", bound="Figure | None")
 
 STYLE = {
     "font.size": 9.0,
@@ -27,15 +37,34 @@ STYLE = {
     "lines.linewidth": 1.4,
     "savefig.dpi": 150,
 }
-TURQUOISE, RED, GREY = "#00798c", "#b3352b", "#8a8a8a"
+PALETTE = ("#00798c", "#8f1d14", "#d18f00", "#2d1657", "#e7a0c0", "#7a8f3c")
+"""Colours of curves. They are told apart by eyes without red or green receptors, and their lightness differs for prints in
+grey (tests/unit/test_palette.py)."""
+TURQUOISE, RED, OCHRE, VIOLET = PALETTE[:4]
+GREY = "#8a8a8a"
+DASHES = (0, (4, 2))
+LINES = ("-", DASHES, (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)), (0, (9, 2)), (0, (3, 1, 1, 1, 1, 1)))
+"""Styles of lines, as many as colours."""
+WIDTHS = {"single": 3.5, "double": 7.2}
+"""Widths [inch] of pictures for a column and a page of a journal: 89 and 183 mm."""
+SMALL_FONT = 7.0
+"""Size [pt] of letters in a picture of a journal's width."""
+FORMATS = ("png", "pdf", "svg")
+FOOTER = 0.17
+"""Height [inch] of the line below a picture."""
+FOOTER_FONT = 6.5
+_width: ContextVar[str | None] = ContextVar("width", default=None)
 CURVE_PARTS = 2000
 """Parts of a curve of which the lowest and highest points are drawn: more than a picture has columns of pixels."""
 
 
 @contextmanager
-def drawing() -> Iterator[None]:
+def drawing(width: str | None = None) -> Iterator[None]:
     """Around the making and the writing of figures: matplotlib's defaults with STYLE. A user's matplotlibrc may ask for
     LaTeX that is not there, for another size or for dark paper.
+
+    width: one of WIDTHS for all figures that are made within this, with smaller letters; None leaves it as it is, and
+    each figure its own width.
 
     Raises:
         ResultError: if matplotlib can't be loaded with the user's set-up.
@@ -46,10 +75,29 @@ def drawing() -> Iterator[None]:
         cure = "look at MPLBACKEND and at the file matplotlibrc of this folder or of your home"
         raise ResultError(f"matplotlib can't be loaded: {problem}; {cure}") from None
 
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(STYLE)
-        yield
+    token = _width.set(width) if width else None
+    try:
+        with matplotlib.rc_context():
+            matplotlib.rcdefaults()
+            settings: Any = matplotlib.rcParams
+            settings.update(STYLE)
+            if _width.get():
+                settings.update({name: SMALL_FONT for name in STYLE if name.endswith("size")})
+            yield
+    finally:
+        if token:
+            _width.reset(token)
+
+
+def picture(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
+    """Makes a function that draws a figure do so with the project's settings, whatever those of its caller."""
+
+    @functools.wraps(draw)
+    def drawn(*arguments: P.args, **options: P.kwargs) -> Drawn:
+        with drawing():
+            return draw(*arguments, **options)
+
+    return drawn
 
 
 def literal(text: str) -> str:
@@ -85,11 +133,67 @@ def write_picture(figure: Any, path: str | Path, hint: str = "") -> Path:
     return Path(path)
 
 
-def new_figure(width: float, height: float) -> Any:
-    """An empty figure, width and height in inches, that belongs to no window."""
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, width and height in inches, that belongs to no window; within `drawing` of a journal's width, it
+    has that, and a height in proportion. It is written, and shown in a notebook, with the project's settings."""
+    journal = _width.get()
+    if journal:
+        wide = WIDTHS[journal]
+        # Letters don't shrink in proportion.
+        width, height = wide, height * (wide / width) ** 0.7
+    return _picture_class()(figsize=(width, height), layout="constrained")
+
+
+@functools.cache
+def _picture_class() -> type[Figure]:
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    class Picture(Figure):
+        """A figure that does not take the settings of whoever saves it."""
+
+        def savefig(self, fname: Any, **options: Any) -> None:
+            with drawing():
+                super().savefig(fname, **options)
+
+        def _repr_png_(self) -> bytes:
+            """For notebooks."""
+            image = io.BytesIO()
+            self.savefig(image, format="png")
+            return image.getvalue()
+
+    return Picture
+
+
+def room(each: float, most: int) -> int:
+    """How many panels of a width [inch] fit beside each other in a picture of a journal's width; `most` in others."""
+    width = _width.get()
+    return max(1, min(most, int(WIDTHS[width] / each))) if width else most
+
+
+def footer(figure: Figure, text: str) -> None:
+    """Writes a small grey line at the foot of a finished figure, which grows by it; cut off where it is too long."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + FOOTER)
+    share = FOOTER / (height + FOOTER)
+    left, bottom, right, top = 0.0, share, 1.0, 1.0
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    for legend in figure.legends:
+        # The layout knows no legend that has a place of its own: room is left for it here.
+        box = legend.get_window_extent(renderer).transformed(figure.transFigure.inverted())
+        legend.set_bbox_to_anchor((0, share, 1, 1 - share), transform=figure.transFigure)
+        pad = 2 * legend.borderaxespad * FOOTER_FONT / 72
+        # What matplotlib keeps to itself, and may call otherwise some day.
+        place = getattr(legend, "_outside_loc", None)
+        bottom += (box.height + pad / height) * (place == "lower")
+        top -= (box.height + pad / height) * (place == "upper")
+        right -= (box.width + pad / width) * (place == "right")
+    layout: Any = figure.get_layout_engine()
+    layout.set(rect=(left, bottom, right - left, top - bottom))
+    most = int(width * 72 / (0.5 * FOOTER_FONT))
+    text = text if len(text) <= most else text[: most - 1] + "…"
+    figure.text(0.05 / width, 0.3 * share, literal(text), fontsize=FOOTER_FONT, color="0.45", va="bottom")
 
 
 def signed(value: float) -> str:

@@ -1,33 +1,26 @@
-"""Pictures of a results folder: force and contact curves, maps, energy audit. Reads files only, no MPI."""
+"""All pictures of a results folder, and those of several runs together. Reads files only, no MPI."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from pgfmd.errors import ResultError
 from pgfmd.results import Results, load
-from pgfmd.results.curve import Loop, Measures, column, measure
+from pgfmd.results.reading import runs_in
 
-from .drawing import (
-    GREY,
-    RED,
-    TURQUOISE,
-    drawing,
-    elsewhere,
-    energy_unit,
-    new_figure,
-    seen,
-    signed,
-    target_folder,
-    write_picture,
-)
-from .maps import contact_figure, stress_figure
-from .sites import site_figure
+from .curves import QUANTITIES, plot_curve, plot_energy, plot_force, plot_time
+from .drawing import drawing, elsewhere, target_folder, write_picture
+from .maps import pages_of, plot_contact_maps, plot_stress_maps, stress_limit
+from .numbers import NUMBERS, plot_numbers
+from .sites import plot_sites
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Draw = Callable[[], "Figure"]
 
 
 def plot_results(
@@ -35,103 +28,91 @@ def plot_results(
     out: str | Path | None = None,
     greys: int = 4,
     contact_gap: float | None = None,
-    near_gap: float | None = None,
+    near_gap: float | str | None = None,
+    form: str = "png",
+    width: str | None = None,
+    limit: float | None = None,
 ) -> list[Path]:
-    """Make every picture that the folder has data for; returns the PNG files written, in it or in the folder `out`.
+    """Makes every picture that the folder has data for; returns the files written, in it or in the folder `out`.
 
-    `force-displacement.png` always; `contact-maps.png`, `stress-maps.png` with snapshots; `energy.png` with an audit;
-    `sites.png` where summits, saddles or valleys have met the elastomer.
+    `force-displacement.png` and `time.png` always; `contact-maps.png`, `stress-maps.png` with snapshots, more than
+    twelve on further pages, `contact-maps-2.png` and so on; `energy.png` with an audit; `sites.png` where summits,
+    saddles or valleys have met the elastomer.
 
     Args:
-        greys: of the maps of contact: 4 (overlap, contact, near, open), or the paper's 3 (contact, near, open).
-        contact_gap, near_gap: gaps [m] below which these maps show contact, and near; None for those of the run.
+        greys, contact_gap, near_gap: of the maps of contact (`plot_contact_maps`).
+        form: of the files, one of drawing.FORMATS.
+        width: of a column or a page of a journal, one of drawing.WIDTHS; None for each picture's own.
+        limit: of the maps of stress [Pa].
 
     Raises:
         ResultError: if it is not a results folder, its table is still empty, or a picture can't be written.
     """
-    with load(directory) as results, drawing():
+    with load(directory) as results, drawing(width):
         if not len(results.curve):
             raise ResultError(f"{results.directory}: nothing to plot yet, curve.csv has no rows")
         folder = target_folder(results.directory, out)
-        figures = {"force-displacement.png": force_figure}
-        if results.labels:
-            contact = partial(contact_figure, greys=greys, contact_gap=contact_gap, near_gap=near_gap)
-            figures |= {"contact-maps.png": contact, "stress-maps.png": stress_figure}
-        if results.energy is not None and len(results.energy):
-            figures["energy.png"] = energy_figure
-        if results.sites is not None and len(results.sites):
-            figures["sites.png"] = site_figure
-        return [
-            write_picture(draw(results), folder / name, elsewhere(folder / name, results.directory))
-            for name, draw in figures.items()
-        ]
+        contact = partial(plot_contact_maps, results, greys=greys, contact_gap=contact_gap, near_gap=near_gap)
+        written = []
+        for name, draw in pictures_of(results, contact, limit):
+            path = folder / f"{name}.{form}"
+            written.append(write_picture(draw(), path, elsewhere(path, results.directory)))
+        return written
 
 
-def force_figure(results: Results) -> Any:
-    """Force [mN] and, below, contact area [mm^2] against indentation [um]; approach dashed, retraction in colour.
+def pictures_of(
+    results: Results, contact: Callable[..., Figure] | None = None, limit: float | None = None
+) -> Iterator[tuple[str, Draw]]:
+    """Name, and what draws it, of each picture that a run has data for.
 
-    Of a run that counted overlap alone, that area instead, by its name.
+    contact: what draws a page of maps of contact; `plot_contact_maps` of the run unless said. limit: of the stress [Pa].
     """
-    loop = Loop.of(results)
-    indentation, force = 1e6 * loop.indentation, 1e3 * loop.force
-    kind, area = next(iter(loop.areas.items()))
-    figure = new_figure(5.2, 5.2)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
-    styles: dict[str, dict[str, Any]] = {
-        "approach": {"color": GREY, "linestyle": (0, (4, 2))}, "retraction": {"color": TURQUOISE},
-    }  # fmt: skip
-    for name, rows in loop.branches.items():
-        if rows.stop - rows.start > 1:
-            upper.plot(*seen(indentation[rows], force[rows]), label=name, **styles[name])
-            lower.plot(*seen(indentation[rows], 1e6 * area[rows]), **styles[name])
-    upper.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-    for text, marker, x, y in _marks(loop, measure(loop)):
-        upper.plot(1e6 * x, 1e3 * y, marker, color=RED, markersize=5, linestyle="none", label=text)
-    upper.legend(loc="best")
-    upper.set_ylabel("force (mN)")
-    upper.margins(y=0.08)
-    lower.set(xlabel="indentation (µm)", ylabel=f"{kind} (mm²)")
-    lower.set_ylim(bottom=0)
-    figure.align_ylabels()
-    return figure
+    yield "force-displacement", partial(plot_force, results)
+    yield "time", partial(plot_time, results)
+    pages = range(1, len(pages_of(results)) + 1)
+    for page in pages:
+        yield _paged("contact-maps", page), partial(contact or partial(plot_contact_maps, results), page=page)
+    if len(pages) > 1 and limit is None:
+        limit = stress_limit(results)
+    for page in pages:
+        yield _paged("stress-maps", page), partial(plot_stress_maps, results, page=page, limit=limit)
+    if results.energy is not None and len(results.energy):
+        yield "energy", partial(plot_energy, results)
+    if results.sites is not None and len(results.sites):
+        yield "sites", partial(plot_sites, results)
 
 
-def _marks(loop: Loop, found: Measures) -> Iterator[tuple[str, str, float, float]]:
-    """Text, marker, indentation [m] and force [N] of what is marked on the curve: the numbers of `run.json`, where
-    there is one (results/curve.py)."""
-    if found.preload is not None and found.preload > 0.0:
-        yield f"preload  {signed(1e3 * found.preload)} mN", "^", loop.indentation[loop.preload_row], found.preload
-    markers = {"pull-off": "v", "snap-in": "o"}
-    for name, dip in found.landmarks.items():
-        spread = f" ± {1e3 * dip.uncertainty:.2g}" if dip.uncertainty else ""
-        place = -dip.displacement - loop.offset
-        yield f"{name}  {signed(-1e3 * dip.tension)}{spread} mN", markers[name], place, -dip.tension
+def _paged(name: str, page: int) -> str:
+    return name if page == 1 else f"{name}-{page}"
 
 
-def energy_figure(results: Results) -> Any:
-    """The audit's terms against time, and what is left unexplained below."""
-    energy = results.energy
-    time = column(energy, "time [s]")
-    styles: dict[str, dict[str, Any]] = {
-        "work": {"color": "black", "linewidth": 1.8},
-        "elastic": {"color": TURQUOISE},
-        "adhesive": {"color": "#d18f00"},
-        "viscous": {"color": RED},
-        "released": {"color": "#6a4c93", "linestyle": (0, (4, 2))},
-    }
-    terms = {name: column(energy, f"{name} [J]") for name in styles}
-    residual = column(energy, "residual [J]")
-    figure = new_figure(5.2, 4.6)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    factor, unit = energy_unit(max(np.nanmax(np.abs(values)) for values in terms.values()))
-    for name, values in terms.items():
-        upper.plot(*seen(time, values / factor), label="work of the punch" if name == "work" else name, **styles[name])
-    upper.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-    upper.set_ylabel(f"energy ({unit})")
-    upper.legend(loc="best")
-    factor, unit = energy_unit(np.nanmax(np.abs(residual)))
-    lower.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-    lower.plot(*seen(time, residual / factor), color="0.35", linewidth=1.0)
-    lower.set(xlabel="time (s)", ylabel=f"residual ({unit})")
-    figure.align_ylabels()
-    return figure
+def plot_against(
+    directories: Sequence[str | Path], out: str | Path, x: str = "", y: str = "", log: str = "", form: str = "png",
+    width: str | None = None,
+) -> list[Path]:  # fmt: skip
+    """Draws several runs in one picture; returns the files written into the folder `out`.
+
+    Without x and y, `curves` (forces and contact against indentation) and `time`. Else one against the other: columns of
+    the curves (`plot_curve`), or numbers of the runs (`plot_numbers`).
+
+    directories: results folders, and folders of studies, whose cases they stand for. Raises ResultError if one is
+    neither, can't be read, or a picture can't be written; ValueError for an unknown name.
+    """
+    runs = [run for directory in directories for run in runs_in(directory)]
+    if not (x or y):
+        drawn: dict[str, Draw] = {"curves": partial(plot_force, *runs), "time": partial(plot_time, *runs)}
+    elif (y or "force") in QUANTITIES and (x or "indentation") in QUANTITIES:
+        x, y = x or "indentation", y or "force"
+        drawn = {f"{y}-{x}": partial(plot_curve, *runs, x=x, y=y, log=log)}
+    elif not y or y in NUMBERS:
+        y = y or "pull-off"
+        name = f"{y}-{x.rpartition('.')[2]}" if x else y
+        drawn = {name: partial(plot_numbers, *runs, x=x, y=y, log=log)}
+    else:
+        raise ValueError(
+            f"{y!r} can't be drawn against {x or 'a key'!r}: expected columns of curves ({', '.join(QUANTITIES)}), or one "
+            f"of {', '.join(NUMBERS)} against a key of the scenes"
+        )
+    with drawing(width):
+        folder = target_folder(Path(out), out)
+        return [write_picture(draw(), folder / f"{name}.{form}") for name, draw in drawn.items()]

@@ -4,19 +4,34 @@ the normal traction."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgfmd.errors import ResultError
 from pgfmd.results import Results
-from pgfmd.units import handy_quantity
+from pgfmd.results.reading import Run, opened
+from pgfmd.units import handy_quantity, parse_quantity
 
-from .drawing import literal, new_figure, signed
+from .curves import at_foot
+from .drawing import literal, new_figure, picture, room, signed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
 MOST_PANELS = 12
+"""Maps on a page."""
+RANGE = "range"
+"""As a gap: the range of adhesion of the run, beyond which nothing attracts."""
+OPEN = "#c4c9d6"
+"""Colour of points without traction in maps of stress: bluish grey, which no traction has."""
+NO_TRACTION = 1e-6
+"""Share of the largest traction below which a gap that is open carries none."""
 MOST_PIXELS = 1024
 ROBUST_PERCENTILE = 99.5
 LEGEND_LINE = 0.17
@@ -76,27 +91,45 @@ def class_numbers(gap: NDArray[np.float64], classes: Sequence[GapClass]) -> NDAr
     return np.where(np.isnan(gap), np.nan, np.searchsorted(bounds, gap, side="right"))
 
 
-def chosen_snapshots(count: int) -> list[int]:
-    """All snapshots, or evenly chosen ones, with the first and the last, where there are too many for one page."""
-    return sorted({round(k) for k in np.linspace(0, count - 1, min(count, MOST_PANELS))})
+def pages_of(run: Run) -> list[list[int]]:
+    """The snapshots of a run, page by page: as few pages as there have to be, with as many maps each as can be."""
+    with opened(run) as results:
+        count = len(results.labels)
+    pages = -(-count // MOST_PANELS)
+    return [list(map(int, part)) for part in np.array_split(np.arange(count), pages)] if count else []
+
+
+def thinned(results: Results, name: str, snapshot: int) -> NDArray[np.float64]:
+    """An array of a snapshot with at most MOST_PIXELS rows and columns, evenly chosen: drawing every point of a fine grid
+    takes minutes and can't be seen."""
+    values = results.frame(name, snapshot)
+    stride = -(-len(values) // MOST_PIXELS)
+    return values[::stride, ::stride]
 
 
 class Maps:
-    """A page of square maps of the punch block, one a snapshot, with label, time, force, and a scale bar."""
+    """A page of square maps of the punch block, one a snapshot, with label, time, force, and a scale bar.
 
-    def __init__(self, results: Results, name: str):
+    page: its number, from 1; beside: room [inch] for what stands at the right. Raises ResultError if there is no such
+    page.
+    """
+
+    def __init__(self, results: Results, page: int = 1, beside: float = 0.1):
+        pages = pages_of(results)
+        if not 1 <= page <= len(pages):
+            there = f"{len(pages)} pages of maps" if pages else "no snapshots"
+            raise ResultError(f"{results.directory}: has {there}, so no page {page}")
         fields = results.fields
-        self.results, self.name = results, name
-        self.snapshots = chosen_snapshots(len(results.labels))
+        self.results, self.snapshots = results, pages[page - 1]
         x = np.asarray(fields["x"])
-        # Drawing every point of a fine grid takes minutes and can't be seen: thin it out evenly.
-        self.stride = -(-x.size // MOST_PIXELS)
         half = 0.5 * (x[-1] - x[0]) * (1 + 1 / max(x.size - 1, 1))
         self.half = 1e6 * (half if x.size > 1 else 1e-6)
-        rows = -(-len(self.snapshots) // 4)
-        self.columns = -(-len(self.snapshots) // rows)
+        rows = -(-len(self.snapshots) // room(1.7, 4))
+        self.rows, self.columns = rows, -(-len(self.snapshots) // rows)
         # A single map needs room for its colour bar and legend.
-        self.figure = new_figure(max(1.9 * self.columns + 0.9, 4.0), 2.45 * rows + 0.75)
+        self.figure = new_figure(max(1.9 * self.columns + 0.9, 4.0), 1.0)
+        side = min(2.2, (self.figure.get_figwidth() - beside) / self.columns)
+        self.figure.set_figheight((side + 0.55) * rows + 0.75)
         axes = self.figure.subplots(rows, self.columns, squeeze=False).ravel()
         for axis in axes[len(self.snapshots) :]:
             axis.remove()
@@ -104,15 +137,14 @@ class Maps:
         for axis, snapshot in zip(self.axes, self.snapshots, strict=True):
             self._frame(axis, snapshot)
         self._scale_bar(self.axes[(rows - 1) * self.columns])
-        if len(self.snapshots) < len(results.labels):
-            note = f"{len(self.snapshots)} of {len(results.labels)} snapshots"
-            self.figure.suptitle(note, fontsize=8.5, color="0.4")
+        if len(pages) > 1:
+            self.figure.suptitle(f"page {page} of {len(pages)}", fontsize=8.5, color="0.4")
 
-    def values(self, snapshot: int) -> np.ndarray:
-        """The map's array, thinned out."""
-        return self.results.frame(self.name, snapshot)[:: self.stride, :: self.stride]
+    def values(self, name: str, snapshot: int) -> NDArray[np.float64]:
+        """An array of a snapshot, `thinned`."""
+        return thinned(self.results, name, snapshot)
 
-    def draw(self, axis: Any, values: np.ndarray, **options: Any) -> Any:
+    def draw(self, axis: Axes, values: np.ndarray, **options: Any) -> AxesImage:
         """Show an array with y upward, and the outline of the punch where it does not fill the block."""
         extent = (-self.half, self.half, -self.half, self.half)
         outside = np.isnan(values)
@@ -128,7 +160,7 @@ class Maps:
         axis.set(xlim=(-margin, margin), ylim=(-margin, margin))
         return image
 
-    def _frame(self, axis: Any, snapshot: int) -> None:
+    def _frame(self, axis: Axes, snapshot: int) -> None:
         fields, label = self.results.fields, self.results.labels[snapshot]
         label = label if len(label) <= 30 else label[:29] + "…"
         time, force = float(fields["time"][snapshot]), 1e3 * float(fields["force"][snapshot])
@@ -139,10 +171,10 @@ class Maps:
         for spine in axis.spines.values():
             spine.set_visible(False)
 
-    def _scale_bar(self, axis: Any) -> None:
+    def _scale_bar(self, axis: Axes) -> None:
         length = round_length(0.6 * self.half)
         start, height = -self.half, -1.12 * self.half
-        line = {"color": "black", "linewidth": 2, "solid_capstyle": "butt", "clip_on": False}
+        line: dict[str, Any] = {"color": "black", "linewidth": 2, "solid_capstyle": "butt", "clip_on": False}
         axis.plot([start, start + length], [height, height], **line)
         text = f"{length:g} µm" if length < 1000 else f"{length / 1000:g} mm"
         axis.text(start + length / 2, height - 0.06 * self.half, text, ha="center", va="top", fontsize=8)
@@ -154,50 +186,115 @@ def round_length(largest: float) -> float:
     return max(factor * power for factor in (1, 2, 5) if factor * power <= largest * (1 + 1e-12))
 
 
-def contact_figure(
-    results: Results, greys: int = 4, contact_gap: float | None = None, near_gap: float | None = None
-) -> Any:
+@picture
+def plot_contact_maps(
+    run: Run,
+    greys: int = 4,
+    contact_gap: float | None = None,
+    near_gap: float | str | None = None,
+    page: int = 1,
+) -> Figure:
     """The punch's gaps in four greys, overlap, contact, near and open, or in the paper's three (`gap_classes`).
 
-    contact_gap, near_gap: thresholds [m] by hand, None for those of the run.
+    Args:
+        run: results, or their folder.
+        greys: 4; or 3, the paper's, which have no overlap of its own.
+        contact_gap, near_gap: thresholds [m] by hand, None for those of the run. near_gap may be "range", that of
+            adhesion: what is not open then attracts.
+        page: of the snapshots, from 1; `pages_of` tells how many there are.
+
+    Raises:
+        ResultError: if the run can't be read, or has no snapshots, or no such page.
     """
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch
 
-    contact_gap = results.contact_gap if contact_gap is None else contact_gap
-    near_gap = results.near_gap if near_gap is None else near_gap
-    classes = gap_classes(contact_gap, near_gap, results.counts_overlap, greys)
-    shades = [each.grey for each in classes]
-    look = {"cmap": ListedColormap(shades), "norm": BoundaryNorm(np.arange(len(shades) + 1) - 0.5, len(shades))}
-    maps = Maps(results, "gap")
-    for axis, snapshot in zip(maps.axes, maps.snapshots, strict=True):
-        maps.draw(axis, class_numbers(maps.values(snapshot), classes), **look)
-    patches = [Patch(facecolor=each.grey, edgecolor="0.25", linewidth=0.5, label=each.label) for each in classes]
+    with opened(run) as results:
+        contact_gap = results.contact_gap if contact_gap is None else contact_gap
+        near = results.near_gap if near_gap is None else range_of(results) if near_gap == RANGE else float(near_gap)
+        classes = gap_classes(contact_gap, near, results.counts_overlap, greys)
+        shades = [each.grey for each in classes]
+        look = {"cmap": ListedColormap(shades), "norm": BoundaryNorm(np.arange(len(shades) + 1) - 0.5, len(shades))}
+        maps = Maps(results, page)
+        for axis, snapshot in zip(maps.axes, maps.snapshots, strict=True):
+            maps.draw(axis, class_numbers(maps.values("gap", snapshot), classes), **look)
+        patches = [Patch(facecolor=each.grey, edgecolor="0.25", linewidth=0.5, label=each.label) for each in classes]
+        _legend_below(maps, patches)
+        at_foot(maps.figure, [results])
+    return maps.figure
+
+
+def range_of(results: Results) -> float:
+    """The range of adhesion [m] of a run. ResultError where its scene does not tell."""
+    text = results.scene.get("adhesion", {}).get("range")
+    if text is None:
+        raise ResultError(f"{results.directory}: its scene tells no range of adhesion; give a gap instead")
+    return parse_quantity(text, "length")
+
+
+def _legend_below(maps: Maps, patches: list[Any]) -> None:
+    """A legend at the foot of a page, which grows by it."""
     columns = len(patches) if len(maps.axes) > 2 else 2
+    columns = min(columns, room(1.2, columns))
     maps.figure.set_figheight(maps.figure.get_figheight() + LEGEND_LINE * -(-len(patches) // columns))
     maps.figure.legend(handles=patches, loc="outside lower center", ncols=columns, handlelength=1.2, columnspacing=1.4)
-    return maps.figure
 
 
-def stress_figure(results: Results) -> Any:
-    """Normal traction under the punch, tension positive; one symmetric scale for all snapshots."""
+@picture
+def plot_stress_maps(run: Run, page: int = 1, limit: float | None = None) -> Figure:
+    """Normal traction under the punch, tension positive; one symmetric scale for all snapshots of the page. Where the
+    gap is open and nothing attracts, points are bluish grey: no traction is told from one that is zero.
+
+    Args:
+        run: results, or their folder.
+        page: of the snapshots, from 1.
+        limit: end of the scale [Pa], such as that of another run; None for `stress_limit` of the page.
+
+    Raises:
+        ResultError: if the run can't be read, or has no snapshots, or no such page.
+    """
     from cmcrameri import cm
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
 
-    maps = Maps(results, "traction")
-    frames = {snapshot: maps.values(snapshot) for snapshot in maps.snapshots}
-    limit, clipped = robust_limit(frames.values())
-    factor, unit = (1e6, "MPa") if limit >= 1e6 else (1e3, "kPa") if limit >= 1e3 else (1.0, "Pa")
-    image = None
-    for axis, traction in zip(maps.axes, frames.values(), strict=True):
-        image = maps.draw(axis, traction / factor, cmap=cm.vik, vmin=-limit / factor, vmax=limit / factor)
-    extend = "both" if clipped else "neither"
-    bar = maps.figure.colorbar(image, ax=maps.axes, shrink=0.8, aspect=25, pad=0.02, extend=extend)
-    bar.set_label(f"normal traction ({unit}), tension > 0")
-    bar.outline.set_linewidth(0.5)
+    with opened(run) as results:
+        maps = Maps(results, page, 0.9)
+        frames = {snapshot: maps.values("traction", snapshot) for snapshot in maps.snapshots}
+        own, _ = robust_limit(frames.values())
+        limit = own if limit is None else limit
+        clipped = any(np.nanmax(np.abs(each), initial=0.0) > 1.001 * limit for each in frames.values())
+        factor, unit = (1e6, "MPa") if limit >= 1e6 else (1e3, "kPa") if limit >= 1e3 else (1.0, "Pa")
+        image: Any = None
+        any_open = False
+        for axis, (snapshot, traction) in zip(maps.axes, frames.items(), strict=True):
+            image = maps.draw(axis, traction / factor, cmap=cm.vik, vmin=-limit / factor, vmax=limit / factor)
+            is_open = (maps.values("gap", snapshot) > 0.0) & (np.abs(traction) <= NO_TRACTION * limit)
+            if is_open.any():
+                any_open = True
+                extent = {"origin": "lower", "extent": image.get_extent(), "interpolation": "nearest"}
+                axis.imshow(
+                    np.ma.masked_where(~is_open, np.zeros(is_open.shape)), cmap=ListedColormap([OPEN]), **extent
+                )
+        extend = "both" if clipped else "neither"
+        bar = maps.figure.colorbar(
+            image, ax=maps.axes, shrink=0.8, aspect=12.5 * max(2, maps.rows), pad=0.02, extend=extend
+        )
+        bar.set_label(f"normal traction ({unit}), tension > 0")
+        bar.outline.set_linewidth(0.5)
+        if any_open:
+            _legend_below(maps, [Patch(facecolor=OPEN, edgecolor="0.25", linewidth=0.5, label="open, no traction")])
+        at_foot(maps.figure, [results])
     return maps.figure
 
 
-def robust_limit(arrays: Any) -> tuple[float, bool]:
+def stress_limit(run: Run) -> float:
+    """End [Pa] of a scale that suits all snapshots of a run: the largest of its pages' own. It must have snapshots."""
+    with opened(run) as results:
+        pages = pages_of(results)
+        return max(robust_limit(thinned(results, "traction", k) for k in page)[0] for page in pages)
+
+
+def robust_limit(arrays: Iterable[NDArray[np.float64]]) -> tuple[float, bool]:
     """A symmetric colour limit that a few extreme points do not set, and whether it leaves values out.
 
     The 99.5th percentile of the absolute values of all points that carry a noticeable part (over 1 %) of the largest,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,42 +12,48 @@ from pgfmd.characterisation.relaxation_fit import RelaxationFit
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference.prony import gfmd_creep
 
-from .drawing import GREY, RED, TURQUOISE, drawing, literal, new_figure, signed, write_picture
+from .drawing import GREY, OCHRE, RED, TURQUOISE, VIOLET, literal, new_figure, picture, signed
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from pgfmd.characterisation.rheology_table import Material
+    from pgfmd.scene import Scene
 
 GUIDES = {0.8: "-", 0.5: (0, (5, 1.5))}
 """The power laws of the paper's figure and their line styles."""
-GFMD_PHASES = {1: "#d18f00", 2: RED, 4: "#6a4c93", 8: TURQUOISE}
+GFMD_PHASES = {1: OCHRE, 2: RED, 4: VIOLET, 8: TURQUOISE}
 """omega_GFMD tau_min in units of pi, and colour; the paper works with 2 pi."""
 MOST_TEMPERATURES = 8
 
 
-def plot_rheology(series: PronySeries, path: str | Path, title: str = "") -> None:
-    """Draw the modulus ratio against frequency, and the creep of target and implemented model against time.
+@picture
+def plot_rheology(source: Scene | PronySeries, title: str = "") -> Figure:
+    """The modulus ratio against frequency, and the creep of target and implemented model against time.
 
-    Raises ValueError for a series without elements, ResultError if the picture can't be written.
+    source: a scene, whose elastomer is drawn, or a series. title: of the picture; that of the scene unless said. Raises
+    ValueError for a material without a relaxation.
     """
+    series, title = (source, title) if isinstance(source, PronySeries) else (_series_of(source), title or source.title)
     if not series.elements:
         raise ValueError("an elastic material has one modulus at all frequencies: there is nothing to draw")
-    with drawing():
-        figure = new_figure(9.0, 4.1)
-        left, right = figure.subplots(1, 2)
-        draw_modulus(left, series)
-        draw_creep(right, series)
-        if title:
-            figure.suptitle(literal(title), fontsize=9.5)
-        write_picture(figure, path)
+    figure = new_figure(9.0, 4.1)
+    left, right = figure.subplots(1, 2)
+    draw_modulus(left, series)
+    draw_creep(right, series)
+    if title:
+        figure.suptitle(literal(title), fontsize=9.5)
+    return figure
 
 
-def plot_fit(material: Material, path: str | Path) -> None:
-    """Draw measured moduli, shifted if they were, with the fitted series and the misfit. Raises ResultError."""
-    with drawing():
-        write_picture(fit_figure(material), path)
+def _series_of(scene: Scene) -> PronySeries:
+    from pgfmd.parts import series_of
+
+    return series_of(scene.rheology)
 
 
-def draw_modulus(axis: Any, series: PronySeries) -> None:
+def draw_modulus(axis: Axes, series: PronySeries) -> None:
     """Storage and loss modulus over E(0), each element's share of the storage, and power laws through the middle."""
     omega = np.geomspace(1e-2 / series.tau[0], 1e2 / series.tau[-1], 600)
     storage, loss = series.storage(omega), series.loss(omega)
@@ -73,7 +78,7 @@ def draw_modulus(axis: Any, series: PronySeries) -> None:
     axis.legend(loc="upper left")
 
 
-def draw_creep(axis: Any, series: PronySeries) -> None:
+def draw_creep(axis: Axes, series: PronySeries) -> None:
     """Response to a force switched on at time 0: the target, and what auxiliary masses and dampers make of it."""
     shortest = float(series.tau[-1])
     creep = series.to_creep()
@@ -91,9 +96,10 @@ def draw_creep(axis: Any, series: PronySeries) -> None:
     axis.legend(loc="lower right")
 
 
-def fit_figure(material: Material) -> Any:
-    """Moduli (MPa) against angular frequency, or a relaxation against time, points measured and lines fitted; the
-    relative misfit below."""
+@picture
+def plot_fit(material: Material) -> Figure:
+    """A fit of `fit_prony`: moduli (MPa) against angular frequency, or a relaxation against time, points measured and lines
+    fitted; the relative misfit below."""
     if isinstance(material.fit, RelaxationFit):
         return _relaxation_figure(material.fit)
     fit, figure = material.fit, new_figure(5.6, 5.2)
@@ -102,7 +108,8 @@ def fit_figure(material: Material) -> Any:
     colours = _colours(len(material.sweeps))
     for sweep, shift, colour in zip(material.sweeps, material.shifts(), colours, strict=True):
         omega = sweep.omega * 10**shift
-        scale = sweep.temperature / material.wlf.reference_temperature if material.vertical else 1.0
+        wlf = material.wlf
+        scale = sweep.kelvin / wlf.reference_temperature if material.vertical and wlf else 1.0
         label = f"{signed(sweep.temperature + ABSOLUTE_ZERO)} °C" if sweep.temperature is not None else "measured"
         upper.plot(omega, sweep.storage / scale / 1e6, "o", color=colour, markersize=3.5, label=label)
         viscous = sweep.loss > 0
@@ -130,7 +137,7 @@ def fit_figure(material: Material) -> Any:
     return figure
 
 
-def _relaxation_figure(fit: RelaxationFit) -> Any:
+def _relaxation_figure(fit: RelaxationFit) -> Figure:
     """The relaxation E(t) [MPa] against time, and the misfit."""
     figure = new_figure(5.6, 5.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
 OF_EARLIER = (
-    "holds a run of version 0.1 of pgfmd, which counts as contact only what overlaps: this version can't go on with it. "
-    "Go on with that version, or start anew with --fresh, which keeps the old results"
+    "holds a run of version 0.1 of pgfmd, which took a negative gap for contact. This version counts contact in another way "
+    "and can't go on with it: finish it with version 0.1, or start anew with --fresh, which keeps the old results"
 )
 """Why a run of 0.1 can't be continued: its next rows would define contact differently."""
 FAILED = "failed"
@@ -133,8 +133,8 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene: Scene, allow: Seque
     if finished and record and not (finished == STOPPED_STEPS and "solver.max_steps" in changed):
         return Plan(record=record)
     kept = precision_kept(head["scene"], scene)
-    changed = kept is not None and kept != scene.solver.precision
-    told = [f"solver.precision stays {kept!r}, with which this run began"] if changed else []
+    stays = kept is not None and kept != scene.solver.precision
+    told = [f"solver.precision stays {kept!r}, with which this run began"] if stays else []
     # A head without this key is of a run on all points.
     return Plan(go_on=True, mirror=head.get("mirror", ""), told=told, precision=kept)
 

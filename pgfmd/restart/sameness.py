@@ -39,7 +39,7 @@ def _different_arrays(one: Path, other: Path) -> list[str]:
     if not (one.exists() and other.exists()):
         return [] if one.exists() == other.exists() else [f"{one.name}: only in one of the two"]
     with open_serial(one, "r") as first, open_serial(other, "r") as second:
-        names = [set(), set()]
+        names: list[set[str]] = [set(), set()]
         for found, file in zip(names, (first, second), strict=True):
             file.visititems(lambda name, item, found=found: found.add(name) if _is_data(name, item) else None)
         both = names[0] & names[1]

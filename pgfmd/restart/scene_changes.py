@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 
 from pgfmd.errors import Problem, SceneError
 from pgfmd.parts import drive_of
+from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import PRELOAD, automatic_turn
 from pgfmd.scene import parse_scene
+from pgfmd.scene.given import PATHS
 from pgfmd.scene.model import SECTIONS
-from pgfmd.scene.path_checks import FILE_KEYS
 
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
@@ -36,7 +37,7 @@ NOT_THERE = "not there"
 
 def contents_of(scene: Scene) -> dict[str, str]:
     """SHA-256 of each file that the scene names, by key. Raises OSError if one can't be read."""
-    named = {dotted: getattr(scene.section(dotted.split(".")[0]), dotted.split(".")[1]) for dotted in FILE_KEYS}
+    named = {dotted: getattr(scene.section(dotted.split(".")[0]), dotted.split(".")[1]) for dotted in PATHS}
     return {key: _digest_of(path) for key, path in named.items() if path}
 
 
@@ -82,7 +83,7 @@ def differing(text: str, scene: Scene, known: dict[str, str] | None = None) -> I
     # Keys that follow from others come last.
     for key in sorted(old.keys() | new.keys(), key=lambda key: (key in DERIVED, key)):
         before, now = old.get(key, NOT_THERE), new.get(key, NOT_THERE)
-        if known is not None and key in FILE_KEYS:
+        if known is not None and key in PATHS:
             # Files are compared by contents, not by path.
             if files.get(key) == known.get(key):
                 continue
@@ -94,7 +95,7 @@ def differing(text: str, scene: Scene, known: dict[str, str] | None = None) -> I
 
 def precision_kept(text: str, scene: Scene) -> str | None:
     """The precision of a continued run, from the text of its scene; None if the new scene names one."""
-    return _flat(text).get(PRECISION, "double") if scene.solver.automatic_precision else None
+    return str(_flat(text).get(PRECISION, "double")) if scene.solver.automatic_precision else None
 
 
 def _refusal(key: str, head: dict, scene: Scene, allow: Sequence[str]) -> str | None:
@@ -116,7 +117,7 @@ def _refusal(key: str, head: dict, scene: Scene, allow: Sequence[str]) -> str | 
 def _turn_follows(key: str, scene: Scene) -> bool:
     """Whether a key is the turn time, and has the automatic value for the speeds."""
     speeds = scene.drive.speed, scene.drive.retract_speed
-    return key == "drive.turn_time" and scene.drive.turn_time == automatic_turn(scene.adhesion.range, *speeds)
+    return key == "drive.turn_time" and scene.drive.turn_time == automatic_turn(length_of(scene.adhesion), *speeds)
 
 
 def _drive_refusal(head: dict, scene: Scene) -> str:

@@ -1,7 +1,7 @@
-"""The rules of a scene that look at several keys at once.
+"""The rules of a scene that involve several keys.
 
-Each rule is a generator of Problems over a `Draft`: the values that could be read so far. A rule that asks for a value
-which is missing or wrong ends there, because that value has been reported already; so all problems of a scene come out
+Each rule is a generator of Problems for a `Draft`, which has all values that could be read. A rule that uses a missing
+or wrong value ends there, because that value has already been reported. So all problems of a scene are reported
 together.
 """
 
@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 
 from pgfmd.errors import Problem
+from pgfmd.physics.adhesion.registry import LAWS
 from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
 from .draft import MISSING, Draft, Unread, example
-from .fields import expectation
-from .model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from .fields import expectation, extra_of
+from .model import ADHESION, LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
 from .path_checks import paths_can_be_used
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
@@ -32,13 +34,13 @@ _MIXED = 'set solver.precision = "mixed"'
 
 
 def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
-    """Demand the keys that a choice (such as the pattern "flat") needs; refuse those it has no use for."""
+    """Requires the keys that a choice (such as the pattern "flat") needs, and refuses unused ones."""
     choice = draft[f"{section}.{selector}"]
     required, optional = table[choice]
     for name, model_field in SECTIONS[section].model_fields.items():
         dotted = f"{section}.{name}"
         if name in required and not draft.given(dotted):
-            extra = model_field.json_schema_extra
+            extra = extra_of(model_field)
             expected = f"{expectation(extra)}, for the {selector} '{choice}'" if extra else f"a value for '{choice}'"
             yield Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")
         elif draft.given(dotted) and name != selector and name not in required | optional:
@@ -53,6 +55,20 @@ def punch_keys(draft: Draft) -> Iterator[Problem]:
 
 def rheology_keys(draft: Draft) -> Iterator[Problem]:
     yield from _keys_of_choice(draft, "rheology", "model", RHEOLOGIES)
+
+
+def adhesion_keys(draft: Draft) -> Iterator[Problem]:
+    yield from _keys_of_choice(draft, "adhesion", "law", ADHESION)
+
+
+def law_can_be_read(draft: Draft) -> Iterator[Problem]:
+    """The file of a law; whether it is there is another rule's."""
+    law, path = LAWS[draft["adhesion.law"]], draft.path("adhesion.file")
+    if "file" in law.required and path is not None and path.is_file():
+        try:
+            law.own_values(SimpleNamespace(file=str(path)))
+        except (OSError, ValueError) as error:
+            yield draft.problem("adhesion.file", "a law of adhesion", str(error))
 
 
 def punch_fits_the_cell(draft: Draft) -> Iterator[Problem]:
@@ -223,7 +239,7 @@ def inertia_is_given(draft: Draft) -> Iterator[Problem]:
             cure = 'add both, such as omega = "15700 rad/s" and dt = "20 us", to [solver.gfmd]'
             yield draft.problem(f"solver.gfmd.{name}", f"both omega and dt, because of {why}", cure)
     for name in INSTEAD_OF_OMEGA_AND_DT:
-        # Resolved scenes of old runs have their defaults there.
+        # Resolved scenes of old runs contain these keys with their defaults.
         if all(given) and draft[f"solver.gfmd.{name}"] != GfmdKeys.model_fields[name].default:
             yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
 
@@ -261,7 +277,7 @@ def scheme_has_the_machine(draft: Draft) -> Iterator[Problem]:
 
 
 def _only(names: list[str]) -> tuple[str, str]:
-    """Which schemes alone have something, and how to have it, or do without."""
+    """Which schemes support a feature, and how to use one of them, or do without."""
     cure = "delete it, or set solver.scheme = " + " or ".join(f'"{name}"' for name in names)
     return f"only the scheme {' or '.join(names)}", cure
 
@@ -285,7 +301,7 @@ def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
     if not registry.named(draft["solver.scheme"]).has_machine or precision in ("auto", "double"):
         return
     if draft["drive.control"] == "load":
-        # The soft spring is a thousand times longer than the punch goes.
+        # The elongation of the soft spring is a thousand times the travel of the punch.
         yield draft.problem("solver.precision", "'double' under load control", "delete it")
     elif precision == "single" and math.isfinite(draft["drive.machine_stiffness"]):
         yield draft.problem("solver.precision", "'double' or 'mixed' where the machine has a spring", _MIXED)
@@ -301,6 +317,8 @@ def _modulus_ratio(draft: Draft) -> float:
 RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     punch_keys,
     rheology_keys,
+    adhesion_keys,
+    law_can_be_read,
     punch_fits_the_cell,
     free_punch_has_room,
     curvature_has_an_axis,
@@ -320,7 +338,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
 
 
 def check(draft: Draft, require_files: bool = True) -> list[Problem]:
-    """All problems that the rules find in what could be read of a scene; those about its files only if asked for."""
+    """All problems that the rules find in a draft; those about files only if `require_files`."""
     problems: list[Problem] = []
     for rule in (*RULES, paths_can_be_used) if require_files else RULES:
         try:

@@ -15,7 +15,7 @@ import numpy as np
 from . import kernels
 
 if TYPE_CHECKING:
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
 
     from .grid import PunchPoints
     from .tiles import Convolves
@@ -63,7 +63,7 @@ class ConjugateGradients:
         """
         points, s, t, p, y, z, r = self.points, self.s, self.t, self.p, self.y, self.z, self.r
         k, offset, rows = self.curvature, points.offset, self._rows
-        per_range, size, previous, alpha, quiet, beta, pull = 1.0 / self.law.range, 0.0, 1.0, 1.0, 0, 0.0, 0.0
+        per_range, size, previous, alpha, quiet, beta, pull = 1.0 / self.law.length, 0.0, 1.0, 1.0, 0, 0.0, 0.0
         rows[4:6] = 0.0
         if self.floating:
             self._clear()
@@ -144,6 +144,6 @@ class ConjugateGradients:
         if largest == 0.0:
             # No interacting point moves, so the curvature is positive except for rounding: the solve has ended.
             return 0.0
-        alpha = trust * self.law.range / largest
+        alpha = trust * self.law.length / largest
         kernels.advance(alpha, self.p, self.y, self.curvature, self.s, self.t, self.r, points.offset, self._rows)
-        return points.reduced(self._rows[1:2], 0)[0] / self.law.range
+        return points.reduced(self._rows[1:2], 0)[0] / self.law.length

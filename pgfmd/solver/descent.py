@@ -154,7 +154,10 @@ class Descent:
         )  # fmt: skip
         rows = self.points.all_rows(self._rows)
         sums = self.points.summed(rows[:9]).tolist()
-        return _Place(*sums[:4], tuple(sums[4:6]), tuple(sums[6:]), float(rows[9].max()) / self.law.range)
+        pull, imbalance, adhesive, rise, down, along, zz, zp, pp = sums
+        return _Place(
+            pull, imbalance, adhesive, rise, (down, along), (zz, zp, pp), float(rows[9].max()) / self.law.length
+        )
 
     def _lower(
         self, norm: Three, start: _Place, trust: float, slack: float, least: float

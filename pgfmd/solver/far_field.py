@@ -40,9 +40,10 @@ def far_weights(compliance: Compliance, points: PunchPoints) -> np.ndarray:
 
     def columns(kx: np.ndarray) -> np.ndarray:
         half = compliance(unit * kx[:, None], unit * np.arange(n // 2 + 1)[None, :])
-        return half[:, np.abs(ky)] * (_waves(kx, start, n)[:, None] * along_y)
+        found: np.ndarray = half[:, np.abs(ky)] * (_waves(kx, start, n)[:, None] * along_y)
+        return found
 
-    weights = Synthesis(points, n)(columns)
+    weights = Synthesis(points, n).at_points(columns)
     if points.comm.size > 1:
         Node.of(points.comm).trim()
     return weights
@@ -55,7 +56,7 @@ class Synthesis(Pruned):
     def __init__(self, points: PunchPoints, n: int):
         super().__init__(points, n, "estimate", np.float64)
 
-    def __call__(self, columns: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    def at_points(self, columns: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Sum over kx and ky of a(kx, ky) exp(2 pi i (kx x + ky y)/n) at the local points (size,), x and y counted from
         the block's first row and column; collective.
 

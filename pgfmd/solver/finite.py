@@ -36,7 +36,7 @@ def not_finite_on(comm: Intracomm, arrays: dict[str, np.ndarray]) -> str:
 
     Shares are adjacent along the last axis, in the order of the ranks; lines run over all other axes.
     """
-    found = None
+    found: tuple[str, int, tuple[int, int], float] | None = None
     for name, array in sorted(arrays.items()):
         lines = lines_of(array)
         index = first_not_finite(lines)
@@ -44,10 +44,10 @@ def not_finite_on(comm: Intracomm, arrays: dict[str, np.ndarray]) -> str:
             found = name, lines.shape[1], index, float(lines[index])
             break
     reports = comm.allgather(found) if comm.size > 1 else [found]
-    rank = next((rank for rank, report in enumerate(reports) if report), None)
-    if rank is None:
+    first = next(((rank, report) for rank, report in enumerate(reports) if report is not None), None)
+    if first is None:
         return ""
-    name, _, (line, column), value = reports[rank]
+    rank, (name, _, (line, column), value) = first
     # Other ranks may have stopped at another array, or found nothing: ask for this one.
     width = lines_of(arrays[name]).shape[1]
     widths = comm.allgather(width) if comm.size > 1 else [width]

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
     from numpy.typing import DTypeLike
 
+    from .node import RowExchange
+
 
 MOST_KINDS = 12
 """Most numbers per row that are gathered on all ranks at a time."""
@@ -43,7 +45,7 @@ class Grid:
         """Area [m^2] of one grid cell."""
         return self.spacing**2
 
-    def coordinate(self, index: np.ndarray | int) -> np.ndarray:
+    def coordinate(self, index: np.ndarray | np.integer | int) -> np.ndarray:
         """Position [m] of the points with this index, relative to the punch's axis."""
         # Integers and halves first, which are exact, so that mirror images have the same coordinates except for the sign.
         return (np.asarray(index) + 0.5 - 0.5 * self.n) * self.spacing
@@ -103,7 +105,7 @@ class PunchPoints:
         else:
             ends = np.clip([slab[0] - self.block_start, sum(slab) - self.block_start], 0, self.nb)
             self.row_start, self.rows = int(ends[0]), int(ends[1] - ends[0])
-        self._exchange = None
+        self._exchange: RowExchange | None = None
         first, last = self._columns(radius)
         self._widths = last - first
         counts = np.concatenate(([0], np.cumsum(self._widths[self.top :])))
@@ -243,9 +245,8 @@ class PunchPoints:
         return self._exchange(local)
 
     def summed(self, rows: np.ndarray) -> np.ndarray:
-        """Sums (kinds,) over all points under the punch including images, from partial sums as returned by
-        `all_rows`."""
-        sums = rows.sum(axis=1)
+        """Sums (kinds,) over all points under the punch including images, from partial sums as returned by `all_rows`."""
+        sums: np.ndarray = rows.sum(axis=1)
         return self.images * sums if self.images > 1 else sums
 
     def total_of(self, local: np.ndarray) -> np.ndarray:

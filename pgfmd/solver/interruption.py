@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -21,6 +21,18 @@ LONGEST = 10_000
 
 class Interrupted(Exception):
     """A step was abandoned, on every rank at the same place."""
+
+
+class Impatient(Protocol):
+    """Who may want a run to end: on a signal, at a limit of time (restart/keeper.py), on Ctrl-C (in_memory.py)."""
+
+    def interrupts(self) -> bool:
+        """Whether this rank wants a step given up that has begun."""
+        ...
+
+    def has_to_stop(self) -> bool:
+        """Whether any rank wants the run to stop before its next step. Collective."""
+        ...
 
 
 class Question:

@@ -28,7 +28,7 @@ from .stagnation import MOST_IDLE, Progress
 from .tiles import Convolves
 
 if TYPE_CHECKING:
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
 
 MakeCorrections = Callable[[PunchPoints, Convolves, "CohesiveLaw", bool], ConjugateGradients]
 """Makes the solver for corrections, with the arguments of ConjugateGradients."""
@@ -135,7 +135,7 @@ class NewtonSolver:
         # A traction on the whole plane has a mean, for which a half-space has no compliance.
         self.floating = points.total == points.grid.n**2 and convolve.mean_compliance == 0.0
         self.points, self.convolve, self.height, self.law = points, convolve, height, law
-        self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
+        self.law_numbers = law.numbers
         self.rough = rough or convolve
         self.operators = [convolve, rough] if rough else [convolve]
         self.dtype, self._slack = convolve.dtype, SLACK[convolve.dtype.name, self.rough.dtype.name]
@@ -215,7 +215,8 @@ class NewtonSolver:
 
     def _slack_of(self, potential: float) -> float:
         """Increase of Phi attributed to rounding, per area of a point."""
-        return self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+        slack: float = self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+        return slack
 
     def _noise(self, compliance: float, u: np.ndarray, w: np.ndarray) -> float:
         """Error of Phi due to the rounding of u, per area of a point. The displacement of a soft spring may be so large
@@ -231,7 +232,7 @@ class NewtonSolver:
         at interacting ones. This is needed if no point interacts: the correction then releases the surface without
         regard to obstacles, and may press it far into the punch. Collective."""
         if everywhere and size == 0.0:
-            size = self.points.maximum_of(float(np.abs(self.cg.s).max(initial=0.0))) / self.law.range
+            size = self.points.maximum_of(float(np.abs(self.cg.s).max(initial=0.0))) / self.law.length
         return 1e-3 * tolerance / max(size, 1.0)
 
     def _go_down(self, problem: _Problem, potential: float, longest: float, shortest: float) -> tuple[float, Sums]:
@@ -259,7 +260,7 @@ class NewtonSolver:
         """
         problem = _Problem(position, history, compliance, u, w)
         self.cg.s[:], self.cg.t[:] = mode, dual
-        whole = self.law.range / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
+        whole = self.law.length / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
         values = self._evaluate(problem, 0.0)
         start, best, best_step = values[2], -self._slack * abs(values[2]), 0.0
         for first in SLIDES:

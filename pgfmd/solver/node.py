@@ -12,14 +12,14 @@ import math
 import time
 import weakref
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from mpi4py.MPI import Intracomm, Win, buffer
+    from mpi4py.MPI import Intracomm, Win
     from numpy.typing import DTypeLike
 
 _LINE = 64
@@ -40,10 +40,10 @@ def _mpi() -> ModuleType:
 
 @dataclass
 class _Piece:
-    """Memory shared by the ranks of a node: its window, one buffer per rank, and their sizes [bytes]."""
+    """Memory shared by the ranks of a node: its window, a buffer of mpi4py's a rank, their sizes [bytes]."""
 
     window: Win
-    buffers: list[buffer]
+    buffers: list[Any]
     sizes: list[int]
     free: bool = True
 
@@ -66,6 +66,7 @@ class Node:
     """
 
     _key: int | None = None
+    _flags: _Piece | None = None
 
     def __init__(self, comm: Intracomm, colour: int | None = None):
         MPI = _mpi()
@@ -87,8 +88,13 @@ class Node:
     @classmethod
     def of(cls, comm: Intracomm) -> Node:
         """The node of this rank of a communicator. The first call is collective."""
-        found = comm.Get_attr(cls._key) if cls._key is not None else None
+        found = cls._known(comm)
         return cls.arrange(comm) if found is None else found
+
+    @classmethod
+    def _known(cls, comm: Intracomm) -> Node | None:
+        found = comm.Get_attr(cls._key) if cls._key is not None else None
+        return found if isinstance(found, Node) else None
 
     @classmethod
     def arrange(cls, comm: Intracomm, colour: int | None = None) -> Node:
@@ -106,16 +112,16 @@ class Node:
         if piece is None:
             return False
         self._flags = piece
-        flags = [memoryview(buffer).cast("q") for buffer in piece.buffers]
+        flags = [memoryview(own).cast("q") for own in piece.buffers]
         self._mine = flags[self.local.rank]
         self._others = [flag for rank, flag in enumerate(flags) if rank != self.local.rank]
         self._mine[0] = self.meetings = 0
         self.local.Barrier()
         return True
 
-    def take(self, owner: object, size: int) -> list[buffer]:
-        """Shared memory for the lifetime of `owner`: one buffer per rank, that of this rank with at least `size` bytes.
-        Collective on the node; raises MemoryError on all of its ranks if there is not enough.
+    def take(self, owner: object, size: int) -> list[Any]:
+        """Memory that the ranks of the node share for as long as `owner` lives: one buffer a rank, this one's of at
+        least `size` bytes. Collective on the node; MemoryError, on all of its ranks, where there is no more.
 
         Memory whose owners have died on all ranks is reused. A window can only be freed by all ranks together, and they
         do not delete an object at the same time.
@@ -124,10 +130,9 @@ class Node:
         free = np.array([piece.free for piece in self._pieces], dtype=np.int8)
         everywhere = np.empty_like(free)
         self.local.Allreduce(free, everywhere, op=_mpi().MIN)
-        for piece, usable in zip(self._pieces, everywhere, strict=True):
-            if usable and piece.fits(sizes):
-                break
-        else:
+        known = zip(self._pieces, everywhere, strict=True)
+        piece = next((piece for piece, usable in known if usable and piece.fits(sizes)), None)
+        if piece is None:
             piece = self._allocate(sizes)
             if piece is None:
                 raise MemoryError(f"{sum(sizes)} bytes of memory shared by the ranks of a node")
@@ -160,13 +165,13 @@ class Node:
         MPI itself would free windows at its end, in an order that differs between ranks if only some of them have this
         communicator: they would wait for each other for ever.
         """
-        node = comm.Get_attr(cls._key) if cls._key is not None else None
-        if node is None:
+        node = cls._known(comm)
+        if node is None or cls._key is None:
             return
         # Deletes objects that refer to each other.
         gc.collect()
         node.trim()
-        flags = getattr(node, "_flags", None)
+        flags = node._flags
         if flags is not None and node.local.size > 1:
             node._mine.release()
             for other in node._others:
@@ -187,7 +192,8 @@ class Node:
         info = MPI.Info.Create()
         # Each rank's part begins a page, in the memory nearest to it.
         info.Set("alloc_shared_noncontig", "true")
-        window, errors = None, self.local.Get_errhandler()
+        window: Win | None = None
+        errors = self.local.Get_errhandler()
         self.local.Set_errhandler(MPI.ERRORS_RETURN)
         try:
             window = MPI.Win.Allocate_shared(max(sizes[self.local.rank], _LINE), 1, info, self.local)
@@ -196,7 +202,7 @@ class Node:
         finally:
             self.local.Set_errhandler(errors)
             info.Free()
-        if self.local.allreduce(int(window is not None), MPI.MIN) == 0:
+        if self.local.allreduce(int(window is not None), MPI.MIN) == 0 or window is None:
             return None
         window.Lock_all(MPI.MODE_NOCHECK)
         self.held += sizes[self.local.rank]
@@ -208,14 +214,15 @@ class Node:
 
         Unlike MPI's own barrier, a rank that waits for long yields its core.
         """
-        began, others = time.perf_counter(), self._others
-        self._flags.window.Sync()
+        began, others, flags = time.perf_counter(), self._others, self._flags
+        assert flags is not None, "ranks that share no memory don't meet"
+        flags.window.Sync()
         self.meetings += 1
         now = self._mine[0] = self.meetings
         while not all(flag[0] >= now for flag in others):
             if time.perf_counter() - began > _PATIENCE:
                 time.sleep(_NAP)
-        self._flags.window.Sync()
+        flags.window.Sync()
         self.waited += time.perf_counter() - began
 
 
@@ -237,7 +244,7 @@ class RowExchange:
             self._all = np.empty(shape)
         if node.count > 1:
             rows = local.gather((start, count))
-            if local.rank == 0:
+            if rows is not None:
                 everywhere = node.leaders.allgather([row for first, size in rows for row in range(first, first + size)])
                 self._here = np.array(everywhere[node.leaders.rank], dtype=np.intp)
                 self._there = np.array([row for rows in everywhere for row in rows], dtype=np.intp)
@@ -248,7 +255,7 @@ class RowExchange:
         Collective."""
         kinds = local.shape[0]
         self._turn = 1 - self._turn
-        rows = self._all[self._turn, :kinds]
+        rows: np.ndarray = self._all[self._turn, :kinds]
         rows[:, self.mine] = local
         if self.node.local.size > 1:
             self.node.meet()
@@ -276,27 +283,28 @@ class Transposition:
     """
 
     def __init__(self, comm: Intracomm, rows: list[tuple[int, int]], columns: list[tuple[int, int]], dtype: DTypeLike):
-        self.comm, self._node, rank = comm, None, comm.rank
-        dtype, total = np.dtype(dtype), sum(count for _, count in rows)
-        mine, here = slice(rows[rank][0], sum(rows[rank])), [rank]
+        self.comm, rank = comm, comm.rank
+        self._node = Node.of(comm) if comm.size > 1 else None
+        kind, total = np.dtype(dtype), sum(count for _, count in rows)
+        mine = slice(rows[rank][0], sum(rows[rank]))
         shape = (total, columns[rank][1])
-        arrays = {}
-        if comm.size > 1:
-            self._node = Node.of(comm)
-            here = self._node.ranks
-        if len(here) > 1:
-            buffers = self._node.take(self, math.prod(shape) * dtype.itemsize)
-            for peer, buffer in zip(here, buffers, strict=True):
+        arrays: dict[int, np.ndarray] = {}
+        here = [rank] if self._node is None else self._node.ranks
+        if self._node is not None and len(here) > 1:
+            buffers = self._node.take(self, math.prod(shape) * kind.itemsize)
+            for peer, shared in zip(here, buffers, strict=True):
                 size = total * columns[peer][1]
-                arrays[peer] = np.frombuffer(buffer, dtype, size).reshape(total, columns[peer][1])
+                arrays[peer] = np.frombuffer(shared, kind, size).reshape(total, columns[peer][1])
         else:
-            arrays[rank] = np.empty(shape, dtype)
-        self.columns, self.blocks, self._remote = arrays[rank], [], []
+            arrays[rank] = np.empty(shape, kind)
+        self.columns = arrays[rank]
+        self.blocks: list[tuple[int, int, np.ndarray]] = []
+        self._remote: list[tuple[int, np.ndarray, np.ndarray]] = []
         for peer, (first, count) in enumerate(columns):
             if peer in arrays:
                 block = arrays[peer][mine]
             else:
-                block = np.empty((rows[rank][1], count), dtype)
+                block = np.empty((rows[rank][1], count), kind)
                 self._remote.append((peer, block, self.columns[rows[peer][0] : sum(rows[peer])]))
             if count:
                 self.blocks.append((first, first + count, block))
@@ -318,7 +326,7 @@ class Transposition:
 
     def _pass(self, pairs: list[tuple[int, np.ndarray, np.ndarray]]) -> None:
         """Sends the first array of each pair to its rank, and receives the second."""
-        if not pairs:
+        if not pairs or self._node is None:
             return
         receive = [self.comm.Irecv(target, peer) for peer, _, target in pairs if target.size]
         send = [self.comm.Isend(source, peer) for peer, source, _ in pairs if source.size]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from pgfmd.physics.drive import PRELOAD, Phase
 
 PRELOAD_TOLERANCE = 1e-4
@@ -60,7 +62,9 @@ class Bracket:
 
     def __init__(self, low: float, low_value: float):
         self.low, self.low_value = low, low_value
-        self.high = self.high_value = self.first = None
+        # Until a step was too long.
+        self.high = self.high_value = math.nan
+        self.first: float | None = None
         self.last_side = 0
         # The true values at the ends: the method halves those that it uses.
         self._ends, self._first_span = [low_value, 0.0], 0.0

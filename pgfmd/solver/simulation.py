@@ -138,15 +138,15 @@ class Simulation:
         state = self.state
         # Apart from these, trials do not change the state.
         counters = replace(state.counters)
-        modes = [] if state.soft_mode is None else [state.soft_mode.copy(), state.soft_load.copy()]
+        modes = [(mode, mode.copy()) for mode in (state.soft_mode, state.soft_load) if mode is not None]
         question.begin()
         solver.cg.poll = question
         try:
             yield
         except Interrupted:
             state.counters = counters
-            if modes:
-                state.soft_mode[:], state.soft_load[:] = modes
+            for mode, before in modes:
+                mode[:] = before
             raise
         finally:
             del solver.cg.poll

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
 Numbers = NDArray[np.int64]
+Kind = TypeVar("Kind", bound=np.ndarray)
 
 TIE = 1e-6
 """Shift towards the axis, in grid spacings, that decides between two equally near points."""
@@ -36,15 +37,15 @@ class SitePoints:
         self.mine = np.flatnonzero((self.index >= 0) & (local >= 0) & (local < points.size))
         self.local = local[self.mine]
 
-    def collect(self, values: NDArray) -> NDArray:
+    def collect(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values of all sites from those of this rank: integers, -1 without a point; or booleans. Collective."""
         found = np.full(len(self.sites), -1, np.int64)
         found[self.mine] = values
-        found = reduced(self.comm, found, "MAX")
-        return found > 0 if values.dtype == bool else found
+        whole = reduced(self.comm, found, "MAX")
+        return whole > 0 if values.dtype == bool else whole
 
 
-def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
+def _nearest_points(points: PunchPoints, x: NDArray[Any], y: NDArray[Any]) -> Numbers:
     """Index, among the points of all ranks, of the point under the punch that is nearest to each place [m]; -1 if there
     is none. Collective."""
     grid, best, index = points.grid, np.full(x.size, np.inf), np.full(x.size, -1, np.int64)
@@ -66,12 +67,12 @@ def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
     return np.where(index == none, -1, index)
 
 
-def reduced(comm: Intracomm, values: NDArray, operation: str) -> NDArray:
+def reduced(comm: Intracomm, values: Kind, operation: str) -> Kind:
     """Numbers reduced over all ranks, by "SUM", "MIN" or "MAX"."""
     if comm.size == 1 or not values.size:
         return values
     from mpi4py import MPI
 
-    result = np.empty_like(values)
+    result: Kind = np.empty_like(values)
     comm.Allreduce(np.ascontiguousarray(values), result, op=getattr(MPI, operation))
     return result

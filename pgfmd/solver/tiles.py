@@ -92,6 +92,11 @@ class Convolves(Protocol):
 
     def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
         """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
+        ...
+
+    def whole_cell(self, traction: np.ndarray) -> tuple[np.ndarray, int]:
+        """Displacement of every point of the cell, where the traction is that of the whole punch (transform.py)."""
+        ...
 
 
 class PairOperator:
@@ -104,6 +109,7 @@ class PairOperator:
 
     points: PunchPoints
     dtype: np.dtype
+    mean_compliance: float
     _rows: Rows
     _transposition: Tiles
     pairs, seconds = 0, 0.0
@@ -119,6 +125,10 @@ class PairOperator:
         return displacement
 
     def _convolve_columns(self) -> None:
+        raise NotImplementedError
+
+    def whole_cell(self, traction: np.ndarray) -> tuple[np.ndarray, int]:
+        """Of an operator between the points of the whole punch: see transform.Convolution."""
         raise NotImplementedError
 
     def _rows_forward(self, traction: np.ndarray, scale: float) -> None:

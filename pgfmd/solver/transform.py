@@ -264,11 +264,13 @@ class Plane:
         The order does not depend on the number of ranks.
         """
         if self.comm.size == 1:
-            return sums.sum(axis=1)
+            own: np.ndarray = sums.sum(axis=1)
+            return own
         kinds = sums.shape[0]
         gathered = np.empty((self.column_counts.sum(), kinds))
         self.comm.Allgatherv(np.ascontiguousarray(sums.T), [gathered, self.column_counts * kinds])
-        return np.ascontiguousarray(gathered.T).sum(axis=1)
+        total: np.ndarray = np.ascontiguousarray(gathered.T).sum(axis=1)
+        return total
 
 
 def _whole_plane(comm: Intracomm, n: int, effort: str) -> PFFT:

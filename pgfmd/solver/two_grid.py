@@ -31,7 +31,9 @@ from .tiles import Convolves
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
+
+    from .node import RowExchange
 
 MARGIN = 1.5
 """Extension of the coarse grid beyond the punch, in its spacings, so that each point is between four coarse points."""
@@ -85,7 +87,7 @@ class Cells:
         row, column = np.nonzero(coarse.inside()[:, left:])
         self._index, self._inner = (row, column), (row + 1, column + 1)
         self._change = np.zeros(self.shape)
-        self._exchange = None
+        self._exchange: RowExchange | None = None
 
     def means(self, v: np.ndarray, cells: np.ndarray) -> None:
         """Cell means of a point vector, zero in cells without points. Collective."""
@@ -191,7 +193,7 @@ class TwoGrid(ConjugateGradients):
             else:
                 between.turn_and_advance(z, d, beta, alpha, k, p, y, s, t, r, offset, rows)
             numbers = points.all_rows(rows[:2])
-            imbalance, size = float(points.summed(numbers[:1])[0]), float(numbers[1].max()) / self.law.range
+            imbalance, size = float(points.summed(numbers[:1])[0]), float(numbers[1].max()) / self.law.length
             if size > 2.0 * trust or self._is_enough(limits, size, imbalance):
                 return count, size, False
         if count > 1:
@@ -208,14 +210,14 @@ class TwoGrid(ConjugateGradients):
         cg, cells, means = self._cg, self._cells, self._means
         small = max(self.linear_share * tolerance, 0.5 * self.forcing * size)
         cells.means(self.r, means)
-        rough = cells.roughness(self.r, self.curvature, means, self._rows) / self.law.range
+        rough = cells.roughness(self.r, self.curvature, means, self._rows) / self.law.length
         rough *= ROUGH_SHARE * compliance * self._shortest
         if rough < small:
             # Usually one transform is enough.
             cg.r[:] = cells.at_points(means)
             cg.operator(cg.r, cg.z, compliance)
             kernels.largest_in_rows(cg.z, cg.curvature, cg.points.offset, cg._rows)
-            left = rough + self._largest(float(cg._rows[0].max()) / self.law.range)
+            left = rough + self._largest(float(cg._rows[0].max()) / self.law.length)
             if left < small and self._balance(compliance, small - left, 0.5 * unbalanced, imbalance):
                 return True
         left = self._largest(self._solve_coarse(*limits)) + rough
@@ -237,7 +239,7 @@ class TwoGrid(ConjugateGradients):
         numbers = points.all_rows(rows[:2])
         held = points.total + compliance * float(points.summed(numbers[:1])[0])
         load = imbalance / held if held > 0.0 else math.inf
-        if not abs(load) * compliance * float(numbers[1].max()) < most * self.law.range:
+        if not abs(load) * compliance * float(numbers[1].max()) < most * self.law.length:
             return False
         kernels.move(self.s, self.t, self._sunk, self._even, load * compliance, load)
         return True

@@ -8,7 +8,9 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pgfmd.errors import PgfmdError, ResultError, RunError, Stopped
 from pgfmd.files import storage
@@ -28,7 +30,12 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
 class Unfinished(PgfmdError):
-    """Not every case could be finished. The exit code is that of a run that stopped, or of one that could not go on."""
+    """Not every case could be finished. The exit code is that of a run that stopped, or of one that could not go on.
+
+    table: the table of the study (table.StudyTable), where `study` or `converge` raises it.
+    """
+
+    table: Any = None
 
     def __init__(self, message: str, failed: bool):
         super().__init__(message)
@@ -102,7 +109,7 @@ class Campaign:
                 folder = self.folder(case)
                 lock = RunLock.acquire(folder, 1)
                 try:
-                    aside, error = storage.attempt(f"{folder}", lambda folder=folder: storage.set_aside(folder))
+                    aside, error = storage.attempt(f"{folder}", partial(storage.set_aside, folder))
                 finally:
                     lock.release()
                 if error is not None:
@@ -125,7 +132,7 @@ class Campaign:
         self.tell(standings)
         make_folder(self.out)
         self.make_way(chosen, standings)
-        counted = Counter()
+        counted: Counter[str] = Counter()
 
         def on_end(task: Task, ending: Ending) -> None:
             counted["ended"] += 1

@@ -7,19 +7,23 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.regular_files import write_atomically, write_figure
-from pgfmd.plots.drawing import GREY, RED, TURQUOISE, drawing, literal, new_figure
+from pgfmd.plots.drawing import DASHES, GREY, RED, TURQUOISE, drawing, literal, new_figure, picture
+from pgfmd.units import handy
 
 from .convergence import Fit, disagreement, doubts, finest_limit, fit_power_law, local_powers
 from .refinement import ACCURACY, FEWEST, MEASURES, Levels, expected_power
 from .table import Row
-from .values import handy
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 JSON_FILE, PICTURE = "converge.json", "converge.png"
 LEVELS_TO_FIT_POWER = 4
@@ -108,7 +112,7 @@ def _doubts(
     finest = min(found, key=lambda level: level.size)
     noise = abs(finest.value) * (finest.residual or 0.0) if quantity == "loop" else 0.0
     texts = doubts(sizes, values, best, noise)
-    if free is not None and best is not free:
+    if free is not None and best is not free and expected is not None:
         texts += [text for text in doubts(sizes, values, free) if text not in texts and "power" in text]
         texts += [text for text in [disagreement(free, expected)] if text]
     return texts
@@ -130,7 +134,7 @@ def report(found: Extrapolation) -> list[str]:
             power = _with_error(fit.power, fit.power_error if fit.free else 0.0)
             limit = _with_error(fit.limit / factor, fit.limit_error / factor)
             lines.append(f"{name}: p = {power} in {found.size_name}, limit {limit} {unit}{_spread(fit, factor)}")
-    if found.finest is not None:
+    if found.finest is not None and found.best is not None:
         lines.append(f"two finest levels, p = {found.best.power:.3g}: limit {found.finest / factor:.5g} {unit}")
     known = [f"{power:.3g}" for power in found.local if not math.isnan(power)]
     if known:
@@ -164,13 +168,14 @@ def write(out: Path, found: Extrapolation, title: str = "") -> list[Path]:
         text = json.dumps(storage.plain(record), indent=2, ensure_ascii=False, allow_nan=False)
         write_atomically(paths[0], f"{text}\n".encode())
         with drawing():
-            write_figure(paths[1], figure_of(found, title))
+            write_figure(paths[1], plot_convergence(found, title))
     except OSError as error:
         raise ResultError(f"{out}: {JSON_FILE} and {PICTURE} could not be written: {storage.reason(error)}") from error
     return paths
 
 
-def figure_of(found: Extrapolation, title: str = "") -> Any:
+@picture
+def plot_convergence(found: Extrapolation, title: str = "") -> Figure:
     """Left the quantity against h^p with its fit down to h = 0; right differences of successive levels against h."""
     figure = new_figure(8.6, 3.6)
     left, right = figure.subplots(1, 2)
@@ -179,7 +184,7 @@ def figure_of(found: Extrapolation, title: str = "") -> Any:
     values = np.array([level.value for level in found.levels]) / factor
     scale, size_unit = (1.0, "") if found.axis == ACCURACY else handy(sizes, "m")
     power = found.best.power if found.best else 1.0
-    fits = [(found.fixed, TURQUOISE, "-", "given"), (found.free, RED, (0, (4, 2)), "fitted")]
+    fits = [(found.fixed, TURQUOISE, "-", "given"), (found.free, RED, DASHES, "fitted")]
     left.plot((sizes / scale) ** power, values, "o", color="0.15", markersize=5, zorder=3)
     way = np.linspace(0.0, 1.0, 200)
     for fit, colour, style, word in fits:
@@ -208,7 +213,7 @@ def figure_of(found: Extrapolation, title: str = "") -> Any:
 
 
 def _draw_differences(
-    axis: Any, sizes: np.ndarray, values: np.ndarray, largest: float, fits: list, factor: float
+    axis: Axes, sizes: np.ndarray, values: np.ndarray, largest: float, fits: list, factor: float
 ) -> None:
     """Absolute differences of successive levels, log-log, hollow where the quantity falls; and those of the fits."""
     order = np.argsort(sizes)[::-1]

@@ -9,22 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.plots.drawing import drawing, literal, new_figure, seen, write_picture
+from pgfmd.plots.drawing import LINES, drawing, footer, literal, new_figure, picture, seen, write_picture
 from pgfmd.results import load
 from pgfmd.results.curve import Loop
+from pgfmd.units import handy
 
 from .cases import short_names
 from .study_file import Axis
-from .table import AT_PRELOAD, Row, counted_overlap
-from .values import handy, unit_of
+from .table import AT_PRELOAD, Row, StudyTable, counted_overlap
+from .values import unit_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 CURVES, MEASURES = "curves.png", "measures.png"
-STYLES = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
 MARKERS = "osD^vP"
 SHOWN = {
     "pull-off force": ("pull_off_force [N]", "N"),
@@ -82,20 +86,41 @@ def colours(count: int) -> list[Any]:
     return [cm.batlow(share) for share in np.linspace(0.0, 0.75, count)] if count > 1 else [cm.batlow(0.25)] * count
 
 
-def draw_study(out: Path, rows: Sequence[Row], axes: Sequence[Axis], title: str = "") -> list[Path]:
-    """Draw what there is so far; returns the files written. Raises ResultError if one can't be written."""
-    written = []
+def draw_study(table: StudyTable) -> list[Path]:
+    """Draws what there is so far; returns the files written. Raises ResultError if one can't be written."""
+    plan = Plan(table.rows, table.axes)
     with drawing():
-        plan = Plan(rows, axes)
-        figures = {CURVES: curves_figure(out, plan, title), MEASURES: measures_figure(plan, title)}
-        for name, figure in figures.items():
-            if figure is None:
-                continue
-            written.append(write_picture(figure, out / name))
-    return written
+        figures = {CURVES: curves_figure(table.out, plan, table.title), MEASURES: measures_figure(plan, table.title)}
+        return [
+            write_picture(_with_footer(figure, table), table.out / name)
+            for name, figure in figures.items()
+            if figure is not None
+        ]
 
 
-def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
+def plot_study_curves(table: StudyTable) -> Figure:
+    """Force against indentation of all cases that have a curve: colour is the first axis, a panel the second, the style of
+    the line the others. ResultError where no case has one yet."""
+    return _with_footer(curves_figure(table.out, Plan(table.rows, table.axes), table.title), table)
+
+
+def plot_study_numbers(table: StudyTable) -> Figure:
+    """Pull-off force, works and contact area, with their uncertainties, against the first axis that has numbers.
+    ResultError where no case is finished yet, or the study has no axes."""
+    return _with_footer(measures_figure(Plan(table.rows, table.axes), table.title), table)
+
+
+def _with_footer(figure: Figure | None, table: StudyTable) -> Figure:
+    if figure is None:
+        raise ResultError(f"{table.out}: no case of this study has anything to draw yet")
+    done = sum(row.standing.complete for row in table.rows)
+    with drawing():
+        footer(figure, f"{table.out.name}  ·  {done} of {len(table.rows)} cases are finished")
+    return figure
+
+
+@picture
+def curves_figure(out: Path, plan: Plan, title: str) -> Figure | None:
     """Every case's force [mN] against its indentation [um], approach thin; None if no case has a curve yet."""
     drawn = {row.case.name: loop for row in plan.rows if (loop := _loop(out / row.case.name)) is not None}
     if not drawn:
@@ -113,15 +138,15 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
     places = dict(zip(panels, grid, strict=False))
     labels = plan.labels(plan.colour_axis)
     shades = dict(zip(labels, colours(len(labels)), strict=True))
-    styles = {rest: STYLES[k % len(STYLES)] for k, rest in enumerate(plan.rests())}
+    styles = {rest: LINES[k % len(LINES)] for k, rest in enumerate(plan.rests())}
     for row in plan.grid:
         if row.case.name in drawn:
             where = plan.label(row, plan.panel_axis) if plan.panel_axis else ""
-            colour = shades[plan.label(row, plan.colour_axis)]
+            colour = shades[plan.label(row, plan.colour_axis)] if plan.colour_axis else None
             _draw_curve(places[where], drawn[row.case.name], colour, styles[plan.rest(row)])
     for number, row in enumerate(beside):
         axis = places[panels[-1]]
-        _draw_curve(axis, drawn[row.case.name], "0.25", STYLES[number % len(STYLES)], row.case.name)
+        _draw_curve(axis, drawn[row.case.name], "0.25", LINES[number % len(LINES)], row.case.name)
     if beside:
         grid[len(panels) - 1].legend(loc="best", fontsize=7.0)
     for number, (name, axis) in enumerate(places.items()):
@@ -139,7 +164,7 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Any | None:
     return figure
 
 
-def _draw_curve(axis: Any, loop: Loop, colour: Any, style: Any, label: str | None = None) -> None:
+def _draw_curve(axis: Axes, loop: Loop, colour: Any, style: Any, label: str | None = None) -> None:
     indentation, force = 1e6 * loop.indentation, 1e3 * loop.force
     for name, rows in loop.branches.items():
         look = {"linewidth": 1.3, "label": label} if name == "retraction" else {"linewidth": 0.6}
@@ -155,13 +180,15 @@ def _loop(folder: Path) -> Loop | None:
         return None
 
 
-def _legend(figure: Any, plan: Plan, shades: dict[str, Any], styles: dict[str, Any]) -> None:
+def _legend(figure: Figure, plan: Plan, shades: dict[str, Any], styles: dict[str, Any]) -> None:
     """One legend for all panels: colours, then styles."""
     from matplotlib.lines import Line2D
 
     handles = []
     if len(shades) > 1:
-        handles.append(Line2D([], [], linestyle="none", label=plan.names[plan.colour_axis.name]))
+        handles.append(
+            Line2D([], [], linestyle="none", label=plan.names[plan.colour_axis.name if plan.colour_axis else ""])
+        )
         every = -(-len(shades) // MOST_NAMED)
         handles += [Line2D([], [], color=shade, label=name) for name, shade in list(shades.items())[::every]]
     if len(styles) > 1:
@@ -170,7 +197,8 @@ def _legend(figure: Any, plan: Plan, shades: dict[str, Any], styles: dict[str, A
         figure.legend(handles=handles, loc="outside right upper")
 
 
-def measures_figure(plan: Plan, title: str) -> Any | None:
+@picture
+def measures_figure(plan: Plan, title: str) -> Figure | None:
     """What was measured against the first axis with numbers, a line for each place on the others; None without any."""
     done = [row for row in plan.rows if row.standing.complete]
     if not done or not plan.axes:
@@ -184,15 +212,18 @@ def measures_figure(plan: Plan, title: str) -> Any | None:
     lines = list(_lines(plan, done, others))
     shades = colours(len(lines))
     for panel, (name, (measure, unit)) in zip(panels, shown.items(), strict=True):
-        factor, unit = handy([row.measured[measure] for row in done if row.measured[measure] is not None], unit)
+        factor, unit = handy([value for row in done if (value := row.measured[measure]) is not None], unit)
         panel.set_ylabel(f"{name} ({unit})")
         for number, (label, rows) in enumerate(lines):
-            points = [(_across(plan, row, across, bool(numeric)), row.measured[measure]) for row in rows]
-            points = sorted((x, y / factor) for x, y in points if x is not None and y is not None)
-            marker = MARKERS[number % len(MARKERS)]
-            panel.plot(
-                *zip(*points, strict=True), marker + "-", color=shades[number], label=label, markersize=4
-            ) if points else None
+            points = sorted(_points(plan, rows, across, bool(numeric), measure))
+            if not points:
+                continue
+            places, values, spreads = (np.array(each) for each in zip(*points, strict=True))
+            marker, look = MARKERS[number % len(MARKERS)], {"color": shades[number]}
+            panel.plot(places, values / factor, marker + "-", label=label, markersize=4, **look)
+            panel.errorbar(
+                places, values / factor, yerr=spreads / factor, fmt="none", elinewidth=0.8, ecolor=shades[number]
+            )
         _singles(panel, [row for row in done if not row.case.places], across, measure, factor, bool(numeric))
         _x_axis(panel, plan, across, bool(numeric), done)
         overlapping = sum(counted_overlap(row.measured) for row in done)
@@ -224,12 +255,23 @@ def _lines(plan: Plan, done: Sequence[Row], others: Sequence[Axis]) -> Iterator[
     yield from groups.items()
 
 
+def _points(
+    plan: Plan, rows: Sequence[Row], across: Axis, numeric: bool, measure: str
+) -> Iterator[tuple[float, float, float]]:
+    """Place, value and uncertainty, 0 where it is not known, of the rows that have a place and a value."""
+    known = measure.replace(" [", "_uncertainty [")
+    for row in rows:
+        place, value = _across(plan, row, across, numeric), row.measured[measure]
+        if place is not None and value is not None:
+            yield place, value, row.measured.get(known) or 0.0
+
+
 def _across(plan: Plan, row: Row, axis: Axis, numeric: bool) -> float:
     """Where a row is drawn: its SI number, or the position of its name."""
     return row.places[axis.name] if numeric else plan.labels(axis).index(plan.label(row, axis))
 
 
-def _singles(panel: Any, rows: Sequence[Row], axis: Axis, measure: str, factor: float, numeric: bool) -> None:
+def _singles(panel: Axes, rows: Sequence[Row], axis: Axis, measure: str, factor: float, numeric: bool) -> None:
     """Cases beside the grid, as stars where they have a number on the axis."""
     for number, row in enumerate(rows):
         value, place = row.measured[measure], row.places[axis.name]
@@ -238,7 +280,7 @@ def _singles(panel: Any, rows: Sequence[Row], axis: Axis, measure: str, factor: 
             panel.plot([place], [value / factor], "*", color=grey, markersize=8, label=row.case.name)
 
 
-def _x_axis(panel: Any, plan: Plan, axis: Axis, numeric: bool, done: Sequence[Row]) -> None:
+def _x_axis(panel: Axes, plan: Plan, axis: Axis, numeric: bool, done: Sequence[Row]) -> None:
     name = plan.names[axis.name]
     if not numeric:
         labels = plan.labels(axis)

@@ -18,15 +18,13 @@ from pgfmd.errors import PgfmdError, Problem
 from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene.draft import MISSING
-from pgfmd.scene.given import parse_toml
+from pgfmd.scene.given import PATHS, parse_toml
 from pgfmd.scene.model import SECTIONS
 
 from .values import label_of_value
 
 KEYS = tuple(f"{section}.{name}" for section, model in SECTIONS.items() for name in model.model_fields)
 """Every key of a scene, with its section."""
-FILES = ("punch.file", "substrate.compliance_file")
-"""Keys that name files: in a study, relative to its own folder."""
 OWN = "output.directory"
 """The key that a study sets itself."""
 PARTS = ("title", "scene", "set", "axes", "case", "run")
@@ -143,7 +141,7 @@ class _Reader:
     def wrong(self, key: str, value: object, expected: str, cure: str = "") -> None:
         self.problems.append(str(Problem(key, value, expected, cure)))
 
-    def typed(self, value: Any, name: str, kind: type, instead: Any) -> Any:
+    def typed(self, value: Any, name: str, kind: type[Any], instead: Any) -> Any:
         words = {str: "a text in quotes", dict: "a table", list: "a list", int: "a whole number above 0"}
         if isinstance(value, bool) or not isinstance(value, kind) or (kind is int and value < 1):
             self.wrong(name, value, words[kind])
@@ -176,7 +174,7 @@ class _Reader:
 
     def _at_home(self, name: str, value: Any) -> Any:
         """A value; relative files start at the folder of the study."""
-        named = name in FILES and isinstance(value, str)
+        named = name in PATHS and isinstance(value, str)
         return os.path.normpath(self.folder / os.path.expanduser(value)) if named else value
 
     def axes(self, table: Any, common: dict[str, Any]) -> tuple[Axis, ...]:

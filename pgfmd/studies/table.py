@@ -7,8 +7,9 @@ the columns of overlap only.
 from __future__ import annotations
 
 import csv
+import html
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -128,8 +129,7 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
     """Write the table as CSV. Raises ResultError if that can't be done."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    heads = [axis.name if axis.bundles else header(axis.name, unit_of(axis.name)) for axis in axes]
-    writer.writerow(["case", *heads, "state", *COLUMNS])
+    writer.writerow(["case", *map(_head, axes), "state", *COLUMNS])
     for row in rows:
         cells = [*row.places.values(), str(row.standing).splitlines()[0], *row.measured.values()]
         writer.writerow([row.case.name, *("" if cell is None else _plain(cell) for cell in cells)])
@@ -142,6 +142,74 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
 def _plain(cell: Any) -> Any:
     # Not -0.0.
     return cell + 0.0 if isinstance(cell, float) else cell
+
+
+@dataclass(frozen=True, eq=False)
+class StudyTable:
+    """The table of a study: a row a case, its places on the axes and what was measured. SI units.
+
+    `table["pull_off_force [N]"]` is a column. rows: in the order of the cases; axes: of the study; out: the folder of
+    the cases' folders; title: of pictures.
+    """
+
+    rows: list[Row]
+    axes: tuple[Axis, ...]
+    out: Path
+    title: str = ""
+
+    @property
+    def columns(self) -> list[str]:
+        """What the header calls them: "case", the axes, "state", and COLUMNS."""
+        return ["case", *map(_head, self.axes), "state", *COLUMNS]
+
+    def __getitem__(self, name: str) -> list[Any]:
+        """A column, an entry a case: numbers, texts, or None where there is nothing yet. KeyError if there is none."""
+        if name not in self.columns:
+            raise KeyError(f"{name!r}: expected one of {', '.join(self.columns)}")
+        place = self.columns.index(name)
+        return [cells[place] for cells in self._cells()]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """The rows as mappings, by column."""
+        return (dict(zip(self.columns, cells, strict=True)) for cells in self._cells())
+
+    def _cells(self) -> Iterator[list[Any]]:
+        for row in self.rows:
+            yield [row.case.name, *row.places.values(), str(row.standing).splitlines()[0], *row.measured.values()]
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is to be said of the numbers."""
+        return remarks(self.rows)
+
+    def __repr__(self) -> str:
+        return "\n".join(overview(self.rows))
+
+    def _repr_html_(self) -> str:
+        """The numbers that are looked at first, for notebooks."""
+        head, *body = overview_cells(self.rows)
+        lines = [f"<tr>{''.join(f'<th>{html.escape(cell)}</th>' for cell in head)}</tr>"]
+        lines += [f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>" for cells in body]
+        return f"<table>{''.join(lines)}</table>"
+
+    def to_csv(self, path: str | Path) -> None:
+        """Writes it as CSV. ResultError if that can't be done."""
+        write_table(Path(path), self.rows, self.axes)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame of all columns. ImportError where pandas is not installed."""
+        try:
+            import pandas
+        except ImportError:
+            raise ImportError("pandas is not installed: pip install pandas; or take the table's own columns") from None
+        return pandas.DataFrame({name: self[name] for name in self.columns})
+
+
+def _head(axis: Axis) -> str:
+    return axis.name if axis.bundles else header(axis.name, unit_of(axis.name))
 
 
 def counted_overlap(numbers: Mapping[str, float | None]) -> bool:
@@ -168,7 +236,14 @@ def remarks(rows: Sequence[Row]) -> list[str]:
 
 
 def overview(rows: Sequence[Row]) -> list[str]:
-    """The rows as lines for a terminal, with the numbers that are looked at first; contact is that at the preload."""
+    """The rows as lines for a terminal (`overview_cells`)."""
+    lines = overview_cells(rows)
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
+
+
+def overview_cells(rows: Sequence[Row]) -> list[list[str]]:
+    """The numbers that are looked at first, a head and a line a row; contact is that at the preload."""
     columns = {
         "pull-off [mN]": ("pull_off_force [N]", 1e3),
         "separation [nJ]": ("work_of_separation [J]", 1e9),
@@ -183,5 +258,4 @@ def overview(rows: Sequence[Row]) -> list[str]:
         found = [(row.measured[column], factor) for column, factor in columns.values()]
         cells = ["" if value is None else f"{value * factor + 0.0:.4g}" for value, factor in found]
         lines.append([row.case.name, *cells, str(row.standing).splitlines()[0]])
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
+    return lines

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import pytest
-from fuzz.comparing import compared
-from fuzz.files import write_files
-from fuzz.scenes import make
 from mpi4py import MPI
 
 from pgfmd.runner import run_scene
 from pgfmd.scene.reading import parse_scene
+from tests.fuzz.comparing import compared
+from tests.fuzz.files import write_files
+from tests.fuzz.scenes import make
 
 pytestmark = pytest.mark.mpi
 

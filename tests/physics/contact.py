@@ -9,9 +9,9 @@ import numpy as np
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.output.recorder import Recorder
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.scene import load_scene, scene_from_mapping
-from pgfmd.solver.simulation import Observer
 from tests.physics.runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 SPHERE = 10e-3
@@ -43,9 +43,9 @@ class Path:
     covered: float
 
     @property
-    def law(self) -> CohesiveLaw:
+    def law(self) -> Cosine:
         """The law of the run."""
-        return CohesiveLaw(self.scene.adhesion.work_of_adhesion, self.scene.adhesion.range)
+        return Cosine(self.scene.adhesion.work_of_adhesion, self.scene.adhesion.range)
 
     def radius(self, area: str = "contact") -> np.ndarray:
         """Radius [m] of a disc as large as one of the areas."""
@@ -56,38 +56,29 @@ class Path:
         return np.isin(self.phase, phases)
 
 
-class _Watch(Observer):
-    """Observer that keeps the numbers of a path; stops the run after the event `last`."""
-
-    def __init__(self, last: str):
-        self.last, self.rows, self.phases = last, [], []
-
-    def observe(self, simulation, event) -> None:
-        state = simulation.state
-        if event.kind in ("start", "step", "jump"):
-            gap = np.float64(state.position) + simulation.scheme.height - state.displacement
-            counts = (state.contact_points, state.overlap_points, state.near_points)
-            self.rows.append((state.time, state.force, -state.position, *counts, gap.max()))
-            self.phases.append(simulation.phase.name)
-        if event.kind == self.last:
-            state.finished = "stopped"
+def _largest_gap(simulation) -> float:
+    """The largest gap [m] under the punch."""
+    state = simulation.state
+    return (np.float64(state.position) + simulation.scheme.height - state.displacement).max()
 
 
-def path_of(scene: str | dict, *overrides: str, last: str = "") -> Path:
-    """Runs a shipped scene, or one given as nested dicts, on one rank, to its end or to the first event `last`."""
+def path_of(scene: str | dict, *overrides: str, only_to_preload: bool = False) -> Path:
+    """Runs a shipped scene, or one given as nested dicts, on one rank, to its end or to the preload."""
     read = scene_from_mapping if isinstance(scene, dict) else load_scene
     reach = read(scene, overrides).adhesion.range
     resolved = read(scene, [*overrides, f"output.near_gap={reach!r} m"])
-    simulation, watch = assemble(resolved, MPI.COMM_SELF), _Watch(last)
-    simulation.observers.append(watch)
-    simulation.run()
-    time, force, depth, contact, overlap, near, largest = np.array(watch.rows).T
+    simulation, recorder = assemble(resolved, MPI.COMM_SELF), Recorder(_largest_gap)
+    simulation.observers.append(recorder)
+    simulation.run(only_to_preload)
+    time, force, depth, *areas = recorder.rows(
+        "time", "force", "indentation", "contact_area", "overlap_area", "near_area"
+    ).T  # fmt: skip
+    phases, largest = recorder.curve.column("phase").astype(str), np.array(recorder.measured)
     cell = simulation.points.grid.cell_area
     if resolved.punch.pattern == "sphere":
         # The four points around the axis are z = 0 in a run, h/sqrt(2) from it.
         depth = depth + cell / (4 * resolved.punch.curvature_radius)
-    areas = (contact * cell, overlap * cell, near * cell)
-    return Path(resolved, time, force, depth, *areas, largest, np.array(watch.phases), simulation.points.total * cell)
+    return Path(resolved, time, force, depth, *areas, largest, phases, simulation.points.total * cell)
 
 
 def range_at(tabor: float) -> float:
@@ -135,5 +126,5 @@ def curved_punch(n: int, *overrides: str) -> Path:
     """The triangular punch with a curvature of 40 mm, pressed at 1 um/s to 62 mN; the relaxation time follows the range."""
     return path_of(
         "tri-tack", f"grid.n={n}", "punch.curvature_radius=40 mm", "drive.preload=62 mN", "solver.accuracy=0.03",
-        "output.energy=false", *overrides, last="preload",
+        "output.energy=false", *overrides, only_to_preload=True,
     )  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble
+from pgfmd.output.recorder import Recorder
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.solver.simulation import Observer
 
@@ -44,37 +45,30 @@ class Row:
     released: float
 
 
-class Recorder(Observer):
-    """Observer that keeps every step; `preloaded` is a copy of the traction where the preload was met."""
+class _Preload(Observer):
+    """Keeps the traction [Pa] and the far displacement [m] at the preload, and where the punch is then [m]."""
 
     def __init__(self):
-        self.rows: list[Row] = []
-        self.preloaded = np.zeros(0)
-        self.preload_position = self.far_at_preload = math.nan
+        self.traction, self.far, self.position = np.zeros(0), math.nan, math.nan
 
     def observe(self, simulation, event) -> None:
-        state = simulation.state
         if event.kind == "preload":
-            self.preloaded, self.preload_position = state.traction.copy(), state.position
-            self.far_at_preload = state.far_displacement
-        if event.kind in ("start", "step", "jump"):
-            pressing = int(np.count_nonzero(state.traction < 0))
-            self.rows.append(
-                Row(
-                    state.time, simulation.phase.name, float(state.position), float(state.force), pressing,
-                    event.kind == "jump", float(event.released),
-                )
-            )  # fmt: skip
+            state = simulation.state
+            self.traction, self.far, self.position = state.traction.copy(), state.far_displacement, state.position
 
 
 @dataclass(frozen=True)
 class Run:
-    """A finished run: its scene, simulation, final state and recorder."""
+    """A finished run: its scene, simulation, final state and rows; at the preload, the traction [Pa], the position of the
+    punch and the far displacement [m]."""
 
     scene: object
     simulation: object
     state: object
-    recorder: Recorder
+    rows: list[Row]
+    preloaded: np.ndarray
+    preload_position: float
+    far_at_preload: float
 
     @property
     def spacing(self) -> float:
@@ -84,11 +78,11 @@ class Run:
     @property
     def jumps(self) -> list[Row]:
         """Ends of steps that were jumps."""
-        return [row for row in self.recorder.rows if row.is_jump]
+        return [row for row in self.rows if row.is_jump]
 
     def phase(self, *names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Indentation -d [m], force [N] and number of pressing points at the ends of the steps of these phases."""
-        rows = [row for row in self.recorder.rows if row.phase in names]
+        rows = [row for row in self.rows if row.phase in names]
         table = np.array([(-row.position, row.force, row.pressing) for row in rows])
         return table[:, 0], table[:, 1], table[:, 2]
 
@@ -106,23 +100,26 @@ class Run:
 
     def before_last_jump(self) -> Row:
         """The last state in contact before the jump that released most on the way back."""
-        rows = self.recorder.rows
+        rows = self.rows
         last = max((i for i, row in enumerate(rows) if row.phase == "retract"), key=lambda i: rows[i].released)
         return rows[last - 1]
 
     def contact_stiffness(self) -> float:
         """Force over indentation [N/m] at the preload, for a punch whose contact is complete from the first touch."""
-        return self.state.preload / -self.recorder.preload_position
+        return self.state.preload / -self.preload_position
 
 
 def run(scene: str | dict, *overrides: str) -> Run:
     """Runs a shipped scene, or one given as nested dicts, with overrides, on one rank."""
     read = scene_from_mapping if isinstance(scene, dict) else load_scene
     resolved = read(scene, overrides)
-    simulation, recorder = assemble(resolved, MPI.COMM_SELF), Recorder()
-    simulation.observers.append(recorder)
+    recorder = Recorder(lambda simulation: int(np.count_nonzero(simulation.state.traction < 0)))
+    simulation, preload = assemble(resolved, MPI.COMM_SELF), _Preload()
+    simulation.observers += [recorder, preload]
     state = simulation.run()
-    return Run(resolved, simulation, state, recorder)
+    columns = (recorder.curve.column(name) for name in ("time", "phase", "displacement", "force"))
+    rows = list(map(Row, *columns, recorder.measured, recorder.jump, recorder.released))
+    return Run(resolved, simulation, state, rows, preload.traction, preload.position, preload.far)
 
 
 def radius_of_traction(result: Run) -> float:
@@ -131,7 +128,7 @@ def radius_of_traction(result: Run) -> float:
     Points within a tenth of the peak pressure are left out: on the rim the grid's staircase shows.
     """
     x, y = result.simulation.points.coordinates()
-    pressure = -result.recorder.preloaded
+    pressure = -result.preloaded
     inner = pressure > 0.1 * pressure.max()
     slope, peak = np.polyfit((x * x + y * y)[inner], pressure[inner] ** 2, 1)
     return math.sqrt(-peak / slope)

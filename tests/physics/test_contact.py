@@ -6,37 +6,36 @@ import numpy as np
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble
+from pgfmd.output.recorder import Recorder
 from pgfmd.reference import jkr
 from pgfmd.scene import load_scene, scene_from_mapping
-from pgfmd.solver.simulation import Observer
 from tests.physics.runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
 
-class Areas(Observer):
-    """Keeps force [N], contact, overlap and near area [m^2] and the largest gap [m] of every row; `back`: on the way out."""
-
-    def __init__(self):
-        self.rows, self.back = [], []
-
-    def observe(self, simulation, event):
-        if event.kind in ("start", "step", "jump"):
-            state, cell = simulation.state, simulation.points.grid.cell_area
-            gap = state.position + simulation.scheme.height - state.displacement
-            counts = np.array([state.contact_points, state.overlap_points, state.near_points])
-            levels = simulation.scheme.law.contact_gap, 0.0, 5e-7
-            assert list(counts) == [np.count_nonzero(gap < level) for level in levels]
-            self.rows.append((state.force, *(counts * cell), gap.max()))
-            self.back.append(simulation.retracting)
+def gap_and_way(simulation):
+    """The largest gap [m], and whether the punch is on its way out. Points are counted by their gaps."""
+    state = simulation.state
+    gap = state.position + simulation.scheme.height - state.displacement
+    levels = simulation.scheme.law.contact_gap, 0.0, 5e-7
+    counts = [state.contact_points, state.overlap_points, state.near_points]
+    assert counts == [np.count_nonzero(gap < level) for level in levels]
+    return gap.max(), simulation.retracting
 
 
 def areas(scene, *overrides):
     """The simulation at its end, and columns force, contact, overlap, near area and largest gap, (rows,) each, with
     which rows are on the way out."""
     read = scene_from_mapping if isinstance(scene, dict) else load_scene
-    simulation, found = assemble(read(scene, overrides), MPI.COMM_SELF), Areas()
+    simulation, found = assemble(read(scene, overrides), MPI.COMM_SELF), Recorder(gap_and_way)
     simulation.observers.append(found)
     simulation.run()
-    return simulation, *np.array(found.rows).T, np.array(found.back)
+    largest, back = zip(*found.measured, strict=True)
+    return (
+        simulation,
+        *found.rows("force", "contact_area", "overlap_area", "near_area").T,
+        np.array(largest),
+        np.array(back),
+    )
 
 
 def test_the_radius_of_a_sticky_sphere_tends_to_that_of_jkr_and_that_of_overlap_does_not():

@@ -6,11 +6,11 @@ import scipy.linalg
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble
+from pgfmd.output.recorder import Recorder
 from pgfmd.scene import load_scene
 from pgfmd.schemes.quasistatic.soft_mode import SoftMode
 from pgfmd.solver import contact_kernels, descent_kernels
 from pgfmd.solver.descent import FLAT, Descent, newton_step
-from pgfmd.solver.simulation import Observer
 from tests.physics.dense import LowestCurvatures
 
 
@@ -119,16 +119,15 @@ def test_where_there_is_one_minimum_newtons_method_finds_it_too(name, changes):
 def test_a_symmetric_punch_lets_go_as_a_whole():
     # With a mode of the search in the span of the descent it came off from one side, in 24 jumps.
     simulation = assemble(scene("flat-punch", 32), MPI.COMM_SELF)
-    lopsided = []
 
-    class Watch(Observer):
-        def observe(self, simulation, event):
-            whole = simulation.points.to_rows(simulation.state.displacement, 0.0)
-            lopsided.append(max(np.abs(whole - whole[::-1]).max(), np.abs(whole - whole[:, ::-1]).max()))
+    def lopsided(simulation):
+        whole = simulation.points.to_rows(simulation.state.displacement, 0.0)
+        return max(np.abs(whole - whole[::-1]).max(), np.abs(whole - whole[:, ::-1]).max())
 
-    simulation.observers.append(Watch())
+    recorder = Recorder(lopsided)
+    simulation.observers.append(recorder)
     state = simulation.run()
-    assert state.counters.jumps <= 3 and max(lopsided) < 1e-3 * simulation.scheme.law.range
+    assert state.counters.jumps <= 3 and max(recorder.measured) < 1e-3 * simulation.scheme.law.range
 
 
 @pytest.mark.parametrize(("name", "clearance", "most"), [("tri-tack", "-2 um", 75), ("hex-tack", "-2 um", 70)])

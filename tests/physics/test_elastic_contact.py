@@ -50,7 +50,7 @@ def test_hertz_force_along_the_approach_and_back():
 def test_hertz_contact_radius_where_the_traction_vanishes():
     for preload, points_across in ((0.5e-3, 9.6), (1e-3, 12.1), (4e-3, 19.2)):
         result = run("hertz", "grid.n=128", f"drive.preload={preload} N")
-        depth = -result.recorder.preload_position
+        depth = -result.preload_position
         closed = hertz.contact_radius(depth, SPHERE)
         assert closed / result.spacing == pytest.approx(points_across, rel=0.02)
         assert radius_of_traction(result) == pytest.approx(closed, rel=3e-3)
@@ -61,7 +61,7 @@ def test_hertz_contact_without_attraction_never_jumps():
     result = run("hertz", "grid.n=128", "adhesion.range_factor=4", "solver.max_steps=3000")
     assert result.state.finished == "detached"
     assert result.jumps == []
-    depth = -result.recorder.preload_position
+    depth = -result.preload_position
     assert result.state.preload == pytest.approx(hertz.force(depth, SPHERE, CONTACT_MODULUS), rel=1e-3)
 
 
@@ -154,7 +154,7 @@ def test_snaps_of_a_sphere_are_booked(spheres):
         assert energies.viscous == 0.0
         assert energies.released == pytest.approx(energies.work, rel=2e-2)
         assert {row.phase for row in one.jumps} == {"approach", "retract"}
-        assert one.recorder.rows[-1].force == 0.0
+        assert one.rows[-1].force == 0.0
 
 
 # Wavy contact --------------------------------------------------------------------------------------------------------
@@ -183,7 +183,7 @@ def test_westergaard_pressure():
     # The summit, where z = z0 (1 + cos qx) vanishes, is at x = L/2.
     closed = wavy.pressure(x - 50e-6, result.state.preload / 1e-8, 1e-6, wave_number, CONTACT_MODULUS)
     # One grid line at the rim has another share of contact; the root there makes that h^1.5 on average.
-    difference = np.abs(-result.recorder.preloaded - closed)
+    difference = np.abs(-result.preloaded - closed)
     assert difference.mean() < 5e-3 * closing
     assert np.median(difference[closed > 0.2 * closing]) < 1e-2 * closing
 

@@ -24,7 +24,7 @@ ELASTIC = ("rheology.model=elastic", "drive.preload=1 mN", "drive.speed=50 um/s"
 
 def curve_error(result, truth):
     """Rms difference of the forces over time, relative to the preload."""
-    ours, theirs = (np.array([(row.time, row.force) for row in r.recorder.rows]).T for r in (result, truth))
+    ours, theirs = (np.array([(row.time, row.force) for row in r.rows]).T for r in (result, truth))
     instants = np.linspace(0.0, min(ours[0, -1], theirs[0, -1]), 20_001)
     difference = np.interp(instants, *ours) - np.interp(instants, *theirs)
     return np.sqrt(np.mean(difference**2)) / result.scene.drive.preload

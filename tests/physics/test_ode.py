@@ -17,7 +17,7 @@ IDS = ["tri-1", "tri-5", "hex-1", "hex-5"]
 
 def largest_difference(result, truth):
     """Of the forces at some 300 ends of steps, relative to the preload."""
-    rows = result.recorder.rows
+    rows = result.rows
     chosen = rows[:: max(1, len(rows) // 300)]
     difference = truth.forces([row.time for row in chosen]) - [row.force for row in chosen]
     return np.abs(difference).max() / result.scene.drive.preload

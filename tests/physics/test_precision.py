@@ -9,13 +9,13 @@ SCENE = ("grid.n=48", "drive.speed=20 um/s", "drive.preload=10 mN")
 
 
 def forces(result, instants):
-    rows = result.recorder.rows
+    rows = result.rows
     return np.interp(instants, [row.time for row in rows], [row.force for row in rows]) / result.scene.drive.preload
 
 
 def difference(result, truth):
     """Rms difference of the forces, relative to the preload."""
-    instants = np.linspace(0.0, truth.recorder.rows[-1].time, 5001)
+    instants = np.linspace(0.0, truth.rows[-1].time, 5001)
     return np.sqrt(np.mean((forces(result, instants) - forces(truth, instants)) ** 2))
 
 

@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from pgfmd import parts
 from pgfmd.assemble import assemble
+from pgfmd.output.recorder import Recorder
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.solver.simulation import Observer
 from tests.physics.runs import SINUSOID
@@ -18,38 +19,34 @@ from tests.physics.runs import SINUSOID
 QUASISTATIC = "solver.scheme=quasistatic"
 
 
-class Path(Observer):
-    """Observer that keeps punch position [m], force [N], time [s] and released energy [J] of each step, and has steps
-    end at wanted times."""
+class Times(Observer):
+    """Has steps end at wanted times, and keeps the punch's position [m] and its force [N] then."""
 
-    def __init__(self, times=()):
-        self.times, self.rows, self.at_times = sorted(times), [], []
+    def __init__(self, times):
+        self.times, self.found = sorted(times), []
 
     def next_time(self, simulation):
         return self.times[0] if self.times else math.inf
 
     def observe(self, simulation, event):
-        state = simulation.state
-        row = (simulation.punch_position, state.force, state.time, event.released, state.energies.residual)
-        if event.kind in ("start", "step", "jump"):
-            self.rows.append(row)
         if event.kind == "time":
-            self.at_times.append(row)
+            self.found.append((simulation.punch_position, simulation.state.force))
             self.times.pop(0)
 
 
-def run(scene, times=()):
-    """The finished simulation of a scene, and its path."""
-    simulation, path = assemble(scene, MPI.COMM_SELF), Path(times)
-    simulation.observers.append(path)
+def run(scene):
+    """The finished simulation of a scene, and its path: punch position [m], force [N] and released energy [J] of each
+    step, (steps, 3)."""
+    simulation, recorder = assemble(scene, MPI.COMM_SELF), Recorder()
+    simulation.observers.append(recorder)
     simulation.run()
-    return simulation, path
+    return simulation, np.column_stack([recorder.rows("displacement", "force"), recorder.released])
 
 
 def loop_area(path):
     """Closed loop of the punch's own displacement [J]: by monotone cubics between jumps and turns, by the trapezoid in
     jumps."""
-    place, force, _, released, _ = np.array(path.rows).T
+    place, force, released = path.T
     total, start = 0.0, 0
     for row in range(1, len(place)):
         turns = row + 1 < len(place) and (place[row + 1] - place[row]) * (place[row] - place[row - 1]) <= 0.0
@@ -143,9 +140,11 @@ def test_unique_equilibria_are_those_of_another_minimiser(overrides):
         assert simulation.state.counters.jumps == 0
     preloaded = simulation.state.preload_time
     times = preloaded * np.array([0.3, 0.6, 0.9, 1.0 + 0.5])
-    _, path = run(scene, times)
-    assert len(path.at_times) == len(times)
-    for position, force, *_ in path.at_times:
+    again, watch = assemble(scene, MPI.COMM_SELF), Times(times)
+    again.observers.append(watch)
+    again.run()
+    assert len(watch.found) == len(times)
+    for position, force in watch.found:
         assert force == pytest.approx(reference.force(position), abs=1e-6 * scene.drive.preload)
 
 
@@ -161,7 +160,7 @@ def test_loops_are_those_of_another_minimiser_where_the_surface_jumps():
     released = state.energies.released
     assert loop_area(path) == pytest.approx(released, rel=0.01)
     assert abs(state.energies.residual) < 0.01 * released
-    other, places = WholePlane(scene), np.array(path.rows)[:, 0]
+    other, places = WholePlane(scene), path[:, 0]
     turn = int(np.argmin(places))
     step = 0.08 * scene.adhesion.range
     way = np.concatenate(
@@ -177,7 +176,7 @@ def test_the_area_of_the_loop_is_what_its_jumps_release(name):
     scene = load_scene(name, ["grid.n=48", QUASISTATIC, "drive.preload=5 mN", "solver.accuracy=3e-3"])
     simulation, path = run(scene)
     energies = simulation.state.energies
-    released = [row[3] for row in path.rows if row[3]]
+    released = path[path[:, 2] != 0.0, 2]
     assert simulation.state.counters.jumps == len(released) > 20 and min(released) > 0.0
     assert energies.released == pytest.approx(sum(released), rel=1e-9)
     assert energies.work == pytest.approx(energies.released, rel=0.01)
@@ -235,7 +234,7 @@ def test_a_saddle_that_symmetry_holds_is_left():
     blind.scheme.soft_mode.search = lambda *_: type("Curvature", (), {"lowest": 1.0, "iterations": 0})
     lopsided = []
 
-    class Watch(Path):
+    class Watch(Observer):
         def observe(self, simulation, event):
             if simulation.phase.name != "approach":
                 # Later, rounding has broken the symmetry.
@@ -264,7 +263,7 @@ def test_each_minimum_has_no_lower_place_beside_it():
         dense[i] = scheme.solver.convolve(unit, column)
     root, law, lowest, traction = np.linalg.cholesky(dense), scheme.law, [], []
 
-    class Curvatures(Path):
+    class Curvatures(Observer):
         def observe(self, simulation, event):
             state = simulation.state
             gap = state.position + scheme.height - state.displacement
@@ -311,18 +310,16 @@ def test_a_spring_leaves_the_curve_of_the_punch_and_opens_the_loop():
     soft, sprung = run(load_scene("hex-tack", [*common, "drive.machine_stiffness=1 kN/m"]))
     assert loop_area(sprung) > 1.5 * loop_area(path)
     # The machine's end goes further, by F/k; the punch's own curve is the same where it is stable.
-    last = np.array(path.rows)
-    turn = int(np.argmin(last[:, 0]))
-    other = np.array(sprung.rows)
-    assert other[:, 0].min() == pytest.approx(last[turn, 0], abs=0.03 * stiff.scheme.law.range)
-    high = (other[:, 1] > 2e-3) & (np.arange(len(other)) < np.argmin(other[:, 0]))
-    there = np.interp(-other[high, 0], -last[:turn, 0], last[:turn, 1])
-    assert np.abs(there - other[high, 1]).max() < 0.02 * 5e-3
+    turn = int(np.argmin(path[:, 0]))
+    assert sprung[:, 0].min() == pytest.approx(path[turn, 0], abs=0.03 * stiff.scheme.law.range)
+    high = (sprung[:, 1] > 2e-3) & (np.arange(len(sprung)) < np.argmin(sprung[:, 0]))
+    there = np.interp(-sprung[high, 0], -path[:turn, 0], path[:turn, 1])
+    assert np.abs(there - sprung[high, 1]).max() < 0.02 * 5e-3
     energies = soft.state.energies
     assert abs(energies.residual) < 0.02 * energies.released
     # Seen from the machine's end the loop is the same: a spring stores, and gives back.
-    force = np.array(sprung.rows)[:, 1]
-    assert -np.trapezoid(force, np.array(sprung.rows)[:, 0] - force / 1e3) == pytest.approx(energies.work, rel=0.02)
+    force = sprung[:, 1]
+    assert -np.trapezoid(force, sprung[:, 0] - force / 1e3) == pytest.approx(energies.work, rel=0.02)
 
 
 def test_a_dead_load_pulls_off_at_the_largest_tension():
@@ -334,7 +331,7 @@ def test_a_dead_load_pulls_off_at_the_largest_tension():
     assert loaded.state.pull_off_force == pytest.approx(driven.state.pull_off_force, rel=0.01)
     # The last way of the punch is the load's; its balance closes, out of reach.
     energies = loaded.state.energies
-    assert abs(energies.residual) < 0.02 * energies.released and path_of_load.rows[-1][0] == loaded.scheme.law.reach
+    assert abs(energies.residual) < 0.02 * energies.released and path_of_load[-1, 0] == loaded.scheme.law.reach
     assert energies.released > driven.state.energies.released
     # Dead loads come without a tension to snap in by.
     assert abs(loaded.state.snap_in_force) < 0.01 * abs(driven.state.snap_in_force)
@@ -362,7 +359,7 @@ def test_an_elastomer_that_a_dead_load_has_pulled_up_far_springs_back():
     scene = load_scene("hertz", [QUASISTATIC, "grid.n=64", "adhesion.law=cosine", "drive.control=load",
                                  "drive.preload=1 mN"])  # fmt: skip
     simulation, path = run(scene)
-    place, _, _, released, _ = np.array(path.rows).T
+    place, _, released = path.T
     energies = simulation.state.energies
     assert abs(energies.residual) < 1e-3 * energies.released
     # The pull-off is the last jump; the punch was above the elastomer's own level by more than the range, and stays.
@@ -393,7 +390,7 @@ def test_the_instantaneous_body_is_a_stiffer_one():
     _, third = run(
         load_scene("flat-punch", [*common, "drive.preload=1 mN", f"substrate.youngs_modulus={2 * kappa} MPa"])
     )
-    deepest = [-min(row[0] for row in each.rows) for each in (path, other, third)]
+    deepest = [-each[:, 0].min() for each in (path, other, third)]
     assert deepest[1] == pytest.approx(deepest[2], rel=1e-3) and deepest[0] > 2.0 * deepest[1]
 
 

@@ -84,7 +84,7 @@ def test_a_punch_that_comes_off_within_a_long_turn_ends_there():
     # At the end of the turn the punch would be 8 cm further.
     assert state.position < 2e-6 and state.counters.steps < 1000
     assert state.smallest_gap >= found.scene.adhesion.range and state.force == 0.0
-    assert found.recorder.rows[-1].phase == "turn"
+    assert found.rows[-1].phase == "turn"
     record = record_of(found.simulation, found.scene, MPI.COMM_SELF, History(1, {}, 0.0))
     assert record["pull_off_force_N"] == -state.pull_off_force > 1e-3 and record["work_of_separation_J"] > 0.0
 
@@ -112,4 +112,4 @@ def test_a_start_beyond_the_preload_is_refused():
             run(*start, f"solver.scheme={scheme}", "drive.preload=10 uN")
     begun = run(*start, "drive.preload=40 mN")
     assert begun.state.finished == "detached" and begun.state.preload == pytest.approx(0.04, rel=1e-3)
-    assert math.isclose(begun.recorder.rows[0].position, -20e-6)
+    assert math.isclose(begun.rows[0].position, -20e-6)

@@ -8,12 +8,12 @@ import pytest
 from mpi4py import MPI
 
 from pgfmd.assemble import assemble
+from pgfmd.output.recorder import Recorder
 from pgfmd.physics.drive import Phase
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import prony, sinusoid, ting
 from pgfmd.scene import load_scene, scene_from_mapping
 from pgfmd.schemes.inertialess.retardation import SDIRK2, step_weights
-from pgfmd.solver.simulation import Observer
 
 MODULUS, POISSON = 2e6, 0.495
 CONTACT_MODULUS = MODULUS / (1 - POISSON**2)
@@ -37,27 +37,14 @@ def rheology(series):
     return {"model": "prony", "kappa": list(series.kappa), "tau": [f"{tau!r} s" for tau in series.tau.tolist()]}
 
 
-class Recorder(Observer):
-    """Numbers of every step; stops the run after the event `last`."""
-
-    def __init__(self, measure=None, last=""):
-        self.measure, self.last = measure or (lambda simulation: ()), last
-        self.rows, self.phases = [], []
-
-    def observe(self, simulation, event):
-        if event.kind in ("start", "step", "jump"):
-            state = simulation.state
-            self.rows.append((state.time, state.position, state.force, *self.measure(simulation)))
-            self.phases.append(simulation.phase.name)
-        if event.kind == self.last:
-            simulation.state.finished = "stopped"
-
-
-def run(scene, **options):
-    simulation, recorder = assemble(scene, MPI.COMM_SELF), Recorder(**options)
+def run(scene, measure=None, only_to_preload=False):
+    """Simulation, final state, rows of time, position, force and what is measured, and the phase of each row."""
+    simulation, recorder = assemble(scene, MPI.COMM_SELF), Recorder(measure)
     simulation.observers.append(recorder)
-    state = simulation.run()
-    return simulation, state, np.array(recorder.rows), np.array(recorder.phases)
+    state = simulation.run(only_to_preload)
+    rows = recorder.rows("time", "displacement", "force")
+    rows = np.hstack([rows, np.array(recorder.measured)]) if measure else rows
+    return simulation, state, rows, recorder.curve.column("phase").astype(str)
 
 
 # One mode ------------------------------------------------------------------------------------------------------------
@@ -252,7 +239,7 @@ def test_error_of_the_sinusoid_falls_with_the_accuracy(name):
     series, amplitude, errors, audit = SPECTRA[name], 1e-6, [], []
     for accuracy in (1e-2, 1e-3, 1e-4):
         scene = wavy_scene(series, amplitude, accuracy, speed=1e-5, depth=2.2e-6)
-        simulation, state, rows, _ = run(scene, measure=wave_of, last="preload")
+        simulation, state, rows, _ = run(scene, measure=wave_of, only_to_preload=True)
         time, position, _, _, wave, _, largest_gap = rows.T
         assert np.all(largest_gap < 0)
         _, expected = exact_wave(simulation, time, position, series, amplitude)
@@ -284,7 +271,7 @@ def test_sphere_follows_lee_and_radok_on_approach(name):
             "grid": {"n": 128, "length": "0.8 mm"},
         }
     )
-    simulation, state, rows, _ = run(scene, last="preload")
+    simulation, state, rows, _ = run(scene, only_to_preload=True)
     time, _, force = rows.T
     # The axis lies between grid points: the tip is that much ahead of the lowest of them.
     ahead = (simulation.points.grid.spacing / 2) ** 2 / radius / speed

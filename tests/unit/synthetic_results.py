@@ -115,6 +115,7 @@ def as_version_0_1(folder: Path) -> Path:
 def write_energy(file: TableFile, found: list[CurveRow]) -> None:
     """Work of the punch by the trapezoidal rule; the other terms of about the size and course of a real audit."""
     work = viscous = released = 0.0
+    file.append(EnergyRow(found[0].time, *[0.0] * 6))
     for before, row in itertools.pairwise(found):
         work += 0.5 * (row.force + before.force) * (row.indentation - before.indentation)
         elastic = 0.4 * row.force * max(row.indentation, 0.0)

@@ -124,7 +124,7 @@ def test_compare_of_folders_alone_and_its_refusals(tmp_path):
 def test_figures_show_the_right_data():
     displacement, turn = triangle(10e-6, 4e-6)
     loop = loop_of(displacement, -1e3 * displacement, turn)
-    axis = pictures.styled(pictures.overlay_figure, [loop, loop.pushed_in_by(1e-6)], 1).axes[0]
+    axis = pictures.overlay_figure([loop, loop.pushed_in_by(1e-6)], 1).axes[0]
     first = next(line for line in axis.lines if line.get_label() == "made")
     np.testing.assert_allclose(first.get_xdata()[-1], -4.0)
     np.testing.assert_allclose(first.get_ydata()[0], 10.0)

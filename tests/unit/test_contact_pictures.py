@@ -8,8 +8,9 @@ from typer.testing import CliRunner
 
 from pgfmd.cli import app
 from pgfmd.plots import folder as plots
-from pgfmd.plots.maps import FOUR_GREYS, GREYS, class_numbers, contact_figure, gap_classes
-from pgfmd.plots.sites import site_figure
+from pgfmd.plots.curves import plot_force
+from pgfmd.plots.maps import FOUR_GREYS, GREYS, class_numbers, gap_classes, plot_contact_maps
+from pgfmd.plots.sites import plot_sites
 from pgfmd.results import load
 from tests.unit.synthetic_results import CONTACT_GAP, NEAR_GAP, as_version_0_1, history, write_results
 
@@ -65,7 +66,7 @@ def test_a_point_at_a_threshold_is_beyond_it():
 def drawn(folder, **options):
     """Legend, and for each map its numbers of classes, masked outside of the punch, and the greys it is drawn in."""
     with load(folder) as results:
-        figure = contact_figure(results, **options)
+        figure = plot_contact_maps(results, **options)
         gaps = [results.frame("gap", snapshot) for snapshot in range(len(results.labels))]
     images = [axis.images[0] for axis in figure.axes if axis.images]
     return [text.get_text() for text in figure.legends[0].texts], gaps, images
@@ -95,8 +96,8 @@ def test_maps_show_the_thresholds_of_the_run(tmp_path):
 def test_an_old_folder_is_named_by_what_it_counted(tmp_path):
     folder = as_version_0_1(write_results(tmp_path / "old", rows=80, nb=24, snapshots=2))
     with load(folder) as results:
-        lower = plots.force_figure(results).axes[1]
-        assert {axis.get_ylabel() for axis in site_figure(results).axes} == {"overlapping (gap < 0)"}
+        lower = plot_force(results).axes[1]
+        assert {axis.get_ylabel() for axis in plot_sites(results).axes} == {"overlapping (gap < 0)"}
     assert lower.get_ylabel() == "overlap (mm²)"
     assert max(lower.lines[1].get_ydata()) == pytest.approx(1e6 * max(row.overlap_area for row in history(80)))
     assert drawn(folder)[0] == ["overlap (gap < 0)", "near (gap < 500 nm)", "open"]
@@ -106,8 +107,8 @@ def test_an_old_folder_is_named_by_what_it_counted(tmp_path):
 
 def test_a_new_folder_is_named_by_contact(tmp_path):
     with load(write_results(tmp_path / "new", rows=80, fields=False)) as results:
-        lower = plots.force_figure(results).axes[1]
-        assert {axis.get_ylabel() for axis in site_figure(results).axes} == {"in contact"}
+        lower = plot_force(results).axes[1]
+        assert {axis.get_ylabel() for axis in plot_sites(results).axes} == {"in contact"}
     assert lower.get_ylabel() == "contact (mm²)"
     assert max(lower.lines[1].get_ydata()) == pytest.approx(1e6 * max(row.contact_area for row in history(80)))
 
@@ -115,10 +116,17 @@ def test_a_new_folder_is_named_by_contact(tmp_path):
 def test_options_of_the_command(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(plots, "plot_results", lambda *arguments: asked.append(arguments) or [])
-    run = CliRunner().invoke
-    assert run(app, ["plot", "DIR"]).exit_code == 0
-    assert run(app, ["plot", "DIR", "--greys", "3", "--contact-gap", "0.2um", "--near-gap", "0 nm"]).exit_code == 0
-    assert [arguments[2:] for arguments in asked] == [(4, None, None), (3, pytest.approx(2e-7), 0.0)]
-    for wrong in (["--greys", "5"], ["--contact-gap", "0.2"], ["--near-gap", "-1 nm"], ["--near-gap", "inf"]):
-        assert run(app, ["plot", "DIR", *wrong]).exit_code == 2, wrong
-    assert len(asked) == 2
+    run, folder = CliRunner().invoke, str(write_results(tmp_path / "out", rows=20, fields=False))
+    chosen = ["--greys", "3", "--contact-gap", "0.2um", "--gap", "range", "--format", "pdf", "--width", "double",
+              "--stress-limit", "20 kPa"]  # fmt: skip
+    for options in ([], ["--near-gap", "0 nm"], chosen):
+        assert run(app, ["plot", folder, *options]).exit_code == 0
+    assert [arguments[2:] for arguments in asked] == [
+        (4, None, None, "png", None, None),
+        (4, None, 0.0, "png", None, None),
+        (3, pytest.approx(2e-7), "range", "pdf", "double", 2e4),
+    ]
+    for wrong in (["--greys", "5"], ["--contact-gap", "0.2"], ["--near-gap", "-1 nm"], ["--near-gap", "inf"],
+                  ["--stress-limit", "0 Pa"], ["--format", "jpg"], ["--width", "3"], ["--log", "z"]):  # fmt: skip
+        assert run(app, ["plot", folder, *wrong]).exit_code == 2, wrong
+    assert len(asked) == 3

@@ -11,12 +11,12 @@ import pytest
 from mpi4py import MPI
 from typer.testing import CliRunner
 
-from pgfmd.analysis.pictures import overlay_figure, styled
+from pgfmd.analysis.pictures import overlay_figure
 from pgfmd.analysis.summary import analyse
 from pgfmd.cli import app
 from pgfmd.commands.run import _summary
 from pgfmd.files.packing import numbers_of, unpack
-from pgfmd.plots.folder import force_figure
+from pgfmd.plots.curves import plot_force
 from pgfmd.results import load
 from pgfmd.results.curve import Loop, branches, measure, turning_row
 from pgfmd.runner import run_scene
@@ -94,7 +94,7 @@ def test_studies_and_pictures_tell_the_same_numbers(quick):
                         ("work_uncertainty [J]", "work_uncertainty_J")):  # fmt: skip
         assert float(of_case[column]) == record[key]
     with load(folder) as results:
-        lines = {line.get_label().split("  ")[0]: line for line in force_figure(results).axes[0].lines}
+        lines = {line.get_label().split("  ")[0]: line for line in plot_force(results).axes[0].lines}
     for name, key, sign in (("pull-off", "pull_off_force_N", -1), ("snap-in", "snap_in_force_N", -1),
                             ("preload", "preload_N", 1)):  # fmt: skip
         assert lines[name].get_ydata().item() == sign * 1e3 * record[key]
@@ -216,7 +216,7 @@ def test_a_run_that_goes_on_has_not_said_its_last_word(quick, tmp_path):
 def test_legends_say_what_was_done_to_curves():
     loop = loop_of([0, -4e-6, 0, 2e-6], [0, 3e-3, -1e-3, -1e-3], 2)
     changes = ["as simulated", "− F/k_M (38.1 kN/m)", ", ".join(["pushed in by 0.5 um"] * 6)]
-    figure = styled(overlay_figure, [loop] * 3, 1, changes)
+    figure = overlay_figure([loop] * 3, 1, changes)
     (legend,) = figure.legends
     assert [text.get_text().replace("\n", " ") for text in legend.get_texts()] == [f"made: {text}" for text in changes]
     # Within the picture, and above the curves.

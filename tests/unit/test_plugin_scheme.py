@@ -3,10 +3,8 @@ knows it."""
 
 import math
 
-import kelvin_voigt
 import numpy as np
 import pytest
-import small_runs
 
 import pgfmd
 from pgfmd.errors import SceneError
@@ -15,6 +13,7 @@ from pgfmd.results import uncertainty
 from pgfmd.results.curve import Loop
 from pgfmd.scene import load_scene
 from pgfmd.schemes import registry
+from tests.unit import kelvin_voigt, small_runs
 
 SLOW = ["rheology.modulus_ratio=1e5", "rheology.relaxation_time=1 us"]
 """A spectrum of which slow motion sees the dashpot alone, of 0.1 s."""
@@ -48,14 +47,14 @@ def test_a_tack_test_runs_to_its_end_and_its_energy_audit_closes_by_the_first_or
 
 
 def test_its_curve_approaches_that_of_the_implicit_scheme_by_the_first_order(recordings):
-    scene = scene_with(1e-4, "solver.scheme=inertialess", "output.energy=false", "drive.clearance=1.2 um")
-    wanted = pgfmd.simulate(scene).measures.pull_off_force
-    errors = [abs(recording.measures.pull_off_force / wanted - 1.0) for recording in recordings.values()]
+    scene = scene_with(1e-4, "solver.scheme=inertialess", "output.energy=false")
+    wanted = pgfmd.simulate(scene).run["pull_off_force_N"]
+    errors = [abs(recording.run["pull_off_force_N"] / wanted - 1.0) for recording in recordings.values()]
     assert errors[1] < 0.03 and errors[0] / errors[1] == pytest.approx(2.0, abs=0.3)
 
 
 def test_it_is_checked_like_any_other(recordings):
-    scene = scene_with(0.1, "solver.order=1", "substrate.boundary=free")
+    scene = scene_with(0.1, "solver.order=1")
     report = scene.check()
     assert report["solver.scheme"] == "kelvin-voigt" and report["mirror symmetry"] == "x"
     assert any("solver.order has no effect" in text and "it is of order 1" in text for text in report.warnings)
@@ -66,17 +65,19 @@ def test_it_is_checked_like_any_other(recordings):
         SceneError, match=r"solver\.precision = .single.: expected 'double' with the scheme kelvin-voigt"
     ):
         scene_with(0.1, "solver.precision=single")
+    with pytest.raises(SceneError, match="a periodic cell, because the scheme kelvin-voigt knows"):
+        scene_with(0.1, "substrate.boundary=free")
     assert load_scene("tri-tack", ["solver.scheme=kelvin-voigt"]).to_toml().count("kelvin-voigt") == 1
 
 
 def test_a_run_that_was_stopped_goes_on_to_the_same_bits(tmp_path):
-    changes = ["solver.scheme=kelvin-voigt", "solver.accuracy=0.5", "drive.speed=50 um/s", "grid.n=16"]
+    changes = ["solver.scheme=kelvin-voigt", "solver.accuracy=0.3", "drive.speed=50 um/s"]
     whole, parts = small_runs.run(tmp_path / "whole", *changes), tmp_path / "parts"
     small_runs.run(parts, *changes, stop_after=20)
     small_runs.run(parts, *changes)
     assert (whole / "curve.csv").read_bytes() == (parts / "curve.csv").read_bytes()
     loop = Loop.of(pgfmd.load(parts))
-    assert loop.share == pytest.approx(2.0 * 0.5) and np.isfinite(loop.force).all()
+    assert loop.share == pytest.approx(2.0 * 0.3) and np.isfinite(loop.force).all()
 
 
 def test_what_is_not_there_is_refused_and_nothing_is_supposed_of_it(added):

@@ -17,6 +17,7 @@ from pgfmd.errors import MeasurementError, ResultError
 from pgfmd.parts import series_of
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.plots import rheology as rheology_plots
+from pgfmd.plots.drawing import write_picture
 from pgfmd.reference.prony import gfmd_creep
 from pgfmd.scene import scene_from_mapping, shipped_text
 
@@ -199,22 +200,22 @@ def test_creep_is_drawn_for_target_and_implemented_models():
     ],
 )
 def test_rheology_picture(tmp_path, series):
-    rheology_plots.plot_rheology(series, tmp_path / "r.png", "a title")
+    rheology_plots.plot_rheology(series, "a title").savefig(tmp_path / "r.png")
     picture = imread(tmp_path / "r.png")
     assert picture.shape[0] > 500 and picture.shape[1] > 1200 and picture[..., :3].std() > 0.03
 
 
 def test_elastic_and_unwritable_pictures_are_refused(tmp_path):
     with pytest.raises(ValueError, match="there is nothing to draw"):
-        rheology_plots.plot_rheology(PronySeries.elastic(), tmp_path / "r.png")
+        rheology_plots.plot_rheology(PronySeries.elastic())
     for name in ("no/folder.png", "r.nonsense"):
         with pytest.raises(ResultError, match="could not be written"):
-            rheology_plots.plot_rheology(FIVE, tmp_path / name)
+            write_picture(rheology_plots.plot_rheology(FIVE), tmp_path / name)
 
 
 def test_fit_picture_shows_every_point_at_its_shifted_place(tmp_path):
     material = characterise(several_temperatures(tmp_path / "dma.csv", vertical=True), None, 298.15, vertical=True)
-    upper, lower = rheology_plots.fit_figure(material).axes
+    upper, lower = rheology_plots.plot_fit(material).axes
     drawn = [line for line in upper.get_lines() if line.get_linestyle() == "None"]
     for marker, values in (("o", material.fit.storage), ("s", material.fit.loss)):
         points = np.concatenate([line.get_xydata() for line in drawn if line.get_marker() == marker])
@@ -228,7 +229,7 @@ def test_fit_picture_shows_every_point_at_its_shifted_place(tmp_path):
 def test_fit_picture_is_written(tmp_path, make):
     before = settings()
     material = characterise(make(tmp_path / "dma.csv"), 8, 298.15 if make is several_temperatures else None)
-    rheology_plots.plot_fit(material, tmp_path / "fit.png")
+    rheology_plots.plot_fit(material).savefig(tmp_path / "fit.png")
     assert imread(tmp_path / "fit.png")[..., :3].std() > 0.03
-    rheology_plots.plot_rheology(material.fit.series, tmp_path / "rheology.png")
+    rheology_plots.plot_rheology(material.fit.series).savefig(tmp_path / "rheology.png")
     assert settings() == before

@@ -14,7 +14,7 @@ from pgfmd.scene import load_scene
 from pgfmd.studies import refinement
 from pgfmd.studies.cases import Case
 from pgfmd.studies.convergence import HIGHEST, LOWEST, disagreement, doubts, finest_limit, fit_power_law, local_powers
-from pgfmd.studies.extrapolation import extrapolate, figure_of, report, write
+from pgfmd.studies.extrapolation import extrapolate, plot_convergence, report, write
 from pgfmd.studies.refinement import HYSTERESIS_POWER, MEASURES, expected_power, levels_of
 from pgfmd.studies.standing import FINISHED, Standing
 from pgfmd.studies.table import rows_of
@@ -232,7 +232,7 @@ def test_a_supported_extrapolation(tmp_path):
 
 def test_the_picture_shows_points_fits_and_differences():
     levels, rows = ladder(1e-9 * law(SIZES))
-    left, right = figure_of(extrapolate(levels, rows, "loop")).axes
+    left, right = plot_convergence(extrapolate(levels, rows, "loop")).axes
     points = left.lines[0]
     assert points.get_xdata() == pytest.approx((1.5e3 / 32 * SIZES) ** (1 / 3))
     assert points.get_ydata() == pytest.approx(law(SIZES))
@@ -263,7 +263,7 @@ def test_without_a_power_three_levels_are_too_few():
     found = extrapolate(levels, rows, "pull-off")
     assert found.best is None and "4 levels are needed" in found.doubts[0]
     assert extrapolate(levels, rows, "pull-off", power=1 / 3).fixed.limit == pytest.approx(2e-9)
-    assert figure_of(found) and report(found)
+    assert plot_convergence(found) and report(found)
 
 
 def test_a_case_of_a_level_is_what_its_run_is_given():

@@ -8,7 +8,8 @@ import pytest
 from pgfmd.scene import load_scene
 from pgfmd.studies.cases import cases_of
 from pgfmd.studies.study_file import StudyError, read_study
-from pgfmd.studies.values import handy, override_of, slug
+from pgfmd.studies.values import override_of, slug
+from pgfmd.units import handy
 
 EXAMPLE = """
 title = "Preloads and speeds"

@@ -10,13 +10,17 @@ import time
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+import pgfmd
 from pgfmd import cli
-from pgfmd.errors import LaunchError
+from pgfmd.errors import LaunchError, ResultError
 from pgfmd.host.run_lock import RunLock
+from pgfmd.plots.numbers import plot_numbers
 from pgfmd.restart.keeper import OUT_OF_TIME
 from pgfmd.restart.sameness import differences
 from pgfmd.results import load
+from pgfmd.results.reading import runs_in
 from pgfmd.studies import pool as pool_module
 from pgfmd.studies.campaign import Campaign, Unfinished, Wishes
 from pgfmd.studies.cases import cases_of
@@ -24,7 +28,7 @@ from pgfmd.studies.pictures import Plan, curves_figure, draw_study, measures_fig
 from pgfmd.studies.pool import Pool, Task, last_words
 from pgfmd.studies.standing import Standing, standing_of
 from pgfmd.studies.study_file import StudyError, study_from_mapping
-from pgfmd.studies.table import COLUMNS, MEASURED, overview, remarks, rows_of, write_table
+from pgfmd.studies.table import COLUMNS, MEASURED, StudyTable, overview, remarks, rows_of, write_table
 from tests.unit.small_runs import SCENE, damage_an_array, run
 
 COMMON = {"grid": {"n": 24}, "output": {"snapshots": ["1 s"]}}
@@ -389,7 +393,103 @@ def test_the_figures_show_every_case(campaign, study):
 
 def test_figures_without_a_curve_are_left_out(campaign, study, tmp_path):
     cases = {case.name: Standing("new") for case in campaign.cases}
-    assert draw_study(tmp_path, rows_of(campaign.cases, study.axes, cases), study.axes) == []
+    assert draw_study(StudyTable(rows_of(campaign.cases, study.axes, cases), study.axes, tmp_path)) == []
     damage_an_array(campaign.out / FIRST / "checkpoint.h5")
     (campaign.out / FIRST / "curve.csv").write_text("nonsense\n")
-    assert len(draw_study(campaign.out, rows_of(campaign.cases, study.axes, campaign.standings()), study.axes)) == 2
+    assert (
+        len(draw_study(StudyTable(rows_of(campaign.cases, study.axes, campaign.standings()), study.axes, campaign.out)))
+        == 2
+    )
+
+
+# -- from Python -------------------------------------------------------------------------------------------------------
+
+
+def test_a_study_from_python_is_that_of_the_command(campaign, study, tmp_path):
+    table = pgfmd.study(MAPPING, out=campaign.out, run=False)
+    expected = rows_of(campaign.cases, study.axes, campaign.standings(), campaign.out)
+    assert table.rows == expected and len(table) == 5 and str(table).splitlines() == overview(expected)
+    assert table["case"][0] == FIRST and table["drive.preload [N]"] == [1e-3, 1e-3, 2e-3, 2e-3, 1.5e-3]
+    assert table["pull_off_force [N]"][0] == load(campaign.out / FIRST).run["pull_off_force_N"]
+    table.to_csv(tmp_path / "table.csv")
+    lines = list(csv.DictReader((tmp_path / "table.csv").open()))
+    assert [line["case"] for line in lines] == table["case"] and list(lines[0]) == table.columns
+    frame = table.to_dataframe()
+    assert list(frame.columns) == table.columns and frame["state"].tolist() == [row["state"] for row in table]
+    assert "<td>beside</td>" in table._repr_html_()
+    with pytest.raises(KeyError, match=r"expected one of case, drive.preload \[N\]"):
+        table["nonsense"]
+    for draw in (pgfmd.plot_study_curves, pgfmd.plot_study_numbers):
+        assert "out  ·  4 of 5 cases are finished" in [text.get_text() for text in draw(table).texts]
+
+
+def test_a_study_is_made_of_a_scene_in_memory(tmp_path):
+    scene = pgfmd.Scene("tri-tack", grid={"n": 24}, drive={"preload": "1 mN"})
+    axes = {"drive.speed": [1e-6, "2 um/s"], "material": {"hard": {"rheology": {"modulus_ratio": 900}}, "as it is": {}}}
+    cases = {"slow": {"drive.speed": 1.23456789e-7}}
+    table = pgfmd.study(scene, axes, cases=cases, out=tmp_path / "out", run=False)
+    assert table["case"] == [
+        "speed-1um-s_hard",
+        "speed-1um-s_as-it-is",
+        "speed-2um-s_hard",
+        "speed-2um-s_as-it-is",
+        "slow",
+    ]
+    assert table["drive.speed [m/s]"] == [1e-6, 1e-6, 2e-6, 2e-6, 1.23456789e-7] and set(table["state"]) == {"new"}
+    made = table.rows[2].case.scene
+    assert made == scene.replace(drive={"speed": 2e-6}, rheology={"modulus_ratio": 900})
+    # What is automatic stays so: the range follows a grid that a case has changed.
+    finer = pgfmd.study(scene, {"grid.n": [24, 96]}, out=tmp_path / "finer", run=False).rows[1].case.scene
+    assert finer.adhesion.range == pytest.approx(scene.adhesion.range / 2)
+    with pytest.raises(ValueError, match="out names the folder"):
+        pgfmd.study(scene, axes)
+    with pytest.raises(ValueError, match="out names the folder"):
+        pgfmd.converge(scene)
+    with pytest.raises(StudyError, match="checkpoint_every = 'now'"):
+        pgfmd.study(MAPPING, out=tmp_path / "out", checkpoint_every="now")
+    with pytest.raises(StudyError, match=r"drive\.sped.*did you mean drive\.speed"):
+        pgfmd.study("tri-tack", {"drive.sped": [1.0]}, out=tmp_path / "out")
+
+
+# -- several runs in one picture ---------------------------------------------------------------------------------------
+
+
+def test_numbers_of_runs_against_a_key_with_error_bars(runs):
+    folders = runs_in(runs)
+    axis = plot_numbers(*folders, x="preload").axes[0]
+    records = {folder.name: load(folder).run for folder in folders}
+    # A line for each speed; the case beside the grid has that of the first.
+    first, second = axis.containers
+    assert [first.get_label(), second.get_label()] == ["speed 1 µm/s", "speed 2 µm/s"]
+    place, force = first.lines[0].get_data()
+    assert list(place) == [1.0, 1.5, 2.0] and axis.get_xlabel() == "drive.preload (mN)"
+    assert force[0] == pytest.approx(1e3 * records[FIRST]["pull_off_force_N"])
+    low, high = first.lines[2][0].get_segments()[0][:, 1]
+    assert (high - low) / 2 == pytest.approx(1e3 * records[FIRST]["pull_off_force_uncertainty_N"])
+    assert len(second.lines[0].get_xdata()) == 1
+    # Which key, if nobody says it.
+    alone = [runs / FIRST, runs / "beside"]
+    assert plot_numbers(*alone, y="loop", log="xy").axes[0].get_xscale() == "log"
+    with pytest.raises(
+        ResultError, match=r"they differ in (drive\.speed, drive\.preload|drive\.preload, drive\.speed)"
+    ):
+        plot_numbers(*folders)
+    with pytest.raises(ResultError, match="no key of these scenes"):
+        plot_numbers(*folders, x="sped")
+    with pytest.raises(ValueError, match="expected one of pull-off"):
+        plot_numbers(*folders, y="pull")
+
+
+def test_the_command_draws_several_runs_and_studies(runs, tmp_path):
+    ask = CliRunner().invoke
+    done = ask(cli.app, ["plot", str(runs), "-o", str(tmp_path / "all")])
+    assert done.exit_code == 0, done.output
+    assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["curves.png", "time.png"]
+    two = [str(runs / FIRST), str(runs / "beside"), "-o", str(tmp_path)]
+    assert ask(cli.app, ["plot", *two, "--x", "preload", "--format", "svg", "--width", "single"]).exit_code == 0
+    assert "<svg" in (tmp_path / "pull-off-preload.svg").read_text()
+    assert ask(cli.app, ["plot", *two, "--x", "time", "--y", "contact", "--log", "x", "--format", "pdf"]).exit_code == 0
+    assert (tmp_path / "contact-time.pdf").read_bytes().startswith(b"%PDF")
+    wrong = ask(cli.app, ["plot", *two, "--y", "nonsense"])
+    assert wrong.exit_code == 2
+    assert isinstance(ask(cli.app, ["plot", str(tmp_path)]).exception, ResultError)

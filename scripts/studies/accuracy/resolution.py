@@ -93,7 +93,7 @@ def overlap() -> str:
             *(rheology if ratio > 1 else []),
         )
         exact = float(hertz.indentation(load, SPHERE, ratio * CONTACT_MODULUS))
-        error = -found.recorder.preload_position / exact - 1.0
+        error = -found.preload_position / exact - 1.0
         lines.append(
             f"| {n} | {factor:g} | {ratio:g} | {1e3 * load:g} | {summit_points(found.scene):.0f} | "
             f"{100 * overlap_share(found.scene):.1f} | {100 * error:+.1f} |"

@@ -26,9 +26,9 @@ from mpi4py import MPI
 
 from pgfmd import parts
 from pgfmd.assemble import assemble
+from pgfmd.output.recorder import Recorder
 from pgfmd.scene import load_scene
 from pgfmd.schemes.quasistatic.soft_mode import SoftMode
-from pgfmd.solver.simulation import Observer
 from tests.physics.dense import LowestCurvatures
 
 SHARP = 0.001
@@ -39,22 +39,12 @@ CLEARANCES = ("-1 um", "-2 um", "-3 um")
 """Of states from rest: how deep the punch is pressed in."""
 
 
-class Curve(Observer):
-    """Observer that keeps position [m] and force [N] of each step."""
-
-    def __init__(self):
-        self.rows = []
-
-    def observe(self, simulation, event):
-        """Takes in what has happened."""
-        self.rows.append((simulation.punch_position, simulation.state.force))
-
-    def forces(self, places):
-        """Forces [N] on the way down and on the way up at places [m], nan beyond."""
-        place, force = np.array(self.rows).T
-        turn = int(np.argmin(place))
-        down = np.interp(-places, -place[: turn + 1], force[: turn + 1], left=0.0, right=np.nan)
-        return down, np.interp(places, place[turn:], force[turn:], left=np.nan, right=0.0)
+def forces_at(places: np.ndarray, recorder: Recorder) -> tuple[np.ndarray, np.ndarray]:
+    """Forces [N] of a run on the way down and on the way up at places [m], nan beyond."""
+    place, force = recorder.rows("displacement", "force").T
+    turn = int(np.argmin(place))
+    down = np.interp(-places, -place[: turn + 1], force[: turn + 1], left=0.0, right=np.nan)
+    return down, np.interp(places, place[turn:], force[turn:], left=np.nan, right=0.0)
 
 
 def finished(scene: str, n: int, changes: list[str], observer=None):
@@ -100,15 +90,15 @@ def errors(chosen) -> None:
     print("| --- | --- | --- | --- | --- | --- | --- |")
     common = ["solver.scheme=quasistatic", f"drive.preload={chosen.preload}"]
     for n in chosen.n:
-        reference = Curve()
+        reference = Recorder()
         sharp, _ = finished(chosen.scene, n, [*common, f"solver.accuracy={SHARP}"], reference)
         preload, exact = sharp.scheme.solver.force_scale, sharp.state
         for accuracy in chosen.accuracy:
-            curve = Curve()
+            curve = Recorder()
             state = finished(chosen.scene, n, [*common, f"solver.accuracy={accuracy}"], curve)[0].state
             lowest = max(min(place for place, _ in each.rows) for each in (curve, reference))
             places = np.linspace(lowest, reference.rows[0][0], PLACES)
-            pairs = zip(curve.forces(places), reference.forces(places), strict=True)
+            pairs = zip(forces_at(places, curve), forces_at(places, reference), strict=True)
             off = [math.sqrt(np.nanmean((one - other) ** 2)) / preload for one, other in pairs]
             pull_off = state.pull_off_force / exact.pull_off_force - 1.0
             loop = state.energies.work / exact.energies.work - 1.0

@@ -61,22 +61,11 @@ class Outcome:
         return max(abs(self.work), LEAST_LOOP * self.largest_work)
 
 
-class Working(Recorder):
-    """Keeps the largest work of the punch, too."""
-
-    largest = 0.0
-
-    def observe(self, simulation, event) -> None:
-        """Keeps a row at the start and after every step."""
-        super().observe(simulation, event)
-        self.largest = max(self.largest, abs(simulation.state.energies.work))
-
-
 @cache
 def outcome(scene: str, overrides: tuple[str, ...]) -> Outcome:
     """The run of a scene, shipped or from `OWN`, on one rank and without files; each only once."""
     loaded = scene_from_mapping(OWN[scene], overrides) if scene in OWN else load_scene(scene, overrides)
-    simulation, recorder = assemble(loaded, MPI.COMM_SELF), Working()
+    simulation, recorder = assemble(loaded, MPI.COMM_SELF), Recorder()
     simulation.observers.append(recorder)
     began, ended = time.process_time(), ""
     try:
@@ -85,7 +74,8 @@ def outcome(scene: str, overrides: tuple[str, ...]) -> Outcome:
         ended = f"failed: {' '.join(str(error).split())}"
     spent, state = time.process_time() - began, simulation.state
     curve, preload = recorder.loop(simulation), simulation.scheme.solver.force_scale
-    energies = state.energies.work, recorder.largest, state.energies.largest_residual
+    largest = float(np.abs(recorder.energy.column("work")).max())
+    energies = state.energies.work, largest, state.energies.largest_residual
     return Outcome(curve, preload, *energies, simulation.scheme.pairs, state.counters.steps, spent, ended)
 
 

@@ -22,12 +22,13 @@ import sys
 import time
 from dataclasses import dataclass
 
+import numpy as np
 from mpi4py import MPI
 
 from pgfmd.errors import PgfmdError
 from pgfmd.host import launch
 from pgfmd.physics.drive import DETACHED
-from pgfmd.solver.simulation import STOPPED_PRELOAD, Observer
+from pgfmd.solver.simulation import STOPPED_PRELOAD
 
 LARGEST_RESIDUAL = 0.02
 """Of the energy audit, relative to the work of the loop, at accuracy FINE or finer."""
@@ -171,17 +172,6 @@ HEADER = (
 )
 
 
-class LargestWork(Observer):
-    """Keeps the largest work [J] that the punch had done on the way."""
-
-    def __init__(self):
-        self.value = 0.0
-
-    def observe(self, simulation, event) -> None:
-        """Looks at every event."""
-        self.value = max(self.value, abs(simulation.state.energies.work))
-
-
 class Hang(Exception):
     """The time limit of a case is over."""
 
@@ -193,6 +183,7 @@ def _out_of_time(*_) -> None:
 def run_case(axis: str, scene_name: str, overrides: list[str], settings: str, limit: int) -> Result:
     """Runs one case for at most `limit` seconds."""
     from pgfmd.assemble import assemble
+    from pgfmd.output.recorder import Recorder
     from pgfmd.parts import confirm
     from pgfmd.scene import load_scene
 
@@ -204,11 +195,15 @@ def run_case(axis: str, scene_name: str, overrides: list[str], settings: str, li
         confirm(scene, scene_name)
         result.finished = "not finished"
         simulation = assemble(scene, MPI.COMM_SELF)
-        largest = LargestWork()
-        simulation.observers.append(largest)
+        recorder = Recorder()
+        simulation.observers.append(recorder)
         result.finished = simulation.run().finished
         energies = simulation.state.energies
-        loop = abs(energies.work) if energies.viscous or energies.released else largest.value
+        loop = (
+            abs(energies.work)
+            if energies.viscous or energies.released
+            else np.abs(recorder.energy.column("work")).max()
+        )
         result.residual = energies.largest_residual / loop if loop else 0.0
         result.verdict = verdict(simulation.state, result.residual, scene.solver.accuracy)
     except Hang:

@@ -49,7 +49,7 @@ def hertz_study(quick: bool) -> Iterator[Line]:
     n = 128 if quick else 512
     for factor in (1, 4):
         result = run("hertz", f"grid.n={n}", f"adhesion.range_factor={factor}")
-        depth = -result.recorder.preload_position
+        depth = -result.preload_position
         settings = f"n={n} range_factor={factor}"
         yield Line("Hertz force [N]", settings, hertz.force(depth, SPHERE, CONTACT_MODULUS), result.state.preload)
         closed = hertz.contact_radius(depth, SPHERE)

@@ -36,12 +36,12 @@ def stiffness(quick: bool):
     settings = f"n = {sizes[-2]}, {sizes[-1]}, radius of equal area"
     lines.append(Line("order in the spacing", settings, 1.0, -order(sizes, by_area)))
     x, y = points.coordinates()
-    distance, depth = np.hypot(x, y), -result.recorder.preload_position
+    distance, depth = np.hypot(x, y), -result.preload_position
     sorted_points = np.argsort(distance)
     some = sorted_points[chosen(distance[sorted_points], 30)]
     line = np.linspace(0.0, 0.995, 400) * RADIUS
     closed(left, line * MICRO, flat_punch.pressure(line, depth, RADIUS, CONTACT_MODULUS) / 1e3, label="closed form")
-    ours(left, distance[some] * MICRO, -result.recorder.preloaded[some] / 1e3, label=f"n = {sizes[-1]}")
+    ours(left, distance[some] * MICRO, -result.preloaded[some] / 1e3, label=f"n = {sizes[-1]}")
     left.set(xlabel="distance from the axis [µm]", ylabel="pressure [kPa]")
     left.set_title(f"flat punch under 1 mN, stiffness {lines[-2].shown_error}")
     left.legend()

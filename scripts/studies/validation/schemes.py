@@ -38,7 +38,7 @@ def inertia_vanishes(quick: bool):
             if case == "tri, N = 1" and factor in (1, 4):
                 _draw_force(left, result, factors.index(factor), rf"$\omega\tau = {2 * factor}\pi$")
         if case == "tri, N = 1":
-            rows = np.array([(row.time, row.force) for row in truth.recorder.rows]).T
+            rows = np.array([(row.time, row.force) for row in truth.rows]).T
             closed(left, rows[0] * MILLI, rows[1] * MILLI, color="black", lw=0.9, label="inertialess", zorder=0)
         convergence(right, np.array(factors), errors, index, label=case)
         settings = f"{case}, n = 32, omega tau_min = {2 * factors[-1]} pi"
@@ -61,7 +61,7 @@ def _difference(result, truth) -> float:
 
     Steps of `result` are much shorter: between them a straight line does.
     """
-    times, forces = (np.array([(row.time, row.force) for row in run.recorder.rows]).T for run in (truth, result))
+    times, forces = (np.array([(row.time, row.force) for row in run.rows]).T for run in (truth, result))
     (instants, exact), (own, found) = times, forces
     within = instants <= own[-1]
     difference = np.interp(instants[within], own, found) - exact[within]
@@ -69,7 +69,7 @@ def _difference(result, truth) -> float:
 
 
 def _draw_force(axis, result, index: int, label: str) -> None:
-    rows = np.array([(row.time, row.force) for row in result.recorder.rows]).T
+    rows = np.array([(row.time, row.force) for row in result.rows]).T
     some = chosen(rows[0], 40)
     ours(axis, rows[0, some] * MILLI, rows[1, some] * MILLI, index, label=label, ms=3.2)
 
@@ -119,7 +119,7 @@ def against_scipy(quick: bool):
 
 def _draw_pair(axis, result, truth, index: int, label: str) -> None:
     """Force over time: scipy's as a line, ours as markers."""
-    rows = result.recorder.rows
+    rows = result.rows
     instants = np.linspace(rows[0].time, rows[-1].time, 400)
     closed(axis, instants * MILLI, truth.forces(instants) * MILLI, index)
     _draw_force(axis, result, index, label)

@@ -35,7 +35,7 @@ def hertz_figure(quick: bool):
     for n in sizes:
         for factor in errors:
             result = run("hertz", f"grid.n={n}", f"adhesion.range_factor={factor}", "solver.accuracy=1e-3")
-            depth = -result.recorder.preload_position + _apex(result, SPHERE)
+            depth = -result.preload_position + _apex(result, SPHERE)
             exact = hertz.force(depth, SPHERE, CONTACT_MODULUS)
             errors[factor].append(result.state.preload / exact - 1)
             if n == sizes[-1]:
@@ -123,7 +123,7 @@ def lee_radok(quick: bool):
                 "grid": {"n": n, "length": "0.8 mm"},
             }
         )
-        simulation, _, rows, _ = run_recorded(scene, last="preload")
+        simulation, _, rows, _ = run_recorded(scene, only_to_preload=True)
         time, _, force = rows.T
         # The axis lies between grid points: the tip is that much ahead of the lowest of them.
         time = time + (simulation.points.grid.spacing / 2) ** 2 / radius / speed

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.topography import Topography
 from pgfmd.plots.drawing import new_figure
 from pgfmd.reference import corrugation, wavy
@@ -86,7 +86,7 @@ def westergaard(quick: bool):
         half = run(SINUSOID, *keys, f"drive.preload={0.5 * closing * CELL:.9g} N")
         x, _ = half.simulation.points.coordinates()
         closed_pressure = wavy.pressure(x - 50e-6, half.state.preload / CELL, 1e-6, WAVE_NUMBER, CONTACT_MODULUS)
-        of_pressure.append(float(np.abs(-half.recorder.preloaded - closed_pressure).mean() / closing))
+        of_pressure.append(float(np.abs(-half.preloaded - closed_pressure).mean() / closing))
     lines.append(Line("contact fraction: largest error below 0.95 p*", f"n = {n}", 0.0, errors[-1]))
     lines.append(Line("its order in the spacing", f"n = {sizes[-2]}, {n}", 1.0, -order(sizes, errors)))
     lines.append(Line("pressure at p*/2: mean error, over p*", f"n = {n}", 0.0, of_pressure[-1]))
@@ -101,7 +101,7 @@ def westergaard(quick: bool):
     exact = wavy.pressure(across - 50e-6, half.state.preload / CELL, 1e-6, WAVE_NUMBER, CONTACT_MODULUS)
     closed(middle, across * 1e6, exact / closing)
     row = slice(0, n, max(1, n // 40))
-    ours(middle, x[:n][row] * 1e6, -half.recorder.preloaded[:n][row] / closing)
+    ours(middle, x[:n][row] * 1e6, -half.preloaded[:n][row] / closing)
     middle.set(xlabel="x [µm]", ylabel="pressure / $p^*$")
     middle.set_title("pressure at $P = p^*/2$")
     convergence(right, sizes, errors, 0, label="contact fraction, largest")
@@ -188,13 +188,13 @@ def corrugation_energy(quick: bool):
             np.save(path, heights)
             for reach in reaches:
                 scene = _pressed(path, length, n, reach, 1.15 * closing)
-                _, _, rows, _ = run_recorded(scene, measure=_energy, last="preload")
+                _, _, rows, _ = run_recorded(scene, measure=_energy, only_to_preload=True)
                 errors.append(rows[-1, 3] / length**2 / exact - 1)
         pressure, energy = rows[:, 2] / length**2 / closing, rows[:, 3] / length**2 / exact
         some = chosen(np.maximum.accumulate(pressure), 16)
         ours(left, pressure[some], energy[some], index, label=pattern, ls="-", lw=0.6)
         own_wave = 2 * q / math.sqrt(3)
-        couplings = [CohesiveLaw(WORK_OF_ADHESION, r).stiffness * 2 / (own_wave * CONTACT_MODULUS) for r in reaches]
+        couplings = [Cosine(WORK_OF_ADHESION, r).stiffness * 2 / (own_wave * CONTACT_MODULUS) for r in reaches]
         convergence(right, np.round(couplings, 1), errors, index, label=pattern)
         settings = f"{pattern}, z0 = 1 µm, {n} x {n}, K_0 G_0(Q) = {couplings[-1]:.0f}"
         found = energy[-1] * exact * MILLI

@@ -1,7 +1,5 @@
 """Scenes with a spring beside a dashpot. `solver.accuracy` is the step, as a share of the longest that is stable."""
 
-import numpy as np
-
 from pgfmd import parts
 from pgfmd.forecast.effort import effort_of_steps
 from pgfmd.forecast.estimate import memory_of_vectors, pair_cost
@@ -18,8 +16,7 @@ def build(scene, comm, mirror):
     from .scheme import KelvinVoigt
 
     points = points_of(scene, mirror, comm)
-    periodic = scene.substrate.boundary == "periodic"
-    weights = far_weights(parts.compliance_of(scene), points) if periodic else np.zeros(0)
+    weights = far_weights(parts.compliance_of(scene), points)
     scheme = KelvinVoigt(
         points, convolution_of(scene, points), heights_of(scene, points), parts.law_of(scene.adhesion), _tau(scene),
         weights, scene.output.near_gap,

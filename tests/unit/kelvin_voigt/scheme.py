@@ -71,14 +71,11 @@ class KelvinVoigt:
     def measure(self, state):
         gap, law = self._gap(state), self.law
         contact, overlap, near, energy, far = self._sums(
-            gap < law.contact_gap, gap < 0.0, gap < self.near_gap, law.potential(gap), self._far(state)
+            gap < law.contact_gap, gap < 0.0, gap < self.near_gap, law.potential(gap), self.far_weights * state.load
         )
         state.contact_points, state.overlap_points, state.near_points = int(contact), int(overlap), int(near)
         state.smallest_gap = -self.points.maximum_of(-gap.min(initial=np.inf))
         state.energies.adhesive, state.far_displacement = energy * self.points.grid.cell_area, far
-
-    def _far(self, state):
-        return self.far_weights * state.load if self.far_weights.size else state.load[:0]
 
     def _gap(self, state):
         return state.position + self.height - state.displacement
