@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from .comparison import Comparison
     from .summary import Analysis
 
+MEASURED = ("black", "0.45", "0.65")
+"""Colours of measured loops."""
 LEGEND_WIDTH = 75
 """Letters in a line of a legend above the curves."""
 LEGEND_LINE = 0.17
@@ -46,7 +48,7 @@ TWIN_PARTS = (("multistability (twin)", VIOLET), ("viscous and coaction", RED))
 
 
 def plot_comparison(found: Comparison) -> Figure:
-    """Curves of `compare` over each other, force against indentation; a measured one in black."""
+    """Curves of `compare` over each other, force against indentation; measured ones in black and greys."""
     return _with_footer(overlay_figure(found.loops, found.measured, found.changes), found.about)
 
 
@@ -96,11 +98,11 @@ def _with_footer(figure: Figure, text: str) -> Figure:
 
 
 @picture
-def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence[str] = ()) -> Figure:
+def overlay_figure(loops: list[Loop], measured: int | None = None, changes: Sequence[str] = ()) -> Figure:
     """Force [mN] against indentation [um]: approaches thin and dashed, retractions in colour.
 
-    dots: number of the loop that was measured, drawn in black. changes: what has been done to each curve, for its
-    legend; none for nothing to say.
+    measured: number of the first loop that was measured; these are drawn in black and greys. changes: what has been done to
+    each curve, for its legend; none for nothing to say.
     """
     told = zip(loops, changes, strict=True) if changes else ()
     labels = [textwrap.wrap(f"{loop.name}: {change}", LEGEND_WIDTH) for loop, change in told]
@@ -108,13 +110,14 @@ def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence
     axis = figure.subplots()
     axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     for number, loop in enumerate(loops):
-        colour = "black" if number == dots else PALETTE[number % len(PALETTE)]
+        own = None if measured is None or number < measured else number - measured
+        colour = PALETTE[number % len(PALETTE)] if own is None else MEASURED[own % len(MEASURED)]
         x, force = 1e6 * loop.indentation, 1e3 * loop.force
         rows = loop.branches["retraction"]
         before = slice(0, rows.start + 1)
         if rows.start > 1:
             axis.plot(*seen(x[before], force[before]), color=colour, linestyle=DASHES, linewidth=0.8)
-        width = 1.0 if number == dots else 1.4
+        width = 1.4 if own is None else 1.0
         label = literal("\n".join(labels[number]) if changes else loop.name)
         axis.plot(*seen(x[rows], force[rows]), color=colour, linewidth=width, label=label)
     # What has been done to a curve may be a long story: above the curves it hides none of them.

@@ -195,7 +195,7 @@ def _full_contact_energy(punch: Punch, modulus: float) -> float:
 def _rheology(scene: Scene) -> Iterator[Line]:
     series = series_of(scene.rheology)
     creep = series.to_creep()
-    yield Line("kappa_inf", series.kappa_inf, "", "E(infinity)/E(0)")
+    yield Line("kappa_inf", series.kappa_inf, "", "instantaneous over relaxed modulus")
     yield Line("J_inf", creep.J_inf, "", "1/kappa_inf")
     yield Line("time to move by rho", scene.adhesion.range / scene.drive.speed, "s", "rho/v")
     for index, (tau, kappa) in enumerate(zip(series.tau, series.kappa, strict=True), 1):

@@ -54,7 +54,10 @@ class Face:
 
 def warnings(scene: Scene) -> Iterator[str]:
     """What can't be meant in a scene whose files are there."""
-    for rule in (_face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing, _unread):
+    rules = (
+        _face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing, _shares, _unread,
+    )  # fmt: skip
+    for rule in rules:
         yield from rule(scene)
 
 
@@ -217,6 +220,19 @@ def _spacing(scene: Scene) -> Iterator[str]:
             f"grid.length: points of the grid are {shown(spacing, 'length')} apart, less than an atom, where no "
             "continuum is left; look at its unit"
         )
+
+
+def _shares(scene: Scene) -> Iterator[str]:
+    """Weights that may be shares of the instantaneous modulus, where the scene does not say of which they are."""
+    rheology = scene.rheology
+    total = sum(rheology.kappa or ())
+    if rheology.model != "prony" or rheology.reference is not None or not 0.0 < total < 1.0:
+        return
+    yield (
+        f"rheology.kappa has a sum of {total:.4g}, so that the elastomer is only {1.0 + total:.4g} times as stiff at once "
+        "as when relaxed: if these are g_i of Abaqus or alpha_i of Ansys, shares of the instantaneous modulus, set "
+        'rheology.reference = "instantaneous", with that modulus as substrate.youngs_modulus; else set it to "relaxed"'
+    )
 
 
 def _unread(scene: Scene) -> Iterator[str]:

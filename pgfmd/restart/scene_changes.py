@@ -24,7 +24,8 @@ from pgfmd.scene_objects import drive_of
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
-UNIMPORTANT = ("title", "output.directory")
+UNIMPORTANT = ("title", "output.directory", "rheology.reference")
+"""Keys that change nothing of a run; weights of a resolved scene are shares of the relaxed modulus, said or not."""
 PRECISION = "solver.precision"
 """The key that a scene may leave open ("auto"). A continued run then keeps the precision that it began with."""
 PEAKS = "punch.file_peaks"

@@ -60,6 +60,9 @@ class Loop:
     For runs only: work [J] of the loop, and separation [J], the work of separation (None before the retraction); both
     are independent of filters. told: other numbers of `run.json`, by key (TOLD). share: relative uncertainty of forces
     due to the errors of steps (uncertainty.py).
+
+    For measured loops only: closed: whether the rows hold both ways. treated: what was done to the curve when it was read,
+    in words. remarks: what else is to be known of it.
     """
 
     name: str
@@ -78,6 +81,9 @@ class Loop:
     share: float = 0.0
     overlap: Array | None = None
     near: Array | None = None
+    closed: bool = True
+    treated: str = ""
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, results: Results, name: str = "") -> Self:
@@ -307,7 +313,7 @@ class Measures:
     preload [N]: force at the end of the approach. largest_force [N]: at any row, including the overshoot in the turn;
     None without compression. time_to_preload [s]: from the first contact. pull_off: lowest force of the retraction,
     from the turning point on; snap_in: that of the approach. work_of_separation [J]: of the punch while it moves up
-    against a tensile force. hysteresis [J]: net work of the punch over all rows. areas: the known ones of "contact",
+    against a tensile force. hysteresis [J]: net work of the punch over all rows, None of one way alone. areas: the known ones of "contact",
     "overlap" and "near". *_uncertainty: of a work [J].
     """
 
@@ -317,7 +323,7 @@ class Measures:
     pull_off: Dip | None
     snap_in: Dip
     work_of_separation: float | None
-    hysteresis: float
+    hysteresis: float | None
     areas: Mapping[str, Areas]
     work_of_separation_uncertainty: float | None = None
     hysteresis_uncertainty: float | None = None
@@ -355,7 +361,7 @@ def measure(loop: Loop) -> Measures:
         pull_off=pull_off,
         snap_in=_tension(loop, snap, "snap_in_force"),
         work_of_separation=work_of_separation(loop) if loop.retracted else None,
-        hysteresis=net_work(loop),
+        hysteresis=net_work(loop) if loop.closed else None,
         areas={kind: _areas(area, loop, row) for kind, area in loop.areas.items()},
         work_of_separation_uncertainty=loop.told.get("work_of_separation_uncertainty_J"),
         hysteresis_uncertainty=loop.told.get("work_uncertainty_J"),

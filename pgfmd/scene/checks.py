@@ -245,6 +245,35 @@ def substrate_is_of_one_kind(draft: PartialScene) -> Iterator[Problem]:
         yield draft.problem("substrate.boundary", '"periodic" with a compliance file', "delete one of the two")
 
 
+def refer_to_relaxed(draft: PartialScene) -> list[Problem]:
+    """Turns shares of the instantaneous modulus in a draft, and that modulus, into weights of the relaxed one, and it:
+    E(0) = E(infinity) (1 - sum g), kappa_n = g_n/(1 - sum g). What can't be is told."""
+    try:
+        if draft["rheology.model"] != "prony" or draft["rheology.reference"] != "instantaneous":
+            return []
+        shares, modulus = draft["rheology.kappa"], draft["substrate.youngs_modulus"]
+        if shares is None:
+            return []
+        if draft["substrate.compliance_file"] is not None:
+            cure = "delete it: the file holds the static compliance, so kappa are shares of the relaxed modulus"
+            return [draft.problem("rheology.reference", '"relaxed" with a compliance file', cure)]
+    except Unread:
+        return []
+    rest = 1.0 - math.fsum(shares)
+    if not rest >= 1.0 / LARGEST_MODULUS_RATIO:
+        total = math.fsum(shares)
+        cure = (
+            'leave out reference, or set it to "relaxed", if these are E_n/E(0)'
+            if total > 1.0
+            else "look at the shares"
+        )
+        expected = f"shares of the instantaneous modulus with a sum below 1, what relaxes at last; it is {total:.6g}"
+        return [draft.problem("rheology.kappa", expected, cure)]
+    draft.values["rheology"] |= {"kappa": tuple(share / rest for share in shares), "reference": "relaxed"}
+    draft.values["substrate"]["youngs_modulus"] = modulus * rest
+    return []
+
+
 def prony_series_is_sound(draft: PartialScene) -> Iterator[Problem]:
     if draft["rheology.model"] != "prony":
         return

@@ -60,7 +60,7 @@ RHEOLOGIES: dict[str, Keys] = {
     "elastic": _keys(),
     "single": _keys("modulus_ratio relaxation_time"),
     "geometric": _keys("modulus_ratio relaxation_time elements time_ratio exponent"),
-    "prony": _keys("kappa tau"),
+    "prony": _keys("kappa tau", "reference"),
 }
 """For every `rheology.model` the keys of [rheology] it needs and those it may have."""
 
@@ -184,7 +184,11 @@ class Punch(Section):
 class Substrate(Section):
     """The elastomer's static elasticity and how it is held."""
 
-    youngs_modulus: float = quantity("modulus", "static Young's modulus E(0)")
+    youngs_modulus: float = quantity(
+        "modulus",
+        "relaxed (static) Young's modulus E(0), that of very slow loading; the instantaneous one with "
+        '`rheology.reference = "instantaneous"`',
+    )
     poisson_ratio: float = number("Poisson's ratio", above=-1.0, at_most=0.5)
     thickness: float = quantity("length", "thickness of the film", math.inf, infinite=True)
     base: Literal["bonded", "sliding"] | None = key(
@@ -209,20 +213,33 @@ class Substrate(Section):
 
 
 class Rheology(Section):
-    """The relaxation spectrum kappa(s) = 1 + sum kappa_n s tau_n / (1 + s tau_n); it multiplies the static modulus."""
+    """The relaxation spectrum kappa(s) = 1 + sum kappa_n s tau_n / (1 + s tau_n); it multiplies the relaxed (static) modulus."""
 
     model: Literal["elastic", "single", "geometric", "prony"] = key(
         "`elastic`, a `single` Maxwell element, a `geometric` series of them, or your own `prony` series"
     )
-    modulus_ratio: IfUsed = number("E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO)
+    modulus_ratio: IfUsed = number(
+        "instantaneous over relaxed modulus, E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO
+    )
     relaxation_time: IfUsed = quantity("time", "relaxation time; of `geometric` the shortest", None)
     elements: CountIfUsed = key("number N of Maxwell elements", None, ge=1, le=200)
     time_ratio: IfUsed = number("ratio s of successive relaxation times: tau_{n+1} = tau_n / s", None, above=1.0)
     exponent: IfUsed = number(
         "exponent beta of the weights: kappa_{n+1} = s^beta kappa_n", None, at_least=0.0, at_most=2.0
     )
-    kappa: NumbersIfUsed = number("weights kappa_n = k_n/k_0", None, at_least=0.0, count=0)
+    kappa: NumbersIfUsed = number(
+        'weights of the elements, E_n/E(0); shares of the instantaneous modulus with `reference = "instantaneous"`',
+        None,
+        at_least=0.0,
+        count=0,
+    )
     tau: NumbersIfUsed = quantity("time", "relaxation times tau_n, as many as weights", None, count=0)
+    reference: Literal["relaxed", "instantaneous"] | None = key(
+        "modulus of which `kappa` are shares, and which `substrate.youngs_modulus` is: the `relaxed` one of long times, as "
+        "in papers and unless said otherwise, or the `instantaneous` one, as in Prony tables of finite-element programs "
+        "(g_i of Abaqus, alpha_i of Ansys); kept as the relaxed one in a resolved scene",
+        None,
+    )
 
 
 class Adhesion(Section):

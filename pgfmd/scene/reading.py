@@ -19,7 +19,7 @@ from pgfmd.physics.adhesion.registry import LAWS, clearance_of, length_of, range
 from pgfmd.physics.drive import automatic_turn
 from pgfmd.physics.random_surface import automatic_period
 
-from .checks import check
+from .checks import check, refer_to_relaxed
 from .fields import expectation, extra_of, within_limits, written
 from .given import Given, did_you_mean, shipped_scenes, shipped_text
 from .model import SECTIONS, Adhesion, Scene
@@ -75,6 +75,7 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
     given, problems = given.overridden(overrides)
     mapping, draft = given.mapping, PartialScene(given.folder)
     problems += _read_sections(mapping, draft)
+    problems += refer_to_relaxed(draft)
     problems += check(draft, require_files)
     title = mapping.get("title", "")
     if not isinstance(title, str):
