@@ -21,7 +21,7 @@ from pgfmd.results.curve import Loop
 from pgfmd.scene import load_scene
 from pgfmd.scene_objects import confirm
 from pgfmd.studies.campaign import Campaign, Unfinished, Wishes, make_folder
-from pgfmd.studies.case_state import Standing
+from pgfmd.studies.case_state import CaseState
 from pgfmd.studies.cases import Case
 from pgfmd.studies.values import header, override_of
 
@@ -155,7 +155,7 @@ class Runs:
             self._take(name, n, purpose, values[name], standing)
         self._write()
 
-    def _take(self, name: str, n: int, purpose: str, values: tuple[float, ...], standing: Standing) -> None:
+    def _take(self, name: str, n: int, purpose: str, values: tuple[float, ...], standing: CaseState) -> None:
         """What a run that has ended says."""
         if not standing.complete:
             self._keep(name, n, purpose, values, None, str(standing), standing.record)
