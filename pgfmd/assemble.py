@@ -88,7 +88,7 @@ def share_map(scene: Scene, comm: Intracomm) -> None:
         return
     face = scene_objects.topography_of(scene.punch)
 
-    def read() -> tuple | None:
+    def read() -> tuple[heightfile.HeightMap, heightfile.Stamp] | None:
         try:
             problems = list(refusals(face, scene.grid.length / scene.grid.n))
         except MapError as error:

@@ -163,7 +163,10 @@ def map_bytes_of(punch: Punch) -> float:
     """A height map, or the waves of a random face, while heights are taken from it."""
     if punch.pattern == "rough":
         return surface_bytes(punch.period, punch.shortest)
-    return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
+    if punch.pattern == "file":
+        request = topography_of(punch).map_request
+        return map_bytes(request.file, request.order)
+    return 0.0
 
 
 def modulus_of(scene: Scene) -> float:

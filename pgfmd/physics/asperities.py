@@ -38,9 +38,9 @@ def site_normals(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array
 
 def site_uniforms(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
     """A number of each site (i, j), uniform between 0 and 1, neither of which it is; shape of i and j broadcast together."""
-    i, j = (np.atleast_1d(np.asarray(index, dtype=np.int64)).view(np.uint64) for index in (i, j))
+    first, second = (np.atleast_1d(np.asarray(index, dtype=np.int64)).view(np.uint64) for index in (i, j))
     key = scrambled(np.full(1, seed & 0xFFFFFFFFFFFFFFFF, dtype=np.uint64) + STRIDE)
-    key = scrambled(scrambled(key + STRIDE * (i + np.uint64(1))) + STRIDE * (j + np.uint64(1)))
+    key = scrambled(scrambled(key + STRIDE * (first + np.uint64(1))) + STRIDE * (second + np.uint64(1)))
     return ((key >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
 
 

@@ -64,15 +64,15 @@ class HeightMap:
 
     heights: z[iy, ix] [m], at least 2 x 2, finite. size: (x, y) [m]. periodic: repeats over the plane, else it must
     cover every punch point and is continued by its edge values elsewhere. order: 1 bilinear, 3 bicubic spline. A large
-    map may be on the disk (numpy.memmap): of more than `WHOLE` samples only stripes are ever in memory. facts: of its reading,
-    where it comes from a file.
+    map may be on the disk (numpy.memmap): of more than `WHOLE` samples only stripes are ever in memory. file_facts: of its
+    reading, where it comes from a file.
     """
 
     heights: Array | Stripes
     size: tuple[float, float]
     periodic: bool = False
     order: int = 1
-    facts: MapFacts | None = None
+    file_facts: MapFacts | None = None
     _kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -89,6 +89,13 @@ class HeightMap:
             raise ValueError(f"size = {self.size!r}: expected two positive lengths (x, y)")
         if self.order not in ORDERS:
             raise ValueError(f"file_order = {self.order!r}: expected 1 (bilinear) or 3 (bicubic)")
+
+    @property
+    def facts(self) -> MapFacts:
+        """What is known of the file that was read. Raises ValueError for a map that comes from none."""
+        if self.file_facts is None:
+            raise ValueError("height map: made of an array, so there is no file to tell of")
+        return self.file_facts
 
     @property
     def on_disk(self) -> bool:
@@ -126,12 +133,12 @@ class HeightMap:
     def _whole(self, mode: str) -> tuple[int, Array]:
         """What a small map is interpolated from, made once, and how many samples have been added around it."""
         if self.order == 1:
-            return 0, self.heights
+            return 0, self.heights[:]
         from scipy.ndimage import spline_filter
 
         pad = 0 if self.periodic else EDGE
         if "coefficients" not in self._kept:
-            samples = np.pad(self.heights, pad, mode="edge") if pad else self.heights
+            samples = np.pad(self.heights[:], pad, mode="edge") if pad else self.heights[:]
             self._kept["coefficients"] = spline_filter(samples, self.order, output=float, mode=mode)
         return pad, self._kept["coefficients"]
 

@@ -136,7 +136,7 @@ def relief_and_slope(face: Topography, spacing: float) -> tuple[float, float]:
     return max(highest, default=0.0) - min(lowest, default=0.0), slope
 
 
-def _under_the_punch(face: Topography, found: HeightMap, rows: NDArray, columns: NDArray) -> Array:
+def _under_the_punch(face: Topography, found: HeightMap, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
     """Heights [m] of these rows and columns of a map, with the curvature of the whole punch; NaN beside the punch."""
     x, y, heights = _taken(face, found, rows, columns)
     if face.radius is None:
@@ -146,7 +146,7 @@ def _under_the_punch(face: Topography, found: HeightMap, rows: NDArray, columns:
     return np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
 
 
-def _taken(face: Topography, found: HeightMap, rows: NDArray, columns: NDArray) -> tuple[Array, Array, Array]:
+def _taken(face: Topography, found: HeightMap, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> tuple[Array, Array, Array]:
     """x (columns,), y (rows,) and heights (rows, columns) [m] of some pixels."""
     (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
     x, y = (columns + 0.5) * (size_x / count_x) - 0.5 * size_x, (rows + 0.5) * (size_y / count_y) - 0.5 * size_y

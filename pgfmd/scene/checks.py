@@ -188,10 +188,10 @@ def rough_waves_fit(draft: PartialScene) -> Iterator[Problem]:
         yield draft.problem(
             "punch.longest", most, "reduce it" if radius is None else "reduce it, or raise punch.period"
         )
-    least = period / MOST_WAVES
-    if shortest * ROUNDING < least:
+    limit = period / MOST_WAVES
+    if shortest * ROUNDING < limit:
         cure = "raise it; shorter waves of so large a face would need too much memory"
-        expected = f"at least 1/{MOST_WAVES} of the period of the face, {format_quantity(least, 'length')}"
+        expected = f"at least 1/{MOST_WAVES} of the period of the face, {format_quantity(limit, 'length')}"
         yield draft.problem("punch.shortest", expected, cure)
 
 
