@@ -12,11 +12,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pgfmd.errors import PgfmdError
+from pgfmd.scene.fields import extra_of
 from pgfmd.scene.given import did_you_mean
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.units import DIMENSIONS, UnitError, format_quantity, handy_quantity, parse_quantity
 
 if TYPE_CHECKING:
+    from pydantic.fields import FieldInfo
+
     from pgfmd.scene import Scene
 
 SECTIONS_TO_FIT = ("punch", "substrate", "rheology", "adhesion", "drive")
@@ -49,7 +52,7 @@ class Parameter:
     @property
     def dimension(self) -> str:
         """A key of units.DIMENSIONS; empty for a bare number."""
-        extra = _field(self.key).json_schema_extra
+        extra = extra_of(_field(self.key))
         return extra["dimension"] if extra["dimension"] in DIMENSIONS else ""
 
     @property
@@ -103,12 +106,12 @@ def _parameter(scene: Scene, key: str, bounds: str | None) -> Parameter:
         f"{other}.{field}"
         for other in SECTIONS_TO_FIT
         for field, info in SECTIONS[other].model_fields.items()
-        if info.json_schema_extra and info.json_schema_extra["count"] is None and field not in unused_keys(scene, other)
+        if extra_of(info).get("count", 0) is None and field not in unused_keys(scene, other)
     ]
     if key not in known:
         hint = did_you_mean(key, known) or f"this scene has {', '.join(known)}"
         raise FitError(f"--free {key}: expected a key of the scene whose value is one number, and that it uses; {hint}")
-    start, extra = getattr(scene.section(section), name), _field(key).json_schema_extra
+    start, extra = getattr(scene.section(section), name), extra_of(_field(key))
     if not isinstance(start, float) or not math.isfinite(start):
         raise FitError(f"--free {key}: the scene has no finite value to start from; give it one, such as {key}=...")
     limit = extra["above"] if extra["above"] is not None else extra["at_least"]
@@ -149,6 +152,6 @@ def _bounds(key: str, text: str, extra: Mapping[str, Any]) -> tuple[float, float
     return low, high
 
 
-def _field(key: str) -> Any:
+def _field(key: str) -> FieldInfo:
     section, _, name = key.rpartition(".")
     return SECTIONS[section].model_fields[name]

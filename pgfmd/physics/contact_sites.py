@@ -133,7 +133,7 @@ def _on_axis(face: Topography) -> tuple[Array, Array, NDArray[np.int64]]:
     return np.zeros(count), np.zeros(count), np.full(count, KINDS.index(SUMMIT if beside > middle else VALLEY))
 
 
-def _standing_out(face: Topography, side: float | None) -> tuple[Array, Array, NDArray[np.int64]]:
+def _standing_out(face: Topography, side: float) -> tuple[Array, Array, NDArray[np.int64]]:
     """Of a height map or a random face: the extrema that stand out, and their saddles."""
     x, y = _samples(face, side)
     z = face.heights(x, y[:, np.newaxis])
@@ -152,7 +152,7 @@ def _standing_out(face: Topography, side: float | None) -> tuple[Array, Array, N
     return x[column], y[row], kind[kept]
 
 
-def _samples(face: Topography, side: float | None) -> tuple[Array, Array]:
+def _samples(face: Topography, side: float) -> tuple[Array, Array]:
     """x and y [m] at which a height map, or a random face, is looked at: its pixels within outline and margin, or in the
     cell."""
     radius = face.radius
@@ -163,7 +163,8 @@ def _samples(face: Topography, side: float | None) -> tuple[Array, Array]:
         sizes, pixels, periodic = face.map.size, face.map.pixel, face.map.periodic
     if radius is None:
         counts = [min(max(round(side / pixel), 1), MOST_SAMPLES) for pixel in pixels]
-        return tuple(((np.arange(count) + 0.5) / count - 0.5) * side for count in counts)
+        x, y = (((np.arange(count) + 0.5) / count - 0.5) * side for count in counts)
+        return x, y
     # Refuses a map that is smaller than the punch.
     face.heights(np.array([-radius, radius, 0.0, 0.0]), np.array([0.0, 0.0, -radius, radius]))
     lines = []

@@ -146,7 +146,9 @@ def _under_the_punch(face: Topography, found: HeightMap, rows: NDArray[np.int64]
     return np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
 
 
-def _taken(face: Topography, found: HeightMap, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+def _taken(
+    face: Topography, found: HeightMap, rows: NDArray[np.int64], columns: NDArray[np.int64]
+) -> tuple[Array, Array, Array]:
     """x (columns,), y (rows,) and heights (rows, columns) [m] of some pixels."""
     (size_x, size_y), (count_y, count_x) = found.size, found.heights.shape
     x, y = (columns + 0.5) * (size_x / count_x) - 0.5 * size_x, (rows + 0.5) * (size_y / count_y) - 0.5 * size_y
