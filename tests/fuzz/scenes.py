@@ -7,9 +7,10 @@ ratio of these. Keys that this module does not know get values that their declar
 from __future__ import annotations
 
 import math
+import zlib
 from dataclasses import dataclass
 
-from pgfmd.scene.model import PATTERNS, RHEOLOGIES
+from pgfmd.scene.model import ADHESION, PATTERNS, RHEOLOGIES
 
 from .declarations import KEYS
 from .draw import Draw, Mapping, Natural, as_toml, legal, written
@@ -183,7 +184,22 @@ def _adhesion(draw: Draw, natural: Natural, spacing: float, reach: float) -> dic
         adhesion["q_ref"] = natural.quantity(math.pi / spacing, "wavenumber")
     if draw.chance(0.15):
         adhesion["law"] = "repulsive"
+    elif not hash_of(adhesion) % 6:
+        # By numbers of its own, so that scenes of other laws stay what they were.
+        own = Draw("law", *adhesion.values())
+        adhesion["law"] = own.choice([name for name in ADHESION if "file" not in ADHESION[name][0]])
+        optional = ADHESION[adhesion["law"]][1]
+        if "smoothing" in optional and own.chance(0.5):
+            adhesion["smoothing"] = own.choice([0.05, 0.4, 0.8])
+        if "overlap_stiffness" in optional and own.chance(0.3):
+            stiffest = 0.156 * 2 * math.pi / spacing
+            adhesion["overlap_stiffness"] = natural.quantity(stiffest * own.log(0.3, 10), "stiffness per area")
     return adhesion
+
+
+def hash_of(table: dict) -> int:
+    """A number that follows from a table, on every machine."""
+    return zlib.crc32(repr(table).encode())
 
 
 def _drive(draw: Draw, natural: Natural, reach: float, scheme: str) -> dict:
@@ -268,7 +284,7 @@ KNOWN = {
     "height_jitter seed",
     "substrate": "youngs_modulus poisson_ratio boundary thickness base prestrain compliance_file",
     "rheology": "model modulus_ratio relaxation_time elements time_ratio exponent kappa tau",
-    "adhesion": "law work_of_adhesion range range_factor q_ref",
+    "adhesion": "law work_of_adhesion range range_factor q_ref smoothing overlap_stiffness file",
     "drive": "speed preload retract_speed dwell control machine_stiffness turn_time clearance",
     "grid": "n length",
     "solver": "scheme modulus accuracy order precision max_steps",
