@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -52,42 +52,42 @@ def plot_comparison(found: Comparison) -> Figure:
 
 def plot_bulges(analysis: Analysis) -> Figure:
     """The retraction with its minima and inflections. ResultError where there are none."""
-    _require(analysis.bulges, analysis, "bulges")
+    if not analysis.bulges:
+        raise _lacking(analysis, "bulges")
     return _with_footer(bulge_figure(analysis.loop, analysis.bulges), analysis.about)
 
 
 def plot_compliance(analysis: Analysis) -> Figure:
     """u_inf against force, and k_cc. ResultError where it can't be fitted."""
-    cell = _require(analysis.cell, analysis, "compliance of its cell")
-    return _with_footer(compliance_figure(analysis.loop, cell), analysis.about)
+    if analysis.cell is None:
+        raise _lacking(analysis, "compliance of its cell")
+    return _with_footer(compliance_figure(analysis.loop, analysis.cell), analysis.about)
 
 
 def plot_hysteresis(analysis: Analysis) -> Figure:
     """Where the work of the loop went, by the audit and against the twin. ResultError without either."""
-    _require(analysis.audit or analysis.twin, analysis, "audit and no twin")
+    if analysis.audit is None and analysis.twin is None:
+        raise _lacking(analysis, "audit and no twin")
     return _with_footer(hysteresis_figure(analysis.audit, analysis.twin), analysis.about)
 
 
 def plot_twin(analysis: Analysis) -> Figure:
     """The loop over that of its quasi-static twin. ResultError without one."""
-    twin = _require(analysis.twin_loop, analysis, "twin; name its folder to `analyse`")
-    return _with_footer(overlay_figure([analysis.loop, twin]), analysis.about)
+    if analysis.twin_loop is None:
+        raise _lacking(analysis, "twin; name its folder to `analyse`")
+    return _with_footer(overlay_figure([analysis.loop, analysis.twin_loop]), analysis.about)
 
 
 def plot_bearing_area(analysis: Analysis) -> Figure:
     """The loop over what independent asperities would do. ResultError where that was not asked for."""
-    _require(analysis.predictions, analysis, "bearing-area model; ask `analyse` for it")
+    if not analysis.predictions:
+        raise _lacking(analysis, "bearing-area model; ask `analyse` for it")
     loops = [analysis.loop, *(prediction.loop for prediction in analysis.predictions)]
     return _with_footer(overlay_figure(loops), analysis.about)
 
 
-Wanted = TypeVar("Wanted")
-
-
-def _require(part: Wanted | None, analysis: Analysis, name: str) -> Wanted:
-    if not part:
-        raise ResultError(f"{analysis.directory}: this analysis has no {name}")
-    return part
+def _lacking(analysis: Analysis, name: str) -> ResultError:
+    return ResultError(f"{analysis.directory}: this analysis has no {name}")
 
 
 def _with_footer(figure: Figure, text: str) -> Figure:

@@ -115,11 +115,13 @@ def converge(
         float | None, typer.Option(metavar="P", help="Power of the error, where it is known; 1/3 of loops with rho.")
     ] = None,
     out: Out = None,
-    ranks: Ranks = 1,
+    ranks: Annotated[int, typer.Option("--ranks", "-n", min=1, help="Ranks of each job.")] = 1,
     retry: Retry = False,
     fresh: Fresh = False,
     allow: Allow = None,
-    checkpoint_every: Every = "10min",
+    checkpoint_every: Annotated[
+        str, typer.Option("--checkpoint-every", metavar="TIME", help="Time between checkpoints, or `off`.")
+    ] = "10min",
 ) -> None:
     """Run a scene on finer and finer levels, fit a power law, and extrapolate; goes on where it was stopped."""
     from pgfmd.studies.extrapolation import extrapolate, report, write

@@ -148,7 +148,7 @@ def plot_force(*runs: Run) -> Figure:
     """
     with opened_together(runs) as (results, loops):
         lowest, highest = min(loop.force.min() for loop in loops), max(loop.force.max() for loop in loops)
-        upper, lower, close = _panels(0.0 < -lowest < ZOOM_BELOW * highest)
+        figure, upper, lower, close = _panels(0.0 < -lowest < ZOOM_BELOW * highest)
         across = axis_unit([loop.indentation for loop in loops], "m")
         along = axis_unit([loop.force for loop in loops], "N")
         areas = [next(iter(loop.areas.values())) for loop in loops]
@@ -159,10 +159,9 @@ def plot_force(*runs: Run) -> Figure:
         for axis, unit, values in shown:
             for number, (loop, rows, name) in enumerate(zip(loops, values, names_of(results), strict=True)):
                 _branches(axis, loop, loop.indentation / across[0], rows / unit[0], number, len(loops), name)
-        for panel in (upper, close):
-            if panel is not None:
-                panel.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-                panel.set_ylabel(labelled("force", along[1]))
+        for axis in [upper] if close is None else [upper, close]:
+            axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+            axis.set_ylabel(labelled("force", along[1]))
         if len(loops) == 1:
             for text, marker, x, y in _marks(loops[0], measure(loops[0]), along):
                 place: dict[str, Any] = {"color": RED, "markersize": 5, "linestyle": "none", "label": text}
@@ -177,18 +176,17 @@ def plot_force(*runs: Run) -> Figure:
         lower.set(xlabel=labelled("indentation", across[1]), ylabel=labelled(kinds, beside[1]))
         lower.set_ylim(bottom=0)
         upper.legend(loc="best")
-        figure: Any = upper.get_figure()
         figure.align_ylabels([upper, lower])
         at_foot(figure, results)
     return figure
 
 
-def _panels(zoomed: bool) -> tuple[Axes, Axes, Axes | None]:
-    """The axes of the forces, of the areas below, and of the forces around zero: beside them, or below on a narrow page."""
+def _panels(zoomed: bool) -> tuple[Figure, Axes, Axes, Axes | None]:
+    """A figure, and the axes of the forces, of the areas below, and of the forces around zero: beside them, or below on a narrow page."""
     if not zoomed:
         figure = new_figure(5.2, 5.2)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
-        return upper, lower, None
+        return figure, upper, lower, None
     if room(2.6, 2) == 2:
         figure = new_figure(8.6, 5.2)
         grid = figure.add_gridspec(2, 2, height_ratios=(3, 1.2), width_ratios=(1.35, 1))
@@ -200,7 +198,7 @@ def _panels(zoomed: bool) -> tuple[Axes, Axes, Axes | None]:
     upper = figure.add_subplot(places[0])
     lower = figure.add_subplot(places[1], sharex=upper)
     upper.tick_params(labelbottom=False)
-    return upper, lower, figure.add_subplot(places[2])
+    return figure, upper, lower, figure.add_subplot(places[2])
 
 
 def _branches(axis: Axes, loop: Loop, x: Array, y: Array, number: int, of: int, name: str) -> None:

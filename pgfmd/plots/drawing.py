@@ -136,9 +136,8 @@ def write_picture(figure: Any, path: str | Path, hint: str = "") -> Path:
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure, width and height in inches, that belongs to no window; within `drawing` of a journal's width, it
     has that, and a height in proportion. It is written, and shown in a notebook, with the project's settings."""
-    journal = _width.get()
-    if journal:
-        wide = WIDTHS[journal]
+    if name := _width.get():
+        wide = WIDTHS[name]
         # Letters don't shrink in proportion.
         width, height = wide, height * (wide / width) ** 0.7
     return _picture_class()(figsize=(width, height), layout="constrained")
@@ -179,7 +178,8 @@ def footer(figure: Figure, text: str) -> None:
     share = FOOTER / (height + FOOTER)
     left, bottom, right, top = 0.0, share, 1.0, 1.0
     renderer = FigureCanvasAgg(figure).get_renderer()
-    for legend in figure.legends:
+    legends: list[Any] = figure.legends
+    for legend in legends:
         # The layout knows no legend that has a place of its own: room is left for it here.
         box = legend.get_window_extent(renderer).transformed(figure.transFigure.inverted())
         legend.set_bbox_to_anchor((0, share, 1, 1 - share), transform=figure.transFigure)

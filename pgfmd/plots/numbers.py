@@ -92,7 +92,7 @@ def plot_numbers(*runs: Run, x: str = "", y: str = "pull-off", log: str = "") ->
         scenes = [flat(run) for run in results]
         x = key_of(x, scenes)
         measures = [measure(loop) for loop in loops]
-        across = [_place(x, scene, found) for scene, found in zip(scenes, measures, strict=True)]
+        across: list[Any] = [_place(x, scene, found) for scene, found in zip(scenes, measures, strict=True)]
         if any(isinstance(place, str) for place in across):
             across = [None if place is None else str(scene[x]) for place, scene in zip(across, scenes, strict=True)]
         kept = [k for k, found in enumerate(measures) if NUMBERS[y].of(found) is not None and across[k] is not None]
