@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from runs import CONTACT_MODULUS, WORK_OF_ADHESION, run
 
 from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.adhesion.dugdale import Dugdale
@@ -13,6 +12,7 @@ from pgfmd.physics.adhesion.exponential import Exponential
 from pgfmd.physics.adhesion.lennard_jones import LennardJones
 from pgfmd.reference import maugis
 from pgfmd.reference.cohesive_sphere import CohesiveSphere
+from tests.physics.runs import CONTACT_MODULUS, WORK_OF_ADHESION, run
 
 RADIUS = 10e-3
 TENSION = math.pi * WORK_OF_ADHESION * RADIUS
