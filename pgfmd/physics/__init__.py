@@ -1,1 +1,1 @@
-"""The laws: elastomer, rheology, adhesion, the punch's surface and the loading programme. Plain NumPy, no MPI."""
+"""The physical model: elastomer, rheology, adhesion, the punch's face, the loading programme. Plain NumPy, no MPI."""

@@ -1,4 +1,4 @@
-"""Random asperity heights: one standard normal number for each site of a lattice, blended smoothly in between.
+"""Random asperity heights: a standard normal number for each site of a lattice, interpolated smoothly.
 
 A site's number is a hash of (seed, i, j), so it is the same on any grid, for any part of the punch, on any rank.
 """
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 class Lattice:
     """Triangular lattice of sites `origin + i first + j second` [m], |first| = |second| at 60 degrees.
 
-    row: only the sites j = 0 matter, and the lattice is sampled along its row through the origin (line asperities).
+    row: use only the sites j = 0, along the row through the origin (line asperities).
     """
 
     origin: tuple[float, float]
@@ -45,7 +45,7 @@ def site_uniforms(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Arra
 
 
 def lattice_normals(lattice: Lattice, seed: int, x: Array, y: Array) -> Array:
-    """Smooth field that takes each site's standard normal number at that site, dimensionless, shape of x and y.
+    """A smooth field with each site's standard normal number at that site, dimensionless, shape of x and y.
 
     Weighted mean of the sites closer than the lattice spacing s, with weights (1 - (r/s)^2)^4. At a site every other
     weight vanishes with its first three derivatives, so that summits are lifted without being tilted or reshaped. In

@@ -1,18 +1,19 @@
-"""Where contact begins and closes: summits, saddles and valleys of a punch's lower face. Plain NumPy.
+"""Summits, saddles and valleys of a punch's lower face, where contact begins and closes. Plain NumPy.
 
 They are the points with grad z = 0 within the outline: a summit is a local minimum of z, as lowest z touches first, a
 valley a local maximum. The face is taken without its printing layers, whose plateaus have no such points; macroscopic
-curvature and unequal heights count. An extremum or saddle that only the outline makes, at the rim, is none.
+curvature and unequal heights are included. Extrema that exist only because the face is cut off at the rim are not
+sites.
 
 A face that varies along one direction only has whole lines of them. It gets one site a line, where the line crosses
 the x axis: a summit for each ridge, a valley for each trough. A flat face has no sites, a sphere or power law has one
 summit.
 
-The noise of a measured height map has an extremum every few pixels. Of these only those count that stand out
-(`persistence`): a summit can't be left for a lower place without a climb of `file_relief`; a valley likewise downwards;
-saddles are the passes between such summits, and those that close the ring around such a valley. They sit on pixels of
-the map, or of a coarser lattice where the map has more than MOST_SAMPLES along a side. On a plateau or a level ridge
-one pixel counts, whichever comes first.
+A measured height map has an extremum every few pixels because of noise. Only prominent ones are sites (`persistence`):
+every path from a summit to a lower place climbs by at least `file_relief`; a valley likewise downwards; saddles are the
+passes between such summits, and those that close the ring around such a valley. They sit on pixels of the map, or of a
+coarser lattice where the map has more than MOST_SAMPLES along a side. On a plateau or a level ridge one pixel counts,
+whichever comes first.
 
 A map is looked at beyond the outline too, as far as it goes, up to MARGIN: what is cut off by the outline still has its
 whole relief, and the outline makes no extrema. From a summit near the rim, a lower place beyond the outline, or at the
@@ -41,7 +42,7 @@ Array = NDArray[np.float64]
 SUMMIT, SADDLE, VALLEY = KINDS = ("summit", "saddle", "valley")
 
 PER_WAVE = 16
-"""Points a wavelength of the lattice from which the search begins."""
+"""Points per wavelength of the lattice from which the search starts."""
 SHORT = 1.5
 """A Newton step this long, in spacings of that lattice, leads to a site close by."""
 DIFFERENCE = 1e-3
@@ -52,11 +53,11 @@ BESIDE = 3
 """Neighbouring rows on either side, which differences and their minima need."""
 MOST_ITERATIONS = 50
 FAR = 0.2
-"""A search that has come this far from where it began, in wavelengths, is given up: others began nearer."""
+"""A search that moves further than this from its start, in wavelengths, is abandoned: others start nearer."""
 CLOSE = 1e-9
 """Last step of a search that has converged, in wavelengths."""
 SAME = 1e-3
-"""Sites closer than this, in wavelengths, are one."""
+"""Sites closer than this, in wavelengths, are the same."""
 DEGENERATE = 1e-6
 """Ratio of the two curvatures below which the smaller one is taken for zero."""
 SLACK = 1e-9
@@ -67,7 +68,7 @@ RELIEF = 0.05
 FLAT = 1e-12
 """Height range over the largest height below which a map is flat: what is left is rounding."""
 MARGIN = 0.5
-"""How far beyond the outline a height map is looked at, in radii."""
+"""Width of the region beyond the outline in which a height map is examined, in radii."""
 MOST_SAMPLES = 2048
 """Most samples of a height map along a side."""
 

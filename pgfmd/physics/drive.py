@@ -1,16 +1,16 @@
-"""The loading programme: approach, turn round, hold, retract. Plain NumPy.
+"""The loading programme: approach, turn, hold, retract. Plain NumPy.
 
 A programme is a list of phases, in each of which the punch's velocity changes linearly with time:
 
     d(t) = d_0 + v_0 t + (v_1 - v_0) t^2 / (2 T)        t counted from the start of the phase
 
-A phase ends after its duration T, or, where it has none, with an event: the preload is reached, or the punch is free.
-The turn-round is as smooth as in the paper ("Refinements and corrections"): the velocity goes from -v_1 to +v_2 over
-the time T. Of it the punch spends T v_1/(v_1 + v_2) on going on, and the rest on coming back, so that it
+A phase ends after its duration T, or, without a duration, with an event: the preload is reached, or the punch detaches.
+The turn is as smooth as in the paper ("Refinements and corrections"): the velocity changes from -v_1 to +v_2 in the
+time T. The punch moves on for T v_1/(v_1 + v_2), and up in the rest of the time, so that it
 
     overshoots by  v_1^2 T / (2 (v_1 + v_2)),  and has risen by  v_2^2 T / (2 (v_1 + v_2))  at the end:
 
-both v T/4 at equal speeds. A hold in the middle of the turn parts it in halves, and makes that v_1 T/4 and v_2 T/4.
+both v T/4 at equal speeds. With a hold in the middle of the turn these are v_1 T/4 and v_2 T/4.
 """
 
 from __future__ import annotations
@@ -31,9 +31,8 @@ adhesion."""
 def automatic_turn(reach: float, speed: float, retract_speed: float) -> float:
     """Time [s] of a turn within which the punch overshoots, and rises, by at most `OVERSHOOT` ranges of adhesion.
 
-    reach: the range [m]; speeds [m/s]. What follows the faster of the two: a surface that lets go does so at the speed
-    that was asked for, and not on the way to it. T = 2 OVERSHOOT reach (v_1 + v_2) / max(v_1, v_2)^2, which a hold in
-    the middle makes no longer.
+    reach: the range [m]; speeds [m/s]. T = 2 OVERSHOOT reach (v_1 + v_2) / max(v_1, v_2)^2, also with a hold in the
+    middle. It follows the faster of the two speeds, so that the surface detaches at the full speed of the retraction.
     """
     slow, fast = sorted((speed, retract_speed))
     # Exactly 1 at equal speeds.
@@ -43,8 +42,8 @@ def automatic_turn(reach: float, speed: float, retract_speed: float) -> float:
 
 @dataclass(frozen=True)
 class Phase:
-    """One phase: name as in curve.csv, velocities [m/s] at its start and end, duration [s] or infinity, event that ends
-    it."""
+    """One phase: name as in curve.csv, velocities [m/s] at its start and end, duration [s] or infinity, and the event
+    that ends it."""
 
     name: str
     velocity_start: float
@@ -53,14 +52,14 @@ class Phase:
     ends_with: str = ""
 
     def displacement(self, elapsed: float) -> float:
-        """How far [m] the punch has moved since the phase began."""
+        """Displacement [m] of the punch since the start of the phase."""
         if math.isinf(self.duration):
             return self.velocity_start * elapsed
         acceleration = (self.velocity_end - self.velocity_start) / self.duration
         return (self.velocity_start + 0.5 * acceleration * elapsed) * elapsed
 
     def velocity(self, elapsed: float) -> float:
-        """Velocity [m/s] of the punch, this long after the phase began."""
+        """Velocity [m/s] of the punch at this time [s] after the start of the phase."""
         if math.isinf(self.duration):
             return self.velocity_start
         return self.velocity_start + (self.velocity_end - self.velocity_start) * elapsed / self.duration
@@ -71,13 +70,12 @@ class Phase:
         return max(abs(self.velocity_start), abs(self.velocity_end))
 
     def recedes(self, elapsed: float) -> bool:
-        """Whether the punch moves away from the surface, this long after the phase began, and to the end of the
-        programme."""
+        """Whether the punch moves up from this time [s] after the start of the phase to the end of the programme."""
         return self.velocity_end > 0.0 and self.velocity(elapsed) > 0.0
 
 
 AT_REST = Phase("start", 0.0, 0.0)
-"""What is before the programme: the punch is where it begins."""
+"""The state before the programme, with the punch at its first position."""
 
 
 @dataclass(frozen=True)
@@ -97,19 +95,19 @@ class Drive:
 
     @property
     def overshoot(self) -> float:
-        """How far [m] the punch goes on after the preload."""
+        """Travel [m] of the punch after the preload."""
         share = 0.25 if self.dwell > 0.0 else 0.5 * self.speed / (self.speed + self.retract_speed)
         return share * self.speed * self.turn_time
 
     @property
     def rise(self) -> float:
-        """How far [m] above its deepest point the punch is when it has reached the speed of the retraction."""
+        """Height [m] above the deepest point at which the punch reaches the speed of the retraction."""
         share = 0.25 if self.dwell > 0.0 else 0.5 * self.retract_speed / (self.speed + self.retract_speed)
         return share * self.retract_speed * self.turn_time
 
     @property
     def phases(self) -> tuple[Phase, ...]:
-        """Approach until the preload, turn (with a hold in its middle, if any), retract until the punch is free."""
+        """Approach up to the preload, turn (optionally with a hold in the middle), retract until the punch detaches."""
         approach = Phase("approach", -self.speed, -self.speed, ends_with=PRELOAD)
         retract = Phase("retract", self.retract_speed, self.retract_speed, ends_with=DETACHED)
         if self.dwell > 0.0:

@@ -85,7 +85,7 @@ class ConjugateGradients:
             if not sure:
                 bend = self._bend(beta, first)
                 if bend <= 0.0:
-                    return count, self._to_edge(trust), True
+                    return count, self._steihaug_exit(trust), True
             alpha, previous = energy / bend, energy
             # Sums of y + K p and of r. The latter is zero if the mean traction is set directly.
             left = 0.0 if self.floating else imbalance
@@ -138,7 +138,7 @@ class ConjugateGradients:
             self.t += mean
         return imbalance
 
-    def _to_edge(self, trust: float) -> float:
+    def _steihaug_exit(self, trust: float) -> float:
         """Steihaug's exit: follows the last direction, along which the curvature is negative, to the boundary of the
         trust region; returns the largest |s| in ranges."""
         points = self.points

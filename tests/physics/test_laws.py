@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from runs import CONTACT_MODULUS, WORK_OF_ADHESION, run
 
 from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.adhesion.dugdale import Dugdale
@@ -13,6 +12,7 @@ from pgfmd.physics.adhesion.exponential import Exponential
 from pgfmd.physics.adhesion.lennard_jones import LennardJones
 from pgfmd.reference import maugis
 from pgfmd.reference.cohesive_sphere import CohesiveSphere
+from tests.physics.runs import CONTACT_MODULUS, WORK_OF_ADHESION, run
 
 RADIUS = 10e-3
 TENSION = math.pi * WORK_OF_ADHESION * RADIUS
@@ -67,7 +67,13 @@ def test_laws_of_short_range_have_one_pull_off():
 @pytest.mark.parametrize("scheme", ["inertialess", "quasistatic", "gfmd"])
 def test_energies_of_dugdales_law_add_up(scheme):
     """In each scheme what the machine has put in is stored or lost; the contact was attracted, and is gone."""
-    keys = [f"solver.scheme={scheme}", "adhesion.law=dugdale", "grid.n=24", "drive.preload=2 mN", "solver.accuracy=3e-3"]
+    keys = [
+        f"solver.scheme={scheme}",
+        "adhesion.law=dugdale",
+        "grid.n=24",
+        "drive.preload=2 mN",
+        "solver.accuracy=3e-3",
+    ]
     if scheme == "gfmd":
         keys += ["solver.gfmd.omega=15700 rad/s", "solver.gfmd.dt=20 us", "drive.speed=1 mm/s"]
     one = run("tri-tack", *keys)
