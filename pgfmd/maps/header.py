@@ -21,6 +21,8 @@ _HEIGHTS_IN = re.compile(
     r"\b(?:heights?|z|values?|data|topography|höhen?|hoehen?)\s*(?:\bin\s+|/\s*|[\[(]\s*)(?P<unit>[^\s\])(,;]+)",
     re.IGNORECASE,
 )
+_CHANNEL = re.compile(r"(?![xy]\b|lateral|width|scan|size)[^\d:=;,\[(]+[\[(](?P<unit>[^\])]+)[\])]", re.IGNORECASE)
+"""The name of a channel with its unit, and nothing else."""
 _LENGTH_UNIT = re.compile(
     r"(?<![^\W\d_])(?:(?:[nuµμm~?]m|Å)(?![^\W\d_]|[./-]?y)|angstrom|micron|(?:nano|micro|mikro|milli|[nuµμ])met(?:er|re))",
     re.IGNORECASE,
@@ -30,9 +32,9 @@ _HEIGHT_WORDS = ("z", "height", "heights", "höhe", "höhen", "hoehe", "topograp
 
 _NAMES = {
     "width": "width, x length, length x, x range, x size, size x, scan size x, x scan size, scan width, image width, breite, x extent, "
-    "extent x, lx, xlength, xrange, xsize",
+    "extent x, x amplitude, lx, xlength, xrange, xsize",
     "height": "height, y length, length y, y range, y size, size y, scan size y, y scan size, scan height, image height, höhe, hoehe, "
-    "y extent, extent y, ly, ylength, yrange, ysize",
+    "y extent, extent y, y amplitude, ly, ylength, yrange, ysize",
     "size": "scan size, scansize, scan range, image size, physical size, map size, field of view, fov, scan area, size",
     "pixel": "pixel size, pixelsize, xy calibration, lateral resolution, cellsize, cell size, pixel spacing, lateral sampling, "
     "sampling, point spacing, xy spacing, pixel pitch",
@@ -164,7 +166,7 @@ def _take_name_of_unit(header: Header, meaning: str, text: str) -> bool:
 
 def _take_unit(header: Header, text: str) -> bool:
     """Whether a line names the unit of the heights, as "Height [nm]" or "z in um" does."""
-    match = _HEIGHTS_IN.search(text)
+    match = _HEIGHTS_IN.search(text) or _CHANNEL.fullmatch(text)
     if match is None:
         return False
     try:

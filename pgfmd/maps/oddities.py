@@ -32,8 +32,9 @@ STICKS_OUT = 8.0
 """How far a lone spike sticks out, in what the pixels around it differ."""
 CANDIDATES = 4000
 """Pixels that are looked at closely for spikes: those that differ most from the mean of their neighbours."""
-OFTEN = 10.0
-"""How much more often than any other a height within the range is there to be suspected."""
+OFTEN, APART = 3.0, 3.0
+"""How much more often than any other a height within the range is there to be suspected, and how far it is from its neighbours in
+what neighbours differ."""
 
 
 class Code(NamedTuple):
@@ -108,7 +109,7 @@ def suspect_number(numbers: Array, inside: NDArray[np.bool_]) -> Code | None:
     found = found[np.isfinite(found)]
     steps = np.abs(np.concatenate([np.diff(others, axis=axis).ravel() for axis in (0, 1)]))
     usual = float(np.nanmedian(steps)) if np.isfinite(steps).any() else np.inf
-    return Code(number, int(first)) if found.size and float(np.median(found)) > STICKS_OUT * usual else None
+    return Code(number, int(first)) if found.size and float(np.median(found)) > APART * usual else None
 
 
 def _shifted(values: Array, rows: int, columns: int) -> Array:

@@ -39,7 +39,7 @@ SMOOTHEST = 0.2
 """Share of those heights that may be smoother than what is told of all."""
 LEAST_SPIKE = 0.1
 """Least height of a lone spike, in ranges of adhesion."""
-CLIPPED, CLIPPED_TIMES = 5, 10.0
+CLIPPED, CLIPPED_TIMES = 5, 4.0
 """How many pixels at an end of the heights, and how many times as many as at the levels next to it, look clipped."""
 TERRACES = 0.1
 """Share of the neighbours, along either axis, that are equally high where heights come in steps."""

@@ -122,8 +122,7 @@ def _punch(draw: Draw, natural: Natural, length: float, n: int, free: bool) -> d
         if punch["file"] != "level.npz" or draw.chance(0.5):
             punch["file_size"] = [unit(length), unit(length)]
         punch["file_peaks"] = draw.choice(["up", "down"])
-        if punch["file"] == WHOLE:
-            punch["file_unit"] = unit(0.1 * relief)
+        punch["file_unit"] = unit(0.1 * relief) if punch["file"] == WHOLE else "m"
         if draw.chance(0.2):
             punch["file_detrend"] = draw.choice(["tilt", "curvature"])
         if draw.chance(0.3):

@@ -36,7 +36,7 @@ RUNS = {1: "finished", 8: "refused"}
 """Scenes of SEED that are run, with what comes of them."""
 RELATED = {
     2: "resolved",
-    4: "series",
+    42: "series",
     5: "units",
     13: "mirror",
     15: "every",

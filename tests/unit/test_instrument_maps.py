@@ -7,11 +7,12 @@ import sys
 
 import numpy as np
 import pytest
-from map_files import lopsided, middles
-from test_map_files import face_of, refusals
 
 from pgfmd.maps.preparing import prepared
 from pgfmd.maps.raw import MapKeys
+
+from .map_files import lopsided, middles
+from .test_map_files import face_of, refusals
 
 pytest.importorskip("SurfaceTopography")
 SIZE = (900e-6, 800e-6)

@@ -5,12 +5,13 @@ import sys
 
 import numpy as np
 import pytest
-from map_files import COUNT, SIZE, classic, hdf5, lopsided, matrix, middles, sphere, table
 
 from pgfmd.errors import SceneError
 from pgfmd.maps.reading import read_map
 from pgfmd.parts import confirm, topography_of
 from pgfmd.scene import scene_from_mapping
+
+from .map_files import COUNT, SIZE, classic, hdf5, lopsided, matrix, middles, sphere, table
 
 SIZES = {"file_size": ["840 um", "840 um"]}
 HEAD = "# Channel: Height\n# Width: 840.0 µm\n# Height: 840.0 µm\n# Value units: µm\n"

@@ -5,13 +5,14 @@ import re
 
 import numpy as np
 import pytest
-from map_files import matrix, middles, sphere
-from test_map_files import DOWN, SIZES, scene_of
 
 from pgfmd.commands.check import report
 from pgfmd.forecast import map_advice
 from pgfmd.parts import confirm, topography_of
 from pgfmd.physics.map_survey import survey
+
+from .map_files import matrix, middles, sphere
+from .test_map_files import DOWN, SIZES, scene_of
 
 MAP = SIZES | DOWN | {"file_unit": "m"}
 X = middles(96, 840e-6)

@@ -141,6 +141,15 @@ def test_what_gfmd_does_not_read_beside_omega_and_dt_may_stand_there_at_its_defa
         load_scene("tri-tack", [*own, "solver.gfmd.fast_pull=0.02"])
 
 
+def test_a_run_of_before_goes_on_with_the_way_that_heights_were_taken_to_grow(heights):
+    old = load_scene(SCENE[0], [*SCENE[1:], *MAP[:2], f"punch.file={heights}"])
+    assert "file_peaks" not in old.to_toml()
+    now = {way: load_scene(SCENE[0], [*SCENE[1:], *MAP[:2], f"punch.file={heights}", f"punch.file_peaks={way}"])
+           for way in ("down", "up")}  # fmt: skip
+    assert not list(differing(old.to_toml(), now["down"]))
+    assert [key for key, _, _ in differing(old.to_toml(), now["up"])] == ["punch.file_peaks"]
+
+
 def test_keys_of_another_scheme_do_not_make_scenes_differ():
     scene = load_scene("tri-tack", ["solver.gfmd.fast_pull=0.02"])
     assert scene == load_scene("tri-tack") == parse_scene(scene.to_toml())

@@ -1,7 +1,6 @@
-#!/usr/bin/env python
-"""Makes the picture of docs/how-to/maps.md: how the rows and columns of a height map lie under the punch, and which heights touch first.
+"""Makes the picture of the page on height maps: how rows and columns lie under the punch, and which heights touch first.
 
-    .venv/bin/python scripts/map_axes.py      a second; writes docs/figures/map_axes.png
+    python -m scripts.studies.maps.axes      a second; writes docs/figures/map_axes.png
 
 The map is one that is unlike its mirror images and its transpose. What is drawn is what pgfmd makes of the file, not of the
 array.
@@ -17,7 +16,7 @@ import numpy as np
 from pgfmd.physics.topography import Topography
 from pgfmd.plots.drawing import GREY, RED, TURQUOISE, drawing
 
-OUT = Path(__file__).parents[1] / "docs" / "figures" / "map_axes.png"
+OUT = Path(__file__).parents[3] / "docs" / "figures" / "map_axes.png"
 NUMBERS = np.array([
     [0.2, 0.3, 0.6, 1.1, 1.6, 1.9],
     [0.4, 0.5, 0.7, 1.0, 1.3, 1.5],
@@ -38,8 +37,8 @@ def main() -> None:
         np.savetxt(path, NUMBERS, delimiter=",", fmt="%.1f")
         text = path.read_text(encoding="utf-8").splitlines()
         face = Topography("file", radius=RADIUS, file=path, file_size=SIZE, file_unit="um", file_peaks="down")
-        figure = Figure(figsize=(9.0, 3.0), layout="constrained")
-        file, seen, profile = figure.subplots(1, 3, width_ratios=(0.8, 1.35, 1.0))
+        figure = Figure(figsize=(9.6, 3.0), layout="constrained")
+        file, seen, profile = figure.subplots(1, 3, width_ratios=(1.0, 1.4, 1.0))
         _draw_file(file, text)
         _draw_face(figure, seen, face)
         _draw_peaks(profile)
@@ -49,7 +48,7 @@ def main() -> None:
 def _draw_file(axes, lines: list[str]) -> None:
     """The file, line by line."""
     axes.set_axis_off()
-    axes.set_title("the file: z[iy, ix], a row for each y")
+    axes.set_title("the file: z[iy, ix], a row for each y", loc="left")
     for row, line in enumerate(lines):
         height = 0.82 - 0.14 * row
         axes.text(0.22, height, line, family="monospace", size=8, transform=axes.transAxes)
@@ -73,7 +72,7 @@ def _draw_face(figure, axes, face: Topography) -> None:
     axes.plot(*(line.ravel() for line in np.meshgrid(at_x, at_y)), ".", color="white", markersize=3)
     for row, column in ((0, 0), (0, columns - 1), (rows - 1, 0)):
         axes.annotate(f"z[{row}, {column}] = {NUMBERS[row, column]}", (at_x[column], at_y[row]), color="white", size=7,
-                      xytext=(0, 5), textcoords="offset points", ha="center" if column == 0 else "right")  # fmt: skip
+                      xytext=(-6 if column == 0 else 10, 6), textcoords="offset points", ha="left" if column == 0 else "right")  # fmt: skip
     turn = np.linspace(0.0, 2.0 * np.pi, 200)
     axes.plot(1e3 * RADIUS * np.cos(turn), 1e3 * RADIUS * np.sin(turn), color=RED, linewidth=1.2)
     axes.plot(0.0, 0.0, "+", color=RED)

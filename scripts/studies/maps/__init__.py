@@ -1,0 +1,1 @@
+"""How a height map lies under the punch."""
