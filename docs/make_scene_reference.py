@@ -17,11 +17,15 @@ from pydantic.fields import FieldInfo
 
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene.fields import LARGEST, SMALLEST, OneOf, limits_text, written
-from pgfmd.scene.model import PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from pgfmd.scene.model import ADHESION, PATTERNS, RHEOLOGIES, SECTIONS, Keys
 from pgfmd.units import DIMENSIONS
 
 PAGE = Path(__file__).parent / "reference" / "scene.md"
-CHOICES: dict[str, tuple[str, dict[str, Keys]]] = {"punch": ("pattern", PATTERNS), "rheology": ("model", RHEOLOGIES)}
+CHOICES: dict[str, tuple[str, dict[str, Keys]]] = {
+    "punch": ("pattern", PATTERNS),
+    "rheology": ("model", RHEOLOGIES),
+    "adhesion": ("law", ADHESION),
+}
 BOUNDS = {"ge": "at least", "le": "at most"}
 
 HEAD = """# Keys of a scene
@@ -32,11 +36,11 @@ A scene is a TOML file of sections, in UTF-8; a byte order mark, UTF-16 and Wind
 quantity is a text with its unit, such as `"375 um"`, `"375 µm"` or `"50 mJ/m^2"`; any unit of the right dimension will
 do. A number without a dimension is written bare. The magnitude of a number, given or automatic, must be between
 {smallest:g} and {largest:g} in SI units, or zero where the key allows it. Keys that are not listed here are errors, and
-so are keys for which the chosen `pattern` or `model` has no use. Relative paths start at the scene's folder.
+so are keys for which the chosen `pattern`, `model` or `law` has no use. Relative paths start at the scene's folder.
 
 Any key can be changed on the command line or in `load_scene` by an override `section.key=value`, such as
-`"drive.speed=10 um/s"`. Overriding `punch.pattern` or `rheology.model` drops those keys of the scene which the new
-choice does not use.
+`"drive.speed=10 um/s"`. Overriding `punch.pattern`, `rheology.model` or `adhesion.law` drops those keys of the scene
+which the new choice does not use.
 
 Shipped scenes: {scenes}.
 
@@ -80,7 +84,7 @@ def default_text(field: FieldInfo) -> str:
 
 
 def use_text(section: str, name: str) -> str:
-    """Which patterns or models need a key of [punch] or [rheology], and which may have it."""
+    """Which patterns, models or laws need a key of a section with a choice, and which may have it."""
     selector, table = CHOICES[section]
     if name == selector:
         return "always"

@@ -15,6 +15,7 @@ from .host.launch import on_first
 from .map_rules import refusals
 from .maps.raw import MapError
 from .physics import heightfile
+from .physics.adhesion.registry import law_of
 from .schemes import registry
 from .solver.conjugate_gradients import ConjugateGradients
 from .solver.far_field import far_weights
@@ -38,7 +39,7 @@ STEP_SHARE = 0.7
 tri-tack at n = 512 takes 9 % more transforms at the default accuracy, and its audit closes to 0.4 instead of 0.55 %."""
 
 
-def tolerance_of(scene) -> float:
+def tolerance_of(scene: Scene) -> float:
     """Tolerance of a step's error, in ranges of adhesion or as a share of the largest force."""
     return STEP_SHARE * scene.solver.accuracy
 
@@ -47,12 +48,11 @@ def convolution_of(
     scene: Scene, points: PunchPoints, whole_cell: bool = False, dtype: DTypeLike = np.float64
 ) -> Convolution | MirroredConvolution:  # fmt: skip
     """The operator G0 on the scene's grid, or a coarser one; `whole_cell`: fit for `Convolution.whole_cell` too; dtype: its precision."""
-    compliance = parts.compliance_of(scene)
     if scene.substrate.boundary == "periodic":
         # The cell's, or that of a coarser grid.
-        make, side = periodic_multiplier(compliance, scene.grid.length), points.grid.n
+        make, side = periodic_multiplier(parts.compliance_of(scene), scene.grid.length), points.grid.n
     else:
-        make = free_multiplier(compliance, points.grid.spacing)
+        make = free_multiplier(parts.free_compliance_of(scene), points.grid.spacing)
         side = parts.transform_side(scene, points.nb, whole_cell, points.mirror)
     kind = MirroredConvolution if points.mirror else Convolution
     return kind(points, side, make, dtype=dtype)
@@ -125,10 +125,11 @@ def newton_solver(
     convolve = wrap(convolution_of(scene, points, dtype=dtype))
     rough = wrap(convolution_of(scene, points, dtype=np.float32)) if scene.solver.precision == "mixed" else None
     height = heights_of(scene, points).astype(dtype, copy=False)
-    corrections, m = ConjugateGradients, coarsening.expected(scene).factor
+    corrections: MakeCorrections = ConjugateGradients
+    m = coarsening.expected(scene).factor
     if m:
         corrections = _corrections_on_two_grids(scene, points, m, (rough or convolve).dtype)
-    return NewtonSolver(points, convolve, height, parts.law_of(scene.adhesion), scene.drive.preload, rough, corrections)
+    return NewtonSolver(points, convolve, height, law_of(scene.adhesion), scene.drive.preload, rough, corrections)
 
 
 def _corrections_on_two_grids(scene: Scene, points: PunchPoints, m: int, dtype: DTypeLike) -> MakeCorrections:
@@ -143,8 +144,7 @@ def _corrections_on_two_grids(scene: Scene, points: PunchPoints, m: int, dtype: 
         comm = MPI.COMM_SELF
     coarse = coarse_points_of(points, m, comm)
     # As of a periodic cell: a free solid answers to short waves like that.
-    periodic = scene.substrate.model_copy(update={"boundary": "periodic"})
-    waves = parts.compliance_of(scene.model_copy(update={"substrate": periodic}))
+    waves = parts.compliance_of(scene)
     shortest = np.pi / coarse.grid.spacing * np.eye(2)
     return partial(
         TwoGrid, coarse=CoarseGrid(coarse, convolution_of(scene, coarse, dtype=dtype), float(waves(*shortest).max()))

@@ -44,7 +44,7 @@ def expected(scene: Scene) -> Coarsening:
         return Coarsening(0, f"the scheme {solver.scheme} does without")
     if not series.elements or series.to_creep().J_inf > MOST_INSTANTANEOUS:
         return Coarsening(0, "(nearly) elastic surfaces, whose waves are all alike soft, have not been measured")
-    if scene.adhesion.law == "repulsive":
+    if not scene.adhesion.attractive:
         return Coarsening(0, "without adhesion steps are long, and as long as solves are more exact than asked for")
     if scene.punch.radius is None:
         return Coarsening(0, "a punch that fills the cell has not been measured")

@@ -84,6 +84,12 @@ class ResultError(PgfmdError):
     exit_code = 4
 
 
+class MeasurementError(PgfmdError):
+    """A file of measurements that can't be read, or from which nothing can be computed."""
+
+    exit_code = 4
+
+
 class LaunchError(PgfmdError):
     """MPI can't be loaded or started, or the processes that were started don't see each other."""
 
@@ -94,9 +100,3 @@ class Stopped(PgfmdError):
     """A run that was stopped, with a checkpoint from which it goes on."""
 
     exit_code = 75
-
-
-class MeasurementError(PgfmdError):
-    """A file of measurements that can't be read, or from which nothing can be computed."""
-
-    exit_code = 4

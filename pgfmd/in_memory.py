@@ -137,7 +137,7 @@ class Recording(Results):
     counts_overlap = False
     has_fields = True
 
-    def __init__(self, scene: Scene, recorder: Recorder, fields: FieldsInMemory, record: dict):
+    def __init__(self, scene: Scene, recorder: Recorder, fields: FieldsInMemory, record: dict[str, Any]):
         super().__init__(Path(scene.title or "simulation"))
         self.of, self._recorder = scene, recorder
         self.__dict__.update(fields=fields, run=record, scene=tomllib.loads(scene.to_toml()))

@@ -13,9 +13,9 @@ import numpy as np
 from .errors import Problem, SceneError
 from .map_rules import refusals
 from .maps.raw import MapError
-from .physics.cohesion import LAWS, CohesiveLaw, range_of_adhesion
+from .physics.adhesion.registry import law_of, range_by_rule
 from .physics.drive import Drive
-from .physics.film import Film
+from .physics.film import Base, Film
 from .physics.free_kernel import FreeFilm, FreeHalfSpace
 from .physics.halfspace import HalfSpace, TabulatedCompliance
 from .physics.heightfile import HIGHEST
@@ -25,10 +25,11 @@ from .schemes import registry
 from .solver.grid import Grid
 
 if TYPE_CHECKING:
-    from .scene.model import Adhesion, Punch, Rheology, Scene
+    from .scene.model import Punch, Rheology, Scene
 
-Substrate = HalfSpace | TabulatedCompliance | Film | FreeHalfSpace | FreeFilm
-"""The static compliance of an elastomer."""
+Periodic = HalfSpace | TabulatedCompliance | Film
+BONDED: Base = "bonded"
+"""How a film lies on its base unless it is said otherwise."""
 PAPER_FACTOR = 0.156
 """Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means."""
 LEAST_COMPLIANCE = 1e-60
@@ -40,17 +41,24 @@ TIME_SHARE = 1e-3
 tell."""
 
 
-def compliance_of(scene: Scene) -> Substrate:
-    """The static compliance G0 of the scene's substrate (halfspace.py, film.py, free_kernel.py)."""
+def compliance_of(scene: Scene) -> Periodic:
+    """The static compliance G0 of the scene's substrate in a periodic cell (halfspace.py, film.py)."""
     substrate = scene.substrate
-    film = math.isfinite(substrate.thickness)
-    if film:
-        kind = FreeFilm if substrate.boundary == "free" else Film
-        return kind(substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base)
+    if math.isfinite(substrate.thickness):
+        return Film(substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base or BONDED)
     if substrate.compliance_file:
         return TabulatedCompliance.from_file(substrate.compliance_file)
-    kind = FreeHalfSpace if substrate.boundary == "free" else HalfSpace
-    return kind(substrate.contact_modulus, substrate.prestrain)
+    return HalfSpace(substrate.contact_modulus, substrate.prestrain)
+
+
+def free_compliance_of(scene: Scene) -> FreeHalfSpace | FreeFilm:
+    """The same of a free surface (free_kernel.py)."""
+    substrate = scene.substrate
+    if math.isfinite(substrate.thickness):
+        return FreeFilm(
+            substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base or BONDED
+        )
+    return FreeHalfSpace(substrate.contact_modulus, substrate.prestrain)
 
 
 def series_of(rheology: Rheology) -> PronySeries:
@@ -96,15 +104,10 @@ def drive_of(scene: Scene) -> Drive:
     return Drive(approach, drive.preload, retract, drive.turn_time, dwell, drive.clearance)
 
 
-def law_of(adhesion: Adhesion) -> CohesiveLaw:
-    """The cohesive law of a scene's [adhesion]."""
-    return CohesiveLaw(adhesion.work_of_adhesion, adhesion.range, LAWS[adhesion.law])
-
-
 def automatic_range(scene: Scene) -> float:
     """The range of adhesion [m] that the paper's rule gives for the scene's grid."""
     q_ref = 2.0 * math.pi * scene.grid.n / scene.grid.length
-    return range_of_adhesion(scene.adhesion.work_of_adhesion, scene.substrate.contact_modulus, PAPER_FACTOR, q_ref)
+    return range_by_rule(scene.adhesion, scene.substrate.contact_modulus, PAPER_FACTOR, q_ref)
 
 
 def quasistatic_compliance(scene: Scene) -> float:
@@ -142,8 +145,8 @@ def transform_side(scene: Scene, nb: int, whole_cell: bool = False, mirror: str 
     from scipy.fft import next_fast_len
 
     if mirror:
-        return 2 * next_fast_len(nb, real=True)
-    return next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True)
+        return 2 * int(next_fast_len(nb, real=True))
+    return int(next_fast_len(nb + (scene.grid.n if whole_cell else nb) - 1, real=True))
 
 
 def shared_out(scene: Scene, nb: int) -> tuple[int, int]:
@@ -179,10 +182,10 @@ def confirm(scene: Scene, source: str, ranks: int = 1) -> None:
         dotted = "punch.file" if scene.punch.file else "punch.pattern"
         problems.append(Problem(dotted, scene.punch.file or scene.punch.pattern, "a usable topography", str(error)))
     try:
-        compliance = compliance_of(scene)
         if scene.substrate.boundary == "free":
-            compliance.kernel(0.0, 0.0, spacing)
+            free_compliance_of(scene).kernel(0.0, 0.0, spacing)
         else:
+            compliance = compliance_of(scene)
             # The longest and the shortest wave of the cell.
             unit, most = 2.0 * math.pi / grid.length, grid.n // 2
             found = compliance(unit * np.array([1.0, most]), unit * np.array([0.0, most]))
@@ -213,7 +216,7 @@ def _overlap_problems(scene: Scene) -> list[Problem]:
     most."""
     law, radius = law_of(scene.adhesion), scene.punch.radius
     area = math.pi * radius**2 if radius else scene.grid.length**2
-    most = law.stiffness * deepest_indentation(scene) * area
+    most = law.overlap_stiffness * deepest_indentation(scene) * area
     if scene.drive.preload <= most:
         return []
     expected = f"at most {most:.3g} N, what overlaps of {deepest_indentation(scene):.3g} m can carry in this range"

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from . import parts
 from .errors import SceneError
+from .physics.adhesion.registry import clearance_of
 from .scene.precision import best_precision
 from .schemes import registry
 
@@ -51,7 +52,7 @@ def fractions_ahead(scene: Scene) -> list[float]:
     return [value for value, relative in scene.output.snapshot_times if relative and value < 1.0]
 
 
-def coarse_scenes(scene: Scene) -> list:
+def coarse_scenes(scene: Scene) -> list[Scene]:
     """The scenes that are run to the preload to tell where it is: two ranges on a coarse grid; one where that grid carries
     the scene's own range. None where no snapshot asks for it."""
     if not fractions_ahead(scene):
@@ -71,7 +72,7 @@ def coarse_scenes(scene: Scene) -> list:
 def _on(scene: Scene, n: int) -> list:
     """The scenes on a grid of n points a side; none where the substrate does not allow that."""
     shortest = scene.adhesion.range
-    if scene.adhesion.law == "cosine":
+    if scene.adhesion.attractive:
         # The automatic range goes with the root of the spacing. A range that is longer than that needs no other.
         spare = scene.adhesion.range / parts.automatic_range(scene)
         shortest *= max(1.0, math.sqrt(scene.grid.n / n) / max(1.0, spare))
@@ -91,13 +92,13 @@ def _with(scene: Scene, n: int, reach: float):
     own = registry.scheme_of(scene)
     scheme = own.ahead or own.name
     accuracy = max(ACCURACY, scene.solver.accuracy) if own.has_accuracy else ACCURACY
-    clearance = scene.drive.clearance
-    if scene.adhesion.law == "cosine":
-        clearance += reach - scene.adhesion.range
+    adhesion, clearance = scene.adhesion.model_copy(update={"range": reach}), scene.drive.clearance
+    if adhesion.attractive:
+        clearance += clearance_of(adhesion) - clearance_of(scene.adhesion)
     coarse = scene.model_copy(
         update={
             "grid": scene.grid.model_copy(update={"n": n}),
-            "adhesion": scene.adhesion.model_copy(update={"range": reach}),
+            "adhesion": adhesion,
             "drive": scene.drive.model_copy(update={"clearance": clearance}),
             "solver": scene.solver.model_copy(update={"scheme": scheme, "accuracy": accuracy}),
             "output": scene.output.model_copy(

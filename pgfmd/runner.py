@@ -24,6 +24,7 @@ from .host.run_lock import RunLock
 from .host.stop_signals import StopSignals
 from .output.outputs import Outputs
 from .output.record import record_of, versions
+from .physics.adhesion.registry import DEFAULT_LAW, LAWS
 from .physics.heightfile import forget
 from .restart import resume
 from .restart.checkpoints import Checkpoints
@@ -32,6 +33,7 @@ from .restart.history import History
 from .restart.keeper import Keeper, Timing
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
+from .scene.model import toml_text
 from .schemes import registry
 from .solver import compiled
 from .solver.interruption import Interrupted
@@ -39,6 +41,7 @@ from .solver.node import Node
 from .solver.simulation import STOPPED_STEPS
 
 if TYPE_CHECKING:
+    import numpy as np
     from mpi4py.MPI import Intracomm
 
     from .scene import Scene
@@ -121,8 +124,8 @@ def _planned(folder: Path, scene: Scene, options: Options) -> resume.Plan:
         return resume.plan(folder, scene, options.fresh, options.allow)
 
     found, error = storage.attempt(f"{folder}: can't be used as a results folder", plan)
-    if error is not None:
-        raise error
+    if error is not None or found is None:
+        raise error or AssertionError("a plan is a plan")
     return found
 
 
@@ -151,7 +154,7 @@ def _run(
     options: Options,
     plan: resume.Plan,
     began: float,
-    lock,
+    lock: RunLock | None,
 ) -> dict:
     """From the first step, or from a checkpoint, to the end. lock: rank 0's."""
     guard = lock.require_held if lock else lambda: None
@@ -214,7 +217,7 @@ def _to_the_end(simulation: Simulation, keeper: Keeper, scene: Scene, folder: Pa
         )
 
 
-def _write_scene(folder: Path, text: bytes, guard) -> None:
+def _write_scene(folder: Path, text: bytes, guard: Callable[[], None]) -> None:
     guard()
     write_atomically(folder / storage.SCENE_FILE, text)
 
@@ -235,7 +238,7 @@ def _restore(
     """Puts the simulation and its outputs where a checkpoint left them."""
     comm, state, found = checkpoints.comm, simulation.state, {}
 
-    def apply(head: dict, read) -> None:
+    def apply(head: dict, read: Callable[[str, np.ndarray], None]) -> None:
         found["changed"] = launch.on_first(comm, lambda: review(head, scene, allow, checkpoints.newest.parent))
         found["head"] = head
         unpack(state, head["state"], lambda name, share: read(f"state/{name}", share))
@@ -291,19 +294,27 @@ def compile_kernels(comm: Intracomm, scene: Scene) -> None:
     """
     if comm.size == 1:
         return
-    scheme, precision = scene.solver.scheme, scene.solver.precision
+    scheme, precision, adhesion = scene.solver.scheme, scene.solver.precision, scene.adhesion
     node = Node.of(comm)
-    if node.local.rank == 0 and not compiled.is_kept(f"{scheme}-{precision}"):
-        warm_up(scheme, precision)
+    if node.local.rank == 0 and not compiled.is_kept(f"{scheme}-{precision}-{adhesion.law}"):
+        asked = LAWS[adhesion.law].required - {"work_of_adhesion"}
+        warm_up(scheme, precision, adhesion.law, tuple((name, getattr(adhesion, name)) for name in sorted(asked)))
     node.local.Barrier()
 
 
 @functools.cache
-def warm_up(scheme: str = registry.DEFAULT, precision: str = "double") -> None:
-    """Runs tiny tack tests that use every kernel of a scheme, so that numba has them in its cache. Once a process."""
+def warm_up(
+    scheme: str = registry.DEFAULT,
+    precision: str = "double",
+    law: str = DEFAULT_LAW,
+    keys: tuple[tuple[str, str], ...] = (),
+) -> None:
+    """Runs tiny tack tests that use every kernel of a scheme with a law of adhesion, so that numba has them in its cache. Once
+    a process. keys: what the law asks for, texts by the names of keys of [adhesion]."""
     from mpi4py import MPI
 
     common = [f"solver.scheme={scheme}", f"solver.precision={precision}", "grid.n=20", "drive.preload=1 mN"]
+    common += [f"adhesion.law={law}", *(f"adhesion.{name}={toml_text(text)}" for name, text in keys)]
     for changes in registry.named(scheme).scenes_to_warm_up(precision):
         assemble(load_scene("tri-tack", [*common, *changes]), MPI.COMM_SELF).run()
-    compiled.remember(f"{scheme}-{precision}")
+    compiled.remember(f"{scheme}-{precision}-{law}")

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import takewhile
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -98,7 +98,7 @@ def expected(scene: Scene) -> Symmetry:
     return Symmetry(found, "" if found else "the punch's face is not its own mirror image in x")
 
 
-ALONE = SimpleNamespace(size=1, rank=0)
+ALONE = cast("Intracomm", SimpleNamespace(size=1, rank=0))
 """What a grid asks of a communicator, told of a single rank."""
 
 

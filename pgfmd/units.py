@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
@@ -41,6 +41,7 @@ DIMENSIONS = {
     "energy per area": Dimension("an energy per area", "J/m^2", "50 mJ/m^2", ("J/m^2", "mJ/m^2", "uJ/m^2", "mN/m")),
     "angular frequency": Dimension("an angular frequency", "rad/s", "15700 rad/s", ("rad/s", "1/s")),
     "wavenumber": Dimension("a wavenumber", "1/m", "5e6 1/m", ("1/m", "1/mm", "1/um", "1/nm")),
+    "stiffness per area": Dimension("a stiffness per area", "Pa/m", "20 GPa/mm", ("Pa/m", "GPa/m", "GPa/mm", "MPa/um")),
     "stiffness": Dimension("a stiffness", "N/m", "38.1 kN/m", ("N/m", "kN/m", "MN/m", "mN/m", "N/mm", "N/um")),
 }
 
@@ -70,7 +71,7 @@ class UnitError(ValueError):
 
 
 @functools.cache
-def _registry() -> UnitRegistry:
+def _registry() -> UnitRegistry[Any]:
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)

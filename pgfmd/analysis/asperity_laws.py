@@ -11,7 +11,9 @@ and knows the radius R [m] of its summit. Asperities are paraboloids on a half-s
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -121,7 +123,10 @@ class ViscoelasticAsperity:
             self._grown[known := depth] = lambda at: solution(at)[0] * self._scale
         return self._grown[known]
 
-    def _solve(self, depth_of, speed: float, start: float, way: float, event):
+    def _solve(
+        self, depth_of: Callable[[float], Any], speed: float, start: float, way: float,
+        event: Callable[[float, Array], float] | None,
+    ) -> Any:  # fmt: skip
         """The edge over a way [m] of the punch, beginning at a contact radius [m]; radii in units of `_scale`."""
 
         def rate(travelled: float, a: Array) -> Array:
@@ -129,7 +134,13 @@ class ViscoelasticAsperity:
             energy = release_rate(radius, depth_of(travelled), self.radius, self.contact_modulus)
             return self.crack.edge_speed(energy / self.work_of_adhesion) / (speed * self._scale)
 
-        settings = {"method": "LSODA", "rtol": TOLERANCE, "atol": TOLERANCE, "dense_output": True, "events": event}
+        settings: dict[str, Any] = {
+            "method": "LSODA",
+            "rtol": TOLERANCE,
+            "atol": TOLERANCE,
+            "dense_output": True,
+            "events": event,
+        }
         return solve_ivp(rate, (0.0, way), np.array([start / self._scale]), **settings)
 
 
@@ -137,7 +148,7 @@ def _opened(way: float, a: Array) -> float:
     return float(a[0]) - LEAST_RADIUS
 
 
-_opened.terminal = True
+setattr(_opened, "terminal", True)  # noqa: B010 - what scipy looks for, which no function has
 
 
 @dataclass(frozen=True)

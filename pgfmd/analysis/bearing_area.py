@@ -23,7 +23,8 @@ import numpy as np
 
 from pgfmd.errors import ResultError
 from pgfmd.files.storage import SCENE_FILE
-from pgfmd.parts import law_of, series_of
+from pgfmd.parts import series_of
+from pgfmd.physics.adhesion.registry import law_of
 from pgfmd.results import Results
 from pgfmd.results.curve import Array, Dip, Loop, Measures, measure
 from pgfmd.scene import load_scene
@@ -46,7 +47,8 @@ SECTION = "Bearing-area model"
 class AsperityLaw(Protocol):
     """Force of one asperity; see `asperity_laws`."""
 
-    radius: float
+    @property
+    def radius(self) -> float: ...
 
     def approach(self, depth: Array) -> Array: ...
 
@@ -167,7 +169,7 @@ def laws_of(scene: Any, asperity: Results | None = None) -> dict[str, Callable[[
     modulus, energy = scene.substrate.contact_modulus, scene.adhesion.work_of_adhesion
     laws: dict[str, Callable[[float], AsperityLaw]] = {"JKR": lambda radius: JkrAsperity(radius, modulus, energy)}
     series, drive = series_of(scene.rheology), scene.drive
-    if series.elements and law_of(scene.adhesion).attractive:
+    if series.elements and scene.adhesion.attractive:
         crack = CrackLaw(series, modulus, energy, law_of(scene.adhesion).strength)
         speeds = drive.speed, drive.retract_speed
         laws["JKR with crack speed"] = lambda radius: ViscoelasticAsperity(radius, modulus, energy, crack, *speeds)

@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,17 +37,18 @@ SAMPLES = 201
 class Overlay:
     """Loops as they are drawn, the runs first.
 
-    measures: of each. changes: what has been done to each, in words, "as measured" or "as simulated" if nothing. cell:
-    k_cc of the first run, None without one. offset [m]: by which the experiment was pushed in. differences: root mean
-    square force [N] by which each other loop differs from the first on the retraction, over the indentations that both
-    have; None where they have none in common.
+    runs: how many of them are of runs, the others are measured. measures: of each. changes: what has been done to each, in
+    words, "as measured" or "as simulated" if nothing. cell: k_cc of the first run, None without one. offsets [m]: by which
+    each experiment was pushed in. differences: root mean square force [N] by which each other loop differs from the first
+    on the retraction, over the indentations that both have; None where they have none in common.
     """
 
     loops: list[Loop]
+    runs: int
     measures: list[Measures]
     changes: list[str]
     cell: CellCompliance | None
-    offset: float
+    offsets: list[float]
     differences: list[float | None]
 
 
@@ -54,7 +56,7 @@ class Overlay:
 class Comparison:
     """Curves brought together: as they are drawn, and the table of their numbers.
 
-    measured: which of the loops is an experiment, None without one; about: the first run in a line, for pictures.
+    measured: which of the loops is the first experiment, None without one; about: the first run in a line, for pictures.
     """
 
     overlay: Overlay
@@ -84,43 +86,52 @@ def compare(
     correct: str = "none",
     low_pass: float | str | None = None,
     offset: float | str = 0.0,
-    positive_displacement: str = "in",
+    positive_displacement: str | None = None,
     positive_force: str = "compression",
+    cycle: int | None = None,
+    baseline: float | str | None = None,
 ) -> Comparison:
-    """Lays curves of runs, and a measured one, over each other; as `pgfmd compare`. `plot_comparison` draws them.
+    """Lays curves of runs, and measured ones, over each other; as `pgfmd compare`. `plot_comparison` draws them.
 
     Args:
-        sources: results, or folders, of runs; and the file of one measured curve, if any.
-        machine_stiffness: k_M [N/m] that is taken off the experiment.
+        sources: results, or folders, of runs; and files of measured curves, if any.
+        machine_stiffness: k_M [N/m] that is taken off the experiments.
         correct: what takes up the compliance of the periodic cell: "experiment", "simulation" or "none" (`overlay`).
         low_pass: resolution [m] of a filter for all curves.
-        offset: [m] by which the experiment is pushed in, or "fit".
-        positive_displacement, positive_force: signs of the measured curve: "in" or "out", "compression" or "tension".
+        offset: [m] by which the experiments are pushed in, or "fit".
+        positive_displacement, positive_force, cycle: of measured curves, as for `experiment.read_experiment`.
+        baseline: measured force far away [N] that is taken off; None for what the rows show.
 
     Quantities are SI numbers, or texts with units.
 
     Raises:
-        ResultError: without a run, with several files, if a folder can't be read, or the curves can't be compared;
+        ResultError: without a run, if a folder can't be read, or the curves can't be compared;
         MeasurementError: if the file can't be read; UnitError: for a text that is no such quantity.
     """
     stiffness = in_si(machine_stiffness, "stiffness")
     resolution = None if low_pass is None else in_si(low_pass, "length")
     moved = None if offset == "fit" else in_si(offset, "length")
-    runs, experiment = load_loops(sources, positive_displacement, positive_force)
+    runs, experiments = load_loops(
+        sources,
+        positive_displacement=positive_displacement,
+        positive_force=positive_force,
+        cycle=cycle,
+        baseline=None if baseline is None else in_si(baseline, "force"),
+    )
     try:
-        found = overlay(runs, experiment, correct, stiffness, resolution, moved)
+        found = overlay(runs, experiments, correct, stiffness, resolution, moved)
     except ValueError as problem:
         raise ResultError(f"the curves could not be compared: {problem}") from None
-    table = comparison_table(found, experiment is not None, correct, stiffness, resolution)
+    table = comparison_table(found, correct, stiffness, resolution)
     first = next(source for source in sources if isinstance(source, Results) or Path(source).is_dir())
     with opened(first) as results:
         text = about(results)
-    return Comparison(found, table, len(runs) if experiment is not None else None, text)
+    return Comparison(found, table, len(runs) if experiments else None, text)
 
 
 def overlay(
     runs: list[Loop],
-    experiment: Loop | None = None,
+    experiments: Sequence[Loop] = (),
     correct: str = "none",
     machine_stiffness: float = np.inf,
     resolution: float | None = None,
@@ -129,13 +140,13 @@ def overlay(
     """Bring loops together.
 
     Args:
-        runs: at least one. experiment: a measured loop, if any.
-        correct: what takes up the compliance of the periodic cell, one of `compliance.WAYS`: the "experiment" loses
+        runs: at least one. experiments: measured loops, if any.
+        correct: what takes up the compliance of the periodic cell, one of `compliance.WAYS`: each "experiment" loses
             F/k_cc of the first run, as in the paper's figures; each "simulation" gains its own; or "none" does.
-        machine_stiffness: k_M [N/m] that is taken off the experiment, infinite for nothing.
+        machine_stiffness: k_M [N/m] that is taken off the experiments, infinite for nothing.
         resolution: of the low-pass filter [m], for all loops; None for none.
-        offset: [m] by which the experiment is pushed in after that, or None to fit it: such that on the way in it
-            needs, in the mean over forces, the indentation of the first run.
+        offset: [m] by which the experiments are pushed in after that, or None to fit it, for each: such that on the way in
+            it needs, in the mean over forces, the indentation of the first run.
 
     Raises:
         ValueError: if the offset can't be fitted, or a filter's resolution is out of range.
@@ -146,18 +157,20 @@ def overlay(
     if correct == "simulation":
         runs = [corrected_simulation(run, stiffness) for run, stiffness in zip(runs, stiffnesses, strict=True)]
         changes = [_in_words({"+ F/k_cc": stiffness}, 0.0, "as simulated") for stiffness in stiffnesses]
-    loops, moved = list(runs), 0.0
-    if experiment is not None:
+    loops, offsets = list(runs), []
+    for experiment in experiments:
         of_cell = stiffnesses[0] if correct == "experiment" else np.inf
         measured = corrected_experiment(experiment, machine_stiffness, of_cell)
-        moved = fitted_offset(runs[0], measured) if offset is None else offset
-        loops.append(measured.pushed_in_by(moved))
-        changes.append(_in_words({"- F/k_M": machine_stiffness, "- F/k_cc": of_cell}, moved, "as measured"))
+        offsets.append(fitted_offset(runs[0], measured) if offset is None else offset)
+        loops.append(measured.pushed_in_by(offsets[-1]))
+        done = _in_words({"- F/k_M": machine_stiffness, "- F/k_cc": of_cell}, offsets[-1], "")
+        changes.append(", ".join(filter(None, (experiment.treated, done))) or "as measured")
     if resolution is not None:
         loops = [filtered(loop, resolution) for loop in loops]
         changes = [f"{change}, filtered over {1e6 * resolution:.3g} um" for change in changes]
     differences = [rms_difference(loops[0], loop) for loop in loops[1:]]
-    return Overlay(loops, [measure(loop) for loop in loops], changes, cells[0], moved, differences)
+    measures = [measure(loop) for loop in loops]
+    return Overlay(loops, len(runs), measures, changes, cells[0], offsets, differences)
 
 
 def _in_words(stiffnesses: dict[str, float], offset: float, untouched: str) -> str:
@@ -177,13 +190,13 @@ def fitted_offset(run: Loop, measured: Loop) -> float:
     """
     top = min(float(np.max(run.force)), float(np.max(measured.force)))
     levels = np.linspace(*FIT_LEVELS, 15) * top
-    places = [_first_passage(loop, levels) for loop in (run, measured)]
-    if top <= 0.0 or any(place is None for place in places):
+    there, here = (_first_passage(loop, levels) for loop in (run, measured))
+    if top <= 0.0 or there is None or here is None:
         raise ValueError(
             f"{measured.name}: an offset can only be fitted on a loading branch that passes "
             f"{FIT_LEVELS[0] * top:.3g} to {FIT_LEVELS[1] * top:.3g} N; give the offset itself"
         )
-    return float(np.mean(places[0] - places[1]))
+    return float(np.mean(there - here))
 
 
 def _first_passage(loop: Loop, levels: np.ndarray) -> np.ndarray | None:
@@ -224,47 +237,44 @@ def renamed(loops: list[Loop]) -> list[Loop]:
     return found
 
 
-def load_loops(
-    sources: Sequence[Run], positive_displacement: str = "in", positive_force: str = "compression"
-) -> tuple[list[Loop], Loop | None]:
-    """Loops of runs, and of the one file among them; names differ.
+def load_loops(sources: Sequence[Run], **reading: Any) -> tuple[list[Loop], list[Loop]]:
+    """Loops of runs, and of the measured files among the sources; names differ. reading: what `read_experiment` takes.
 
     Raises:
-        ResultError: without a folder, with several files, or if a folder can't be read. MeasurementError: if the file
-            can't.
+        ResultError: without a folder, or if one can't be read. MeasurementError: if a file can't.
     """
-    files, folders = [], []
+    files: list[Path] = []
+    folders: list[Run] = []
     for source in sources:
-        is_file = not isinstance(source, Results) and not Path(source).is_dir() and Path(source).suffix
-        files.append(Path(source)) if is_file else folders.append(source)
+        if not isinstance(source, Results) and not Path(source).is_dir() and Path(source).suffix:
+            files.append(Path(source))
+        else:
+            folders.append(source)
     if not folders:
         raise ResultError("expected at least one folder of results to compare with; name it before the measured curve")
-    if len(files) > 1:
-        names = ", ".join(map(str, files))
-        raise ResultError(f"expected one measured curve, found {names}; compare them one after the other")
     runs = []
     for folder in folders:
         with opened(folder) as results:
             runs.append(Loop.of(results))
-    measured = [read_experiment(path, positive_displacement, positive_force) for path in files]
-    loops = renamed([*runs, *measured])
-    return loops[: len(runs)], loops[-1] if measured else None
+    loops = renamed([*runs, *(read_experiment(path, **reading) for path in files)])
+    return loops[: len(runs)], loops[len(runs) :]
 
 
 def comparison_table(
-    found: Overlay, measured: bool, correct: str, machine_stiffness: float, resolution: float | None
+    found: Overlay, correct: str = "none", machine_stiffness: float = np.inf, resolution: float | None = None
 ) -> Table:
-    """What has been done to each curve, and their forces and energies side by side.
-
-    measured: whether the last loop is an experiment. The other arguments as in `comparison.overlay`.
-    """
-    table, section = Table(), "Displacements"
+    """What has been done to each curve, and their forces and energies side by side. The arguments as in `overlay`."""
+    table, section, measured = Table(), "Displacements", found.loops[found.runs :]
     for number, (loop, change) in enumerate(zip(found.loops, found.changes, strict=True), 1):
         table.add(section, f"curve_{number}", loop.name, change)
+    several = len(measured) > 1
     if measured and math.isfinite(machine_stiffness):
-        table.add(section, "machine_stiffness", "machine stiffness, k_M", machine_stiffness, "N/m", "of the experiment")
-    if measured and found.offset:
-        table.add(section, "offset", "offset", found.offset, "m", "by which the experiment is pushed in")
+        whose = "of the experiments" if several else "of the experiment"
+        table.add(section, "machine_stiffness", "machine stiffness, k_M", machine_stiffness, "N/m", whose)
+    for number, (loop, offset) in enumerate(zip(measured, found.offsets, strict=True), found.runs + 1):
+        if offset:
+            key, what = ("offset", "the experiment") if not several else (f"offset_{number}", loop.name)
+            table.add(section, key, "offset", offset, "m", f"by which {what} is pushed in")
     if found.cell is not None:
         done = {
             "experiment": "taken off the experiment" if measured else "not used: there is no experiment",
@@ -276,10 +286,11 @@ def comparison_table(
         table.add(section, "low_pass", "low-pass filter", resolution, "m", "of all curves")
     for number, (loop, measures) in enumerate(zip(found.loops, found.measures, strict=True)):
         section = f"Curve {number + 1}, {loop.name}"
-        _add_measures(table, section, measures)
+        _add_measures(table, section, measures, loop.closed)
         if number:
             note = f"rms on the way out, against {found.loops[0].name}"
             table.add(section, "difference", "difference of forces", found.differences[number - 1], "N", note)
+    table.remarks += [text for loop in found.loops for text in loop.remarks]
     table.remarks += _remarks(found)
     return table
 
@@ -295,18 +306,20 @@ def _remarks(found: Overlay) -> list[str]:
     return [f"{text}; the areas of the other runs are of contact, and not to be compared with these" if mixed else text]
 
 
-def _add_measures(table: Table, section: str, found: Measures) -> None:
-    """The forces, works and areas of a curve, as `pgfmd analyse` has them."""
+def _add_measures(table: Table, section: str, found: Measures, closed: bool) -> None:
+    """The forces, works and areas of a curve, as `pgfmd analyse` has them; closed: whether it holds both ways."""
     table.add(section, "preload", "preload", found.preload, "N", "at the end of the approach")
     table.add(section, "largest_force", "largest force", found.largest_force, "N")
     tension, spread = (found.pull_off.tension, found.pull_off.uncertainty) if found.pull_off else (None, None)
     table.add(section, "pull_off_force", "pull-off force", tension, "N", uncertainty=spread)
-    tension, spread = found.snap_in.tension, found.snap_in.uncertainty
+    in_there = closed or found.pull_off is None
+    tension, spread = (found.snap_in.tension, found.snap_in.uncertainty) if in_there else (None, None)
     table.add(section, "snap_in_force", "snap-in force", tension, "N", uncertainty=spread)
     work, spread = found.work_of_separation, found.work_of_separation_uncertainty
     table.add(section, "work_of_separation", "work of separation", work, "J", uncertainty=spread)
     work, spread = found.hysteresis, found.hysteresis_uncertainty
-    table.add(section, "hysteresis", "hysteresis", work, "J", "net work of the loop, as far as it goes", spread)
+    note = "net work of the loop, as far as it goes" if closed else "the loop is not closed"
+    table.add(section, "hysteresis", "hysteresis", work, "J", note, spread)
     for kind, areas in found.areas.items():
         if kind == "contact" or "contact" not in found.areas:
             prefix = "" if kind == "contact" else f"{kind}_"

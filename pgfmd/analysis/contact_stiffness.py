@@ -67,8 +67,9 @@ def _between(loop: Loop, branch: str, force: Array, indentation: Array, upper: f
     lower = upper - WINDOW * preload
     if preload <= 0.0 or len(force) < 2 or force[0] < upper * (1 - 1e-12):
         return None
-    places = [_crossing(force, indentation, level) for level in (upper, lower)]
-    if None in places or places[0] == places[1]:
+    found = [_crossing(force, indentation, level) for level in (upper, lower)]
+    places = [place for place in found if place is not None]
+    if len(places) < 2 or places[0] == places[1]:
         return None
     way = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(indentation)))))
     start, end = (np.interp(place, np.arange(len(way)), way) for place in places)

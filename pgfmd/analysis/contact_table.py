@@ -11,6 +11,7 @@ from pgfmd.results import Results
 from pgfmd.results.curve import Loop, Measures
 from pgfmd.results.sites import site_loads
 from pgfmd.solver.grid import Grid, PunchPoints
+from pgfmd.symmetry import ALONE
 from pgfmd.units import UnitError, parse_quantity
 
 from .table import Table
@@ -45,8 +46,8 @@ def _face_of(results: Results) -> Face | None:
         radius = None if radius is None else parse_quantity(radius, "length")
     except (KeyError, UnitError):
         return None
-    # All rows of the cell: nobody to share them with.
-    return Face(PunchPoints(cell, radius, None, (0, cell.n)).total, cell.cell_area)
+    # All rows of the cell.
+    return Face(PunchPoints(cell, radius, ALONE, (0, cell.n)).total, cell.cell_area)
 
 
 def add_areas(table: Table, results: Results, found: Measures) -> None:

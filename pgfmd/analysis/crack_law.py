@@ -77,12 +77,12 @@ class CrackLaw:
 
         Beyond kappa_inf, and below its inverse, the speed of the table's end, which is practically infinite.
         """
-        g = np.maximum(np.asarray(g, dtype=float), 1e-300)
-        excess = np.where(g > 1, g, 1 / g) - 1
+        rate = np.maximum(np.asarray(g, dtype=float), 1e-300)
+        excess = np.where(rate > 1, rate, 1 / rate) - 1
         with np.errstate(divide="ignore"):
             logarithm = np.log(excess)
         speed = np.exp(self._look_up(logarithm, self._excess, self._speed))
-        return np.where(excess == 0, 0.0, np.where(g > 1, -speed, speed))
+        return np.where(excess == 0, 0.0, np.where(rate > 1, -speed, speed))
 
     @staticmethod
     def _look_up(value: Array, known: Array, wanted: Array) -> Array:

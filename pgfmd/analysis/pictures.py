@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from .comparison import Comparison
     from .summary import Analysis
 
+MEASURED = ("black", "0.45", "0.65")
+"""Colours of measured loops."""
 LEGEND_WIDTH = 75
 """Letters in a line of a legend above the curves."""
 LEGEND_LINE = 0.17
@@ -46,7 +48,7 @@ TWIN_PARTS = (("multistability (twin)", VIOLET), ("viscous and coaction", RED))
 
 
 def plot_comparison(found: Comparison) -> Figure:
-    """Curves of `compare` over each other, force against indentation; a measured one in black."""
+    """Curves of `compare` over each other, force against indentation; measured ones in black and greys."""
     return _with_footer(overlay_figure(found.loops, found.measured, found.changes), found.about)
 
 
@@ -58,8 +60,8 @@ def plot_bulges(analysis: Analysis) -> Figure:
 
 def plot_compliance(analysis: Analysis) -> Figure:
     """u_inf against force, and k_cc. ResultError where it can't be fitted."""
-    _require(analysis.cell, analysis, "compliance of its cell")
-    return _with_footer(compliance_figure(analysis.loop, analysis.cell), analysis.about)
+    cell = _require(analysis.cell, analysis, "compliance of its cell")
+    return _with_footer(compliance_figure(analysis.loop, cell), analysis.about)
 
 
 def plot_hysteresis(analysis: Analysis) -> Figure:
@@ -70,8 +72,8 @@ def plot_hysteresis(analysis: Analysis) -> Figure:
 
 def plot_twin(analysis: Analysis) -> Figure:
     """The loop over that of its quasi-static twin. ResultError without one."""
-    _require(analysis.twin_loop, analysis, "twin; name its folder to `analyse`")
-    return _with_footer(overlay_figure([analysis.loop, analysis.twin_loop]), analysis.about)
+    twin = _require(analysis.twin_loop, analysis, "twin; name its folder to `analyse`")
+    return _with_footer(overlay_figure([analysis.loop, twin]), analysis.about)
 
 
 def plot_bearing_area(analysis: Analysis) -> Figure:
@@ -81,9 +83,13 @@ def plot_bearing_area(analysis: Analysis) -> Figure:
     return _with_footer(overlay_figure(loops), analysis.about)
 
 
-def _require(part: object, analysis: Analysis, name: str) -> None:
+Wanted = TypeVar("Wanted")
+
+
+def _require(part: Wanted | None, analysis: Analysis, name: str) -> Wanted:
     if not part:
         raise ResultError(f"{analysis.directory}: this analysis has no {name}")
+    return part
 
 
 def _with_footer(figure: Figure, text: str) -> Figure:
@@ -92,11 +98,11 @@ def _with_footer(figure: Figure, text: str) -> Figure:
 
 
 @picture
-def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence[str] = ()) -> Figure:
+def overlay_figure(loops: list[Loop], measured: int | None = None, changes: Sequence[str] = ()) -> Figure:
     """Force [mN] against indentation [um]: approaches thin and dashed, retractions in colour.
 
-    dots: number of the loop that was measured, drawn in black. changes: what has been done to each curve, for its
-    legend; none for nothing to say.
+    measured: number of the first loop that was measured; these are drawn in black and greys. changes: what has been done to
+    each curve, for its legend; none for nothing to say.
     """
     told = zip(loops, changes, strict=True) if changes else ()
     labels = [textwrap.wrap(f"{loop.name}: {change}", LEGEND_WIDTH) for loop, change in told]
@@ -104,13 +110,14 @@ def overlay_figure(loops: list[Loop], dots: int | None = None, changes: Sequence
     axis = figure.subplots()
     axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     for number, loop in enumerate(loops):
-        colour = "black" if number == dots else PALETTE[number % len(PALETTE)]
+        own = None if measured is None or number < measured else number - measured
+        colour = PALETTE[number % len(PALETTE)] if own is None else MEASURED[own % len(MEASURED)]
         x, force = 1e6 * loop.indentation, 1e3 * loop.force
         rows = loop.branches["retraction"]
         before = slice(0, rows.start + 1)
         if rows.start > 1:
             axis.plot(*seen(x[before], force[before]), color=colour, linestyle=DASHES, linewidth=0.8)
-        width = 1.0 if number == dots else 1.4
+        width = 1.4 if own is None else 1.0
         label = literal("\n".join(labels[number]) if changes else loop.name)
         axis.plot(*seen(x[rows], force[rows]), color=colour, linewidth=width, label=label)
     # What has been done to a curve may be a long story: above the curves it hides none of them.
@@ -131,9 +138,9 @@ def bulge_figure(loop: Loop, found: list[Bulge]) -> Figure:
     for kind, marker in (("minimum", "v"), ("inflection", "d")):
         own = [bulge for bulge in found if bulge.kind == kind]
         if own:
-            x = [1e6 * (-bulge.displacement - loop.offset) for bulge in own]
+            places = [1e6 * (-bulge.displacement - loop.offset) for bulge in own]
             y = [1e3 * bulge.force for bulge in own]
-            axis.plot(x, y, marker, color=RED, markersize=5, linestyle="none", label=kind)
+            axis.plot(places, y, marker, color=RED, markersize=5, linestyle="none", label=kind)
     axis.legend(loc="upper left")
     axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
     return figure
@@ -146,7 +153,7 @@ def compliance_figure(loop: Loop, cell: CellCompliance) -> Figure:
     axis = figure.subplots()
     for name, rows in loop.branches.items():
         colour = GREY if name == "approach" else TURQUOISE
-        style = {"linestyle": DASHES if name == "approach" else "-", "label": name}
+        style: dict[str, Any] = {"linestyle": DASHES if name == "approach" else "-", "label": name}
         axis.plot(*seen(1e3 * loop.force[rows], 1e6 * loop.u_inf[rows]), color=colour, **style)
     ends = np.array([loop.force.min(), loop.force.max()])
     label = f"F/k_cc,  k_cc = {cell.stiffness / 1e3:.4g} kN/m"
@@ -165,8 +172,8 @@ def hysteresis_figure(audit: Audit | None, twin: Twin | None) -> Figure:
         values = (audit.viscous, audit.released, audit.work - audit.viscous - audit.released)
         bars.append(("energy audit", [(name, colour, v) for (name, colour), v in zip(PARTS, values, strict=True)]))
     if twin is not None:
-        values = (twin.twin_loop, twin.rest)
-        parts = [(name, colour, v) for (name, colour), v in zip(TWIN_PARTS, values, strict=True)]
+        of_twin = (twin.twin_loop, twin.rest)
+        parts = [(name, colour, v) for (name, colour), v in zip(TWIN_PARTS, of_twin, strict=True)]
         bars.append(("against the\nquasi-static twin", parts))
     largest = max(abs(value) for _, parts in bars for _, _, value in parts)
     factor, unit = energy_unit(largest)

@@ -272,7 +272,7 @@ def _add_tabor(table: Table, results: Results, found: Measures, twin: Results | 
     from pgfmd.scene import load_scene
 
     scene = load_scene(source.directory / SCENE_FILE, require_files=False)
-    if scene.punch.radius is None or pull_off is None or scene.adhesion.law != "cosine" or pull_off.tension <= 0.0:
+    if scene.punch.radius is None or pull_off is None or not scene.adhesion.attractive or pull_off.tension <= 0.0:
         return
     adhesion, modulus = scene.adhesion, scene.substrate.contact_modulus
     tabor = effective_tabor(pull_off.tension, scene.punch.radius, modulus, adhesion.range, adhesion.work_of_adhesion)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -87,7 +87,7 @@ def _start_seconds(path: str | None, count: int) -> float:
 
 def fitted(records: Sequence[dict]) -> dict[str, Costs]:
     """The costs of work and of meetings by the kind of a problem, out of what was measured on 1, 2, ... ranks."""
-    found = {}
+    found: dict[str, Any] = {}
     for precision, witness in WITNESSES.items():
         mine = [record for record in records if record["precision"] == precision]
         several = [record for record in mine if record["ranks"] > 1]
@@ -186,7 +186,7 @@ def _steps(comm: Intracomm, n: int, precision: str, mirror: str) -> dict:
     watch, points = Watch(simulation), simulation.points
     wanted, began = _pairs_for(simulation), {}
 
-    def attend(run) -> bool:
+    def attend(run: Simulation) -> bool:
         if run.state.counters.steps == 2:
             began.update(watch.now())
         return bool(began) and run.scheme.pairs - began["pairs"] >= wanted
@@ -205,7 +205,8 @@ def _steps(comm: Intracomm, n: int, precision: str, mirror: str) -> dict:
 
 def _pairs_for(simulation: Simulation) -> int:
     """How many pairs take about `SECONDS`, the same on every rank: the work beside a pair takes as long as it."""
-    operator, points = simulation.scheme.solver.rough, simulation.points
+    solver: Any = simulation.scheme.solver
+    operator, points = solver.rough, simulation.points
     load, surface = points.zeros(operator.dtype) + operator.dtype.type(1), points.zeros(operator.dtype)
     operator(load, surface)
     began = time.perf_counter()

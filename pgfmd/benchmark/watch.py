@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pgfmd.solver.simulation import Simulation
@@ -29,7 +29,8 @@ class Watch:
         self.spent = {"transforms": 0.0, "sums": 0, "reductions": 0}
         # For each operator: in mixed precision there are two.
         self.each: list[dict[str, list[float]]] = []
-        for operator in simulation.scheme.solver.operators:
+        solver: Any = simulation.scheme.solver
+        for operator in solver.operators:
             calls: dict[str, list[float]] = {name: [] for name in PARTS}
             self.each.append(calls)
             for name, taken in calls.items():
@@ -37,8 +38,8 @@ class Watch:
             transposition = operator._transposition
             transposition.to_columns = self._left_out(transposition.to_columns)
             transposition.to_rows = self._left_out(transposition.to_rows)
-        self.points.all_rows = self._counted(self.points.all_rows, "sums")
-        self.points.maxima_of = self._counted(self.points.maxima_of, "reductions")
+        for name, kind in (("all_rows", "sums"), ("maxima_of", "reductions")):
+            setattr(self.points, name, self._counted(getattr(self.points, name), kind))
 
     def now(self) -> dict[str, float]:
         """What there has been so far: counts, and seconds; what ranks of a node have passed to each other."""
@@ -65,8 +66,8 @@ class Watch:
         there, columns, back = (total[name] / len(taken) for name, taken in self.calls.items())
         return {"rows": there + back, "columns": columns}
 
-    def _timed(self, action, taken: list[float]):
-        def timed(*given):
+    def _timed(self, action: Callable[..., Any], taken: list[float]) -> Callable[..., Any]:
+        def timed(*given: Any) -> Any:
             began, before = self.work_clock(), self.outside
             found = action(*given)
             seconds = self.work_clock() - began - (self.outside - before)
@@ -76,16 +77,16 @@ class Watch:
 
         return timed
 
-    def _left_out(self, action):
-        def apart():
+    def _left_out(self, action: Callable[[], None]) -> Callable[[], None]:
+        def apart() -> None:
             began = self.work_clock()
             action()
             self.outside += self.work_clock() - began
 
         return apart
 
-    def _counted(self, action, part: str):
-        def counted(*given):
+    def _counted(self, action: Callable[..., Any], part: str) -> Callable[..., Any]:
+        def counted(*given: Any) -> Any:
             self.spent[part] += 1
             return action(*given)
 

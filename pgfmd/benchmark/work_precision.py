@@ -21,7 +21,7 @@ from pgfmd.schemes import registry
 from .curve_errors import errors
 
 if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
+    from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
 
@@ -52,7 +52,7 @@ class Laboratory:
     its scene and overrides; `outcome` returns it from memory if it has been made already.
     """
 
-    def __init__(self, comm: Comm, base: Sequence[str] = ("output.energy=false", "solver.max_steps=1000000000")):
+    def __init__(self, comm: Intracomm, base: Sequence[str] = ("output.energy=false", "solver.max_steps=1000000000")):
         self.comm, self.base = comm, tuple(base)
         self._known: dict[tuple[str, ...], Outcome] = {}
         self._warm: set[tuple[str, str]] = set()
@@ -89,7 +89,7 @@ class Laboratory:
             self._warm.add(kind)
 
 
-def run(scene: Scene, comm: Comm) -> Outcome:
+def run(scene: Scene, comm: Intracomm) -> Outcome:
     """Runs a scene on a communicator. Collective; the same on every rank."""
     from pgfmd.assemble import assemble
 

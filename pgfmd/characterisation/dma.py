@@ -1,18 +1,17 @@
-"""Reading dynamic mechanical analysis (DMA): a table of frequency sweeps of E' and E'', at one temperature or several.
+"""Reading measured moduli: frequency sweeps of dynamic mechanical analysis (DMA), or a relaxation, from a table.
 
-The file is a text with one header line that names quantity and unit of each column,
+The file is a text with a line that names quantity and unit of each column (files/text_table.py says how free it may be),
 
     frequency (Hz), E' (MPa), E'' (MPa), temperature (C)
 
-separated by commas, semicolons or tabs (decimal commas are read with the latter two). A line of units below the header,
-empty lines and lines starting with # are fine; columns with other names are passed over. Instead of E'' there may be
-tan delta.
+for sweeps at one temperature or several; instead of E'' there may be tan delta or the phase angle, and instead of E' the
+complex modulus E*. A relaxation has the columns time and E. Shear moduli G become tensile ones, E = 2 (1 + nu) G.
 """
 
 from __future__ import annotations
 
-import csv
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,66 +19,102 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgfmd.errors import MeasurementError
-from pgfmd.files.text import read_text
-from pgfmd.units import UnitError, parse_quantity
+from pgfmd.files.column_names import Vocabulary
+from pgfmd.files.number_block import read_number_block
+from pgfmd.files.text_table import TextTable, read_table
 
-ABSOLUTE_ZERO = -273.15
+from .moduli_columns import ABSOLUTE_ZERO, CELSIUS, EXAMPLE, KELVIN, NAMES, Chosen, Kind, choose
+
 SAME_TEMPERATURE = 0.5  # K; a thermostat wanders by less, and steps of a temperature programme are larger
-MOST_PROBLEMS = 5
-EXAMPLE = "frequency (Hz), E' (MPa), E'' (MPa)"
-
-NAMES = {
-    "omega": ("omega", "ω", "w", "angular frequency", "angular freq"),
-    "frequency": ("frequency", "freq", "f", "ν"),
-    "storage": ("E'", "storage", "storage modulus", "E' storage modulus", "storage modulus E'", "E storage", "E prime"),
-    "loss": ("E''", "loss", "loss modulus", "E'' loss modulus", "loss modulus E''", "E loss", "E double prime"),
-    "tan delta": ("tan delta", "tan(delta)", "tan δ", "tan(δ)", "tandelta", "loss factor", "loss tangent"),
-    "temperature": ("temperature", "temp", "temp.", "T"),
-}
-"""Column names by quantity. Those of one letter are taken as they are, the others in any case."""
-SHEAR = ("G'", "G''")
-PER_SECOND = {"rad/s": 1.0, "rad/sec": 1.0, "rad s^-1": 1.0, "rad·s^-1": 1.0, "1/s": 1.0, "s^-1": 1.0}
-HERTZ = {"mHz": 1e-3, "Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}
-CELSIUS = ("C", "°C", "ºC", "℃", "degC", "deg C", "° C", "celsius")
-KELVIN = ("K", "kelvin")
+SOFTEST, STIFFEST = 10.0, 2e12
+"""Moduli [Pa] beyond which no solid is: a file that has none between them has another unit."""
+INCOMPRESSIBLE = 0.5
+CONTRADICTION = 0.05
+"""How far E''/E' of a file may be from its tan delta."""
+HEADERLESS = {".tts": ("omega", "storage", "loss"), ".gt": ("time", "relaxation"), ".osc": ("omega", "storage", "loss")}
+"""Columns of RepTate's files by their names' ends; the format has them in rad/s, s and Pa, of shear."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """A frequency sweep, sorted: omega (rad/s), storage and loss modulus (Pa), all of shape (M,); temperature (K)."""
+    """A frequency sweep, sorted: omega (rad/s), storage and loss modulus (Pa), all of shape (M,); temperature (K), None
+    where it is not known; unit: "C" or "K", in which the file has it."""
 
     omega: NDArray
     storage: NDArray
     loss: NDArray
     temperature: float | None = None
+    unit: str = "K"
+
+    @property
+    def kelvin(self) -> float:
+        """The temperature [K], of a sweep that has one."""
+        assert self.temperature is not None, "asked for without a temperature"
+        return self.temperature
+
+    @property
+    def degrees(self) -> str:
+        """The temperature as the file has it, for messages."""
+        return degrees(self.temperature, self.unit)
 
 
-def read_dma(path: str | Path) -> list[Sweep]:
-    """The sweeps of a file, one for each temperature, coldest first; one without temperature if it names none.
+@dataclass(frozen=True, eq=False)
+class Relaxation:
+    """A stress relaxation, sorted: time (s) after the strain was applied, and modulus (Pa), both of shape (M,)."""
 
-    Raises MeasurementError naming file, line, what was expected and a cure.
+    time: NDArray
+    modulus: NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Moduli:
+    """What a file holds: sweeps, coldest first, or a relaxation; Young's moduli. notes: what was done to them, or passed
+    over. unsure: what was taken for granted, as no name says it."""
+
+    sweeps: list[Sweep]
+    relaxation: Relaxation | None = None
+    notes: tuple[str, ...] = ()
+    unsure: tuple[str, ...] = ()
+
+
+def read_moduli(
+    path: str | Path,
+    modulus: Kind | None = None,
+    poisson_ratio: float | None = None,
+    usual_poisson_ratio: float = INCOMPRESSIBLE,
+) -> Moduli:
+    """The moduli of a file: sweeps, one for each temperature, or a relaxation.
+
+    modulus: "shear" or "tensile", where the names of the columns don't say. poisson_ratio: of shear moduli, E = 2 (1 +
+    nu) G; the usual one if None. Raises MeasurementError naming file, line, what was expected and a cure.
     """
-    lines = _lines(Path(path))
-    delimiter = next((mark for mark in "\t;," if mark in lines[0][1]), None)
-    if delimiter is None:
+    path = Path(path)
+    unsure: tuple[str, ...] = ()
+    if path.suffix.lower() in HEADERLESS and (known := _reptate(path)):
+        values, notes = known
+        kind: Kind = "shear"
+        if modulus == "tensile":
+            raise MeasurementError(f"{path}: a {path.suffix} file holds shear moduli; leave out --modulus tensile")
+        unit = "C"
+    else:
+        table = read_table(path, Vocabulary(NAMES), EXAMPLE)
+        chosen = choose(table, modulus)
+        values, kind, unit = _values(table, chosen), chosen.kind, _unit_of(chosen)
+        notes, unsure = table.notes, _unsure(chosen, modulus)
+    if poisson_ratio is not None and kind == "tensile":
         raise MeasurementError(
-            f"{path}, line {lines[0][0]}: expected a header of several columns, such as {EXAMPLE}; "
-            "separate columns by comma, semicolon or tab"
+            f"{path}: these are tensile moduli, which need no Poisson's ratio; leave out --poisson, or say --modulus shear"
         )
-    rows = [
-        (number, [cell.strip() for cell in next(csv.reader([text], delimiter=delimiter))]) for number, text in lines
-    ]
-    (number, header), rows = rows[0], rows[1:]
-    if any(_is_number(cell, delimiter) for cell in header):
-        raise MeasurementError(
-            f"{path}, line {number}: expected a header such as {EXAMPLE}, found numbers; name columns and units"
-        )
-    below = None
-    units_are_named = any(_named(cell)[1] for cell in header)
-    if rows and not units_are_named and not any(_is_number(cell, delimiter) for cell in rows[0][1]):
-        below, rows = rows[0][1], rows[1:]
-    columns = _columns(f"{path}, line {number}", header, below)
-    return _isotherms(path, _values(path, rows, columns, delimiter))
+    if kind == "shear":
+        nu = usual_poisson_ratio if poisson_ratio is None else poisson_ratio
+        notes = (*notes, f"shear moduli, as Young's: E = 2 (1 + nu) G with nu = {nu:g}")
+        for part in {"storage", "loss", "relaxation"} & values.keys():
+            values[part] = 2.0 * (1.0 + nu) * values[part]
+    _refuse_other_units(path, values)
+    if "time" in values:
+        relaxation, passed = _relaxation(path, values, unit)
+        return Moduli([], relaxation, (*notes, *passed), unsure)
+    return Moduli(_isotherms(path, values, unit), None, notes, unsure)
 
 
 def temperature_in_kelvin(text: str) -> float:
@@ -93,149 +128,153 @@ def temperature_in_kelvin(text: str) -> float:
     return kelvin
 
 
-def _lines(path: Path) -> list[tuple[int, str]]:
-    """Number and text of every line that is neither empty nor a comment."""
+def degrees(kelvin: float | None, unit: str = "C") -> str:
+    """A temperature in the unit "C" or "K", for messages."""
+    if kelvin is None:
+        return "an unknown temperature"
+    return f"{kelvin + ABSOLUTE_ZERO + 0.0:.4g} C" if unit == "C" else f"{kelvin:.5g} K"
+
+
+def _reptate(path: Path) -> tuple[dict[str, NDArray], tuple[str, ...]] | None:
+    """The columns of a file of RepTate that has no names: parameters in its first line, numbers below. None where there
+    are names with units."""
+    block = read_number_block(path)
+    names = HEADERLESS[path.suffix.lower()]
+    parameters = dict(
+        part.partition("=")[::2] for part in (block.preamble or ("",))[0].strip().split(";") if "=" in part
+    )
+    if len(block.preamble) > 2 or block.values.shape[1] < len(names):
+        return None
+    values = dict(zip(names, block.values.T, strict=False))
+    if not all(np.isfinite(column).all() for column in values.values()):
+        raise MeasurementError(
+            f"{path}: expected numbers in its first {len(names)} columns; complete or delete the others"
+        )
+    notes: tuple[str, ...] = (
+        f"{path.suffix} file: columns {', '.join(names)} in the units of RepTate (rad/s, s, Pa, C)",
+    )
     try:
-        text = read_text(path)
-    except OSError as error:
-        raise MeasurementError(f"{path}: could not be read: {error.strerror}") from None
-    except ValueError:
-        raise MeasurementError(f"{path}: expected a text file; export the measurement as CSV") from None
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1)]
-    lines = [(number, line) for number, line in lines if line.strip(" \t;,") and not line.lstrip().startswith("#")]
-    if not lines:
-        raise MeasurementError(f"{path}: expected a table with the header {EXAMPLE}, found an empty file")
-    return lines
+        if "T" in parameters:
+            values["temperature"] = np.full(len(block.values), float(parameters["T"]) - ABSOLUTE_ZERO)
+        if (strain := float(parameters.get("gamma", 1.0))) not in (0.0, 1.0):
+            values["relaxation"] = values["relaxation"] / strain
+            notes = (*notes, f"stress over the strain gamma = {strain:g} of its first line")
+    except (ValueError, KeyError):
+        raise MeasurementError(
+            f"{path}, line 1: expected parameters such as T=25;gamma=1; found {block.preamble[0].strip()}"
+        ) from None
+    return values, notes
 
 
-def _number(cell: str, delimiter: str) -> float:
-    return float(cell.replace(",", ".") if delimiter != "," else cell)
+def _unsure(chosen: Chosen, modulus: Kind | None) -> tuple[str, ...]:
+    if chosen.named or modulus is not None:
+        return ()
+    titles = " and ".join(
+        f"'{c.title}'" for q, c in chosen.columns.items() if q in ("storage", "loss", "complex", "relaxation")
+    )
+    return (
+        f"{titles} are called by neither E nor G and are taken for tensile moduli; if they are of shear (a rotational "
+        "rheometer's are), give --modulus shear, else E is a third of what it should be",
+    )
 
 
-def _is_number(cell: str, delimiter: str) -> bool:
-    try:
-        _number(cell, delimiter)
-    except ValueError:
-        return False
-    return True
+def _unit_of(chosen: Chosen) -> str:
+    return "C" if np.isnan(chosen.factors.get("temperature", 1.0)) else "K"
 
 
-def _quantity(name: str) -> str | None:
-    """The key of NAMES that a column's name without unit means."""
-    plain = re.sub(r"[\s_]+", " ", name.replace('"', "''")).strip()
-    for mark, plainly in (("″", "''"), ("”", "''"), ("′", "'"), ("’", "'"), ("´", "'"), ("`", "'")):
-        plain = plain.replace(mark, plainly)
-    for quantity, names in NAMES.items():
-        if plain in names or (len(plain) > 1 and plain.lower() in [known.lower() for known in names if len(known) > 1]):
-            return quantity
-    return next((shear for shear in SHEAR if plain.upper() == shear), None)
-
-
-def _named(cell: str) -> tuple[str | None, str]:
-    """(quantity, unit) of a header's cell: "E' (MPa)", "E' [MPa]", "E' / MPa", "E' MPa", "E'_MPa"; unit may be ""."""
-    for pattern in (r"()(.*)", r"(.*?)\s*[(\[](.*)[)\]]", r"(.*?)\s+/\s+(.*)", r"(.*?)\s*,\s*(.*)", r"(.*)[\s_](\S+)"):
-        match = re.fullmatch(pattern, cell.strip())
-        if match is None:
-            continue
-        name, unit = (match[2], "") if pattern.startswith("()") else (match[1], match[2].strip())
-        if quantity := _quantity(name):
-            return quantity, unit
-    return None, ""
-
-
-def _columns(where: str, header: list[str], below: list[str] | None) -> dict[str, tuple[int, float]]:
-    """Place and factor to SI (for degrees Celsius NaN) of the columns that are needed."""
-    found: dict[str, tuple[int, str]] = {}
-    for place, cell in enumerate(header):
-        quantity, unit = _named(cell)
-        if quantity in found:
-            raise MeasurementError(
-                f"{where}: expected one column with {quantity}, found '{header[found[quantity][0]]}' and '{cell}'; "
-                "rename the one that is not to be used"
-            )
-        if quantity:
-            unit = unit or (below[place].strip("()[] ") if below and place < len(below) else "")
-            found[quantity] = place, unit
-    wanted = ["omega" if "omega" in found else "frequency", "storage", "loss" if "loss" in found else "tan delta"]
-    for quantity in wanted:
-        if quantity not in found:
-            name = {"frequency": "frequency or omega", "storage": "E'", "tan delta": "E'' or tan delta"}[quantity]
-            cure = f"name the columns as in {EXAMPLE}"
-            if any(shear in found for shear in SHEAR):
-                cure = "G' and G'' are of shear: convert them by E = 2 (1 + nu) G, 3 G for an incompressible elastomer"
-            raise MeasurementError(f"{where}: expected a column {name}, found {', '.join(header)}; {cure}")
-    columns = {}
-    for quantity in [*wanted, *(["temperature"] if "temperature" in found else [])]:
-        place, unit = found[quantity]
-        columns[quantity] = place, _factor(f"{where}, column '{header[place]}'", quantity, unit)
-    return columns
-
-
-def _factor(where: str, quantity: str, unit: str) -> float:
-    """What a unit is in rad/s, Pa or K; NaN for degrees Celsius, which have no factor."""
-    if quantity in ("omega", "frequency"):
-        units = PER_SECOND | {name: 2 * np.pi * factor for name, factor in HERTZ.items()}
-        plain = unit.replace("⁻¹", "^-1").replace("s-1", "s^-1")
-        if not unit and quantity == "omega":
-            return 1.0
-        if plain in units:
-            return units[plain]
-        expected, example = "a unit of frequency: Hz, kHz, rad/s", f"{quantity} (Hz)"
-    elif quantity == "temperature":
-        if unit in CELSIUS:
-            return np.nan
-        if unit in KELVIN:
-            return 1.0
-        expected, example = "a unit of temperature: C or K", "temperature (C)"
-    elif quantity == "tan delta":
-        if unit in ("", "-", "1", "–"):
-            return 1.0
-        expected, example = "no unit", "tan delta"
-    else:
-        try:
-            return parse_quantity(f"1 {unit}", "modulus")
-        except UnitError:
-            expected, example = (
-                "a unit of modulus: Pa, kPa, MPa, GPa",
-                {"storage": "E'", "loss": "E''"}[quantity] + " (MPa)",
-            )
-    found = f"found '{unit}'" if unit else "found none"
-    raise MeasurementError(f"{where}: expected {expected}, {found}; write for instance {example}")
-
-
-def _values(path, rows, columns, delimiter) -> dict[str, NDArray]:
-    """The columns in SI units, checked; every wrong line is reported, up to a few."""
-    values: dict[str, list[float]] = {quantity: [] for quantity in columns}
-    problems = []
-    for number, cells in rows:
-        for quantity, (place, factor) in columns.items():
-            cell = cells[place] if place < len(cells) else ""
-            value = _number(cell, delimiter) if _is_number(cell, delimiter) else np.nan
+def _values(table: TextTable, chosen: Chosen) -> dict[str, NDArray]:
+    """omega, storage and loss, or time and relaxation, and temperature, in SI units; every wrong line is reported."""
+    found = table.numbers(chosen.columns)
+    problems: list[str] = []
+    for row, (line, cells) in enumerate(table.rows):
+        for quantity, column in chosen.columns.items():
+            value, factor = found[quantity][row], chosen.factors[quantity]
             least = ABSOLUTE_ZERO if np.isnan(factor) else 0.0
-            if not np.isfinite(value) or value < least or (value == least and quantity not in ("loss", "tan delta")):
-                sign = "at or above 0" if quantity in ("loss", "tan delta") else f"above {least:g}"
-                problems.append(f"{path}, line {number}: {quantity} = '{cell}': expected a number {sign}")
-            values[quantity].append(value - ABSOLUTE_ZERO if np.isnan(factor) else factor * value)
+            at_least = quantity in ("loss", "tan delta", "phase", "time")
+            if not np.isfinite(value) or value < least or (value == least and not at_least):
+                cell = cells[column.place] if column.place < len(cells) else ""
+                sign = "at or above 0" if at_least else f"above {least:g}"
+                name = quantity.split()[-1] if quantity != "tan delta" else quantity
+                problems.append(f"line {line}: {name} = '{cell}': expected a number {sign}")
     if problems:
-        more = len(problems) - MOST_PROBLEMS
-        tail = [f"... and {more} more like these"] if more > 0 else []
-        cure = "correct or delete these lines; what lies below the instrument's resolution can't be fitted"
-        raise MeasurementError("\n".join([*problems[:MOST_PROBLEMS], *tail, cure]))
-    if not rows:
-        raise MeasurementError(f"{path}: expected numbers below the header, found none")
-    arrays = {quantity: np.array(column) for quantity, column in values.items()}
-    if "tan delta" in arrays:
-        arrays["loss"] = arrays["storage"] * arrays.pop("tan delta")
-    if "frequency" in arrays:
-        arrays["omega"] = arrays.pop("frequency")
-    return arrays
+        raise table.refuse(problems, "; what lies below the instrument's resolution can't be fitted")
+    values = {
+        quantity: found[quantity] - ABSOLUTE_ZERO if np.isnan(factor) else factor * found[quantity]
+        for quantity, factor in chosen.factors.items()
+    }
+    return _storage_and_loss(table, values)
 
 
-def _isotherms(path, values: dict[str, NDArray]) -> list[Sweep]:
+def _storage_and_loss(table: TextTable, values: dict[str, NDArray]) -> dict[str, NDArray]:
+    """With E' and E'' from whatever says them: tan delta or phase angle, and the size of the complex modulus."""
+    if "frequency" in values:
+        rate = values.pop("frequency")
+        if np.max(np.abs(rate / values.setdefault("omega", rate) - 1.0)) > CONTRADICTION:
+            raise MeasurementError(
+                f"{table.where}: expected an angular frequency of 2 pi times the frequency, the columns differ by other "
+                "factors; delete the wrong one"
+            )
+    ratio = values.pop("tan delta", None)
+    if "phase" in values:
+        phase = values.pop("phase")
+        if np.any(phase >= 0.5 * np.pi):
+            raise MeasurementError(
+                f"{table.where}: expected phase angles below 90°, found {np.degrees(phase.max()):.4g}°"
+            )
+        ratio = np.tan(phase)
+    if ratio is not None and "complex" in values:
+        values["storage"] = values.pop("complex") / np.sqrt(1.0 + ratio**2)
+    if ratio is not None and "loss" not in values:
+        values["loss"] = values["storage"] * ratio
+    elif ratio is not None:
+        own = values["loss"] / values["storage"]
+        off = float(np.median(np.abs(own / np.maximum(ratio, 1e-9) - 1.0)))
+        if off > CONTRADICTION:
+            raise MeasurementError(
+                f"{table.where}: expected tan delta to be the loss over the storage modulus, it is off by a factor of "
+                f"{float(np.median(own / np.maximum(ratio, 1e-9))):.3g}; look at the units of both moduli, or delete the "
+                "column of tan delta"
+            )
+    return values
+
+
+def _refuse_other_units(path: Path, values: dict[str, NDArray]) -> None:
+    """Raises MeasurementError for moduli that no solid has."""
+    modulus = values["relaxation" if "time" in values else "storage"]
+    largest = float(np.max(modulus))
+    if not SOFTEST <= largest <= STIFFEST:
+        what = "softer than any gel" if largest < SOFTEST else "stiffer than diamond"
+        raise MeasurementError(
+            f"{path}: expected moduli of a solid, the largest is {largest:.3g} Pa, {what}; look at the unit: mPa is a "
+            "thousandth of a pascal, MPa a million"
+        )
+
+
+def _relaxation(path: Path, values: dict[str, NDArray], unit: str) -> tuple[Relaxation, tuple[str, ...]]:
+    """A relaxation at one temperature, without rows at time 0, at which nothing has begun. Raises MeasurementError."""
+    temperature = values.get("temperature")
+    if temperature is not None and np.ptp(temperature) > 4 * SAME_TEMPERATURE:
+        low, high = (degrees(float(edge), unit) for edge in (np.min(temperature), np.max(temperature)))
+        raise MeasurementError(
+            f"{path}: expected a relaxation at one temperature, found {low} to {high}; put each into a file of its own"
+        )
+    order = np.argsort(values["time"], kind="stable")
+    time, modulus = values["time"][order], values["relaxation"][order]
+    begun = time > 0.0
+    notes = () if begun.all() else (f"passed over {np.sum(~begun)} of {begun.size} rows, at time 0",)
+    if not begun.any() or modulus[begun][-1] > 1.02 * np.max(modulus[begun][: max(1, begun.sum() // 10)]):
+        raise MeasurementError(
+            f"{path}: expected a modulus that falls with time, it rises; a relaxation is the stress over a strain that is "
+            "held, from the moment when the strain is reached"
+        )
+    return Relaxation(time[begun], modulus[begun]), notes
+
+
+def _isotherms(path: Path, values: dict[str, NDArray], unit: str) -> list[Sweep]:
     """Rows of the same temperature, put together and sorted by frequency."""
     temperature = values.get("temperature")
     if temperature is None:
-        groups = [np.arange(values["omega"].size)]
+        groups: Sequence[NDArray] = [np.arange(values["omega"].size)]
     else:
         order = np.argsort(temperature, kind="stable")
         groups = np.split(order, np.flatnonzero(np.diff(temperature[order]) > SAME_TEMPERATURE) + 1)
@@ -246,11 +285,12 @@ def _isotherms(path, values: dict[str, NDArray]) -> list[Sweep]:
         if temperature is not None:
             mean = float(np.mean(temperature[group]))
             if np.ptp(temperature[group]) > 4 * SAME_TEMPERATURE:
-                low, high = np.min(temperature[group]), np.max(temperature[group])
+                low, high = (
+                    degrees(float(edge), unit) for edge in (np.min(temperature[group]), np.max(temperature[group]))
+                )
                 raise MeasurementError(
                     f"{path}: expected frequency sweeps at fixed temperatures, found one that drifts from "
-                    f"{low + ABSOLUTE_ZERO:.4g} to {high + ABSOLUTE_ZERO:.4g} C; steps between sweeps must be larger "
-                    f"than {SAME_TEMPERATURE} K"
+                    f"{low} to {high}; steps between sweeps must be larger than {SAME_TEMPERATURE} K"
                 )
-        sweeps.append(Sweep(values["omega"][group], values["storage"][group], values["loss"][group], mean))
+        sweeps.append(Sweep(values["omega"][group], values["storage"][group], values["loss"][group], mean, unit))
     return sweeps

@@ -11,7 +11,8 @@ on top of it gained another tenth or less up to N = 10 over ten decades. All mis
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,16 +65,19 @@ class PronyFit:
         """Decades of frequency that the data cover."""
         return float(np.log10(self.omega[-1] / self.omega[0]))
 
+    def report(self, master: bool) -> list[str]:
+        """Range of the data, and how well they are fitted, a line each; master: whether it is a master curve."""
+        size, modulus, omega = self.largest
+        what = "master curve" if master else "frequencies"
+        return [
+            f"{what}: {self.omega[0]:.3g} to {self.omega[-1]:.3g} rad/s, {self.decades:.1f} decades",
+            f"fit of {self.series.elements} elements: misfit {100 * self.rms:.2g} % rms, "
+            f"largest {100 * size:.2g} % ({modulus} at {omega:.3g} rad/s)",
+        ]
+
     def warnings(self) -> list[str]:
         """What a user should know before trusting the series."""
-        texts = []
-        if self.rms > BAD_MISFIT:
-            text = f"the fit is off by {100 * self.rms:.2g} % rms: "
-            if self.automatic:
-                text += "more elements don't help; look for outliers, or for E' and E'' that don't belong together"
-            else:
-                text += "choose more elements; without --elements as many are taken as serve"
-            texts.append(text)
+        texts = poor_fit(self.rms, self.automatic, "look for outliers, or for E' and E'' that don't belong together")
         low, high = self.loss[0] / self.storage[0], self.loss[-1] / self.storage[-1]
         if low > PLATEAU_TAN_DELTA:
             texts.append(
@@ -88,6 +92,17 @@ class PronyFit:
         return texts
 
 
+def poor_fit(rms: float, automatic: bool, cure: str) -> list[str]:
+    """What is said of a fit that is off by rms; cure: where the number of elements was found by itself."""
+    if rms <= BAD_MISFIT:
+        return []
+    more = f"more elements don't help; {cure}"
+    return [
+        f"the fit is off by {100 * rms:.2g} % rms: "
+        + (more if automatic else "choose more elements; without --elements as many are taken as serve")
+    ]
+
+
 def fit_series(omega: ArrayLike, storage: ArrayLike, loss: ArrayLike, elements: int | None = None) -> PronyFit:
     """The best series of `elements` Maxwell elements, or of as few as serve.
 
@@ -97,19 +112,42 @@ def fit_series(omega: ArrayLike, storage: ArrayLike, loss: ArrayLike, elements: 
     Raises ValueError for nonsense and for data without a static modulus.
     """
     omega, storage, loss = _checked(omega, storage, loss)
+    times = best_times(omega, lambda times: weights_of(omega, storage, loss, times)[1], elements)
+    weights, misfit = weights_of(omega, storage, loss, times)
+    static, series = series_of_weights(weights, times)
+    return PronyFit(series, static, omega, storage, loss, misfit, elements is None)
+
+
+def best_times(omega: NDArray, misfit_of: Callable[[NDArray], NDArray], elements: int | None) -> NDArray:
+    """Relaxation times (s), (N,), for which data fit best: of `elements` rungs, or of as few as serve (`fit_series`).
+
+    omega: rad/s, sorted, between whose ends the ladder is looked for; of a relaxation 1/t. misfit_of: misfit of each
+    datum for given times. Raises ValueError for a number of elements out of range.
+    """
     if elements is not None and not 1 <= elements <= MOST_ELEMENTS:
         raise ValueError(f"elements = {elements}: expected a whole number from 1 to {MOST_ELEMENTS}")
     if elements is not None:
-        return _fit(omega, storage, loss, elements)
+        return _best_ladder(omega, misfit_of, elements)[0]
     tried: list[tuple[float, int]] = []
     for count in range(1, min(MOST_ELEMENTS, np.unique(omega).size) + 1):
-        tried.append((_best_ladder(omega, storage, loss, count)[1], count))
+        tried.append((_best_ladder(omega, misfit_of, count)[1], count))
         # One element more can be worse: rungs of a ladder don't stay where they were.
         if tried[-1][0] < GOOD_MISFIT or (count > 5 and min(tried[-4:])[0] > 0.9 * min(tried[:-4])[0]):
             break
     enough = max(1.1 * min(tried)[0], GOOD_MISFIT)
-    count = next(count for rms, count in tried if rms <= enough)
-    return replace(_fit(omega, storage, loss, count), automatic=True)
+    return _best_ladder(omega, misfit_of, next(count for rms, count in tried if rms <= enough))[0]
+
+
+def series_of_weights(weights: NDArray, times: NDArray) -> tuple[float, PronySeries]:
+    """E(0) [Pa] and the series of (E_0, E_1, ...) in Pa, (1 + N,), and times (N,). ValueError where E_0 = 0."""
+    static = float(weights[0])
+    if static <= 1e-12 * weights.sum():
+        raise ValueError(
+            "the best fit has no static modulus, E(0) = 0: this is a liquid, or the data end far above the rubbery "
+            "plateau; measure at lower frequencies, for longer times, or at higher temperatures"
+        )
+    # What rounding leaves of elements that aren't there.
+    return static, PronySeries(np.where(weights[1:] > 1e-9 * static, weights[1:] / static, 0.0), times)
 
 
 def moduli_of(fit: PronyFit, omega: ArrayLike) -> tuple[NDArray, NDArray]:
@@ -117,7 +155,7 @@ def moduli_of(fit: PronyFit, omega: ArrayLike) -> tuple[NDArray, NDArray]:
     return fit.static_modulus * fit.series.storage(omega), fit.static_modulus * fit.series.loss(omega)
 
 
-def ladder(omega: NDArray, elements: int, margins: ArrayLike = (0.0, 0.0)) -> NDArray:
+def ladder(omega: NDArray, elements: int, margins: Sequence[float] | NDArray = (0.0, 0.0)) -> NDArray:
     """Relaxation times (s), ascending, from 1/omega[-1] to 1/omega[0], moved outwards by margins (decades)."""
     shortest, longest = -np.log10(omega[-1]) - margins[0], -np.log10(omega[0]) + margins[1]
     if elements == 1:
@@ -132,11 +170,16 @@ def weights_of(omega: NDArray, storage: NDArray, loss: NDArray, times: NDArray) 
     measured = np.stack([storage, loss])
     scale = np.stack([storage, np.maximum(loss, SMALLEST_TAN_DELTA * storage)])
     static = np.stack([np.ones_like(omega), np.zeros_like(omega)])
-    model = np.concatenate([static[..., None], np.stack([elastic, viscous])], axis=-1)
-    matrix = (model / scale[..., None]).reshape(-1, times.size + 1)
+    return positive_weights(np.concatenate([static[..., None], np.stack([elastic, viscous])], axis=-1), measured, scale)
+
+
+def positive_weights(model: NDArray, measured: NDArray, scale: NDArray) -> tuple[NDArray, NDArray]:
+    """Weights (K,), >= 0, for which model (..., K) @ weights is nearest to measured (...), and (model @ weights -
+    measured)/scale; distances are measured in scale (...)."""
+    matrix = (model / scale[..., None]).reshape(-1, model.shape[-1])
     # Columns of equal size, whatever the unit and the range of the moduli.
     size = np.linalg.norm(matrix, axis=0)
-    weights, _ = nnls(matrix / size, (measured / scale).ravel(), maxiter=100 * (times.size + 1))
+    weights, _ = nnls(matrix / size, (measured / scale).ravel(), maxiter=100 * model.shape[-1])
     weights = weights / size
     return weights, (model @ weights - measured) / scale
 
@@ -155,14 +198,13 @@ def _checked(omega: ArrayLike, storage: ArrayLike, loss: ArrayLike) -> tuple[NDA
     return omega[order], storage[order], loss[order]
 
 
-def _best_ladder(omega: NDArray, storage: NDArray, loss: NDArray, elements: int) -> tuple[NDArray, float]:
+def _best_ladder(omega: NDArray, misfit_of: Callable[[NDArray], NDArray], elements: int) -> tuple[NDArray, float]:
     """The ladder (N,) with the ends that fit best, and its rms misfit."""
 
-    def rms(margins: ArrayLike) -> float:
+    def rms(margins: Sequence[float] | NDArray) -> float:
         if max(margins) > LARGEST_MARGIN or (elements > 1 and sum(margins) < -0.95 * span):
             return np.inf
-        _, misfit = weights_of(omega, storage, loss, ladder(omega, elements, margins))
-        return float(np.sqrt(np.mean(misfit**2)))
+        return float(np.sqrt(np.mean(misfit_of(ladder(omega, elements, margins)) ** 2)))
 
     span = float(np.log10(omega[-1] / omega[0]))
     # The misfit has several minima where the data hold plateaus beyond the spectrum: start from the best of a grid.
@@ -176,17 +218,3 @@ def _best_ladder(omega: NDArray, storage: NDArray, loss: NDArray, elements: int)
     ]
     found = min(tries, key=lambda result: result.fun)
     return ladder(omega, elements, found.x), float(found.fun)
-
-
-def _fit(omega: NDArray, storage: NDArray, loss: NDArray, elements: int) -> PronyFit:
-    times, _ = _best_ladder(omega, storage, loss, elements)
-    weights, misfit = weights_of(omega, storage, loss, times)
-    static = float(weights[0])
-    if static <= 1e-12 * weights.sum():
-        raise ValueError(
-            "the best fit has no static modulus, E(0) = 0: this is a liquid, or the data end far above the rubbery "
-            "plateau; measure at lower frequencies or higher temperatures"
-        )
-    # What rounding leaves of elements that aren't there.
-    kappa = np.where(weights[1:] > 1e-9 * static, weights[1:] / static, 0.0)
-    return PronyFit(PronySeries(kappa, times), static, omega, storage, loss, misfit)

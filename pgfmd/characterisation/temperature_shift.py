@@ -9,14 +9,14 @@ the vertical shift b_T = 1; with it b_T = T/T_ref, the rubber modulus of constan
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares, minimize_scalar
 
-from .dma import Sweep
+from .dma import Sweep, degrees
 from .prony_fit import ladder, weights_of
 
 FEWEST_TEMPERATURES = 3
@@ -24,6 +24,10 @@ RUNGS_PER_DECADE = 3
 MARGINS = (1.0, 1.0)
 """Decades of relaxation times beyond the data: without them what lies outside distorts the ends, and C1 by 3 %."""
 LARGEST_C2 = 1e5  # K; so large a C2 is Arrhenius' law
+LEAST_RISE = 0.1
+"""Share by which E' has to rise over a sweep, or the sweep determines no shift: noise is nearly as large."""
+OFF_THE_LAW, SHARE_OFF = 0.3, 0.1
+"""How far the shift of the coldest sweep may be from the law of the others, in decades and as a share of it."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,7 @@ class WLF:
     C1: float
     C2: float
     reference_temperature: float
+    unit: str = field(default="K", compare=False)  # of temperatures in messages
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.C1) and np.isfinite(self.C2) and self.C1 > 0 and self.C2 > 0):
@@ -45,8 +50,8 @@ class WLF:
         difference = np.asarray(temperature, dtype=float) - self.reference_temperature
         if np.any(self.C2 + difference <= 0):
             raise ValueError(
-                f"the WLF equation with C2 = {self.C2:.4g} K ends at {self.reference_temperature - self.C2:.5g} K, "
-                f"found a temperature of {np.min(temperature):.5g} K; leave out the coldest sweeps or correct C2"
+                f"the WLF equation with C2 = {self.C2:.4g} K ends at {self._shown(self.reference_temperature - self.C2)}, "
+                f"found a temperature of {self._shown(np.min(temperature))}; leave out the coldest sweeps or correct C2"
             )
         return -self.C1 * difference / (self.C2 + difference)
 
@@ -55,10 +60,13 @@ class WLF:
         C2 = self.C2 + reference_temperature - self.reference_temperature
         if C2 <= 0:
             raise ValueError(
-                f"a reference temperature of {reference_temperature:.5g} K lies below "
-                f"{self.reference_temperature - self.C2:.5g} K, where these measurements' WLF equation ends"
+                f"a reference temperature of {self._shown(reference_temperature)} lies below "
+                f"{self._shown(self.reference_temperature - self.C2)}, where these measurements' WLF equation ends"
             )
-        return WLF(self.C1 * self.C2 / C2, C2, reference_temperature)
+        return WLF(self.C1 * self.C2 / C2, C2, reference_temperature, self.unit)
+
+    def _shown(self, kelvin: float) -> str:
+        return degrees(float(kelvin), self.unit)
 
 
 def master_curve(sweeps: Sequence[Sweep], wlf: WLF, vertical: bool = False) -> Sweep:
@@ -68,6 +76,54 @@ def master_curve(sweeps: Sequence[Sweep], wlf: WLF, vertical: bool = False) -> S
     return Sweep(*shifted, wlf.reference_temperature)
 
 
+@dataclass(frozen=True, eq=False)
+class Superposition:
+    """Sweeps that a law lays over each other: wlf, the law; sweeps, coldest first; left_out: in words, those that it
+    does not hold for."""
+
+    wlf: WLF
+    sweeps: list[Sweep]
+    left_out: tuple[str, ...] = ()
+
+
+def superpose(sweeps: Sequence[Sweep], reference_temperature: float, vertical: bool = False) -> Superposition:
+    """The sweeps whose shifts follow the law of Williams, Landel and Ferry, which holds above the glass transition, and
+    that law at the reference temperature (K).
+
+    Left out are, from the cold end on, sweeps whose storage modulus hardly changes with the frequency, so that they
+    determine no shift, and then those whose shift is not that of the law through all others. Raises ValueError as
+    `fit_wlf` does.
+    """
+    sweeps = sorted(sweeps, key=lambda sweep: sweep.kelvin)
+    telling = [number for number, sweep in enumerate(sweeps) if _rise(sweep) > LEAST_RISE]
+    first = telling[0] if telling else 0
+    words = []
+    if first:
+        flat = ", ".join(sweep.degrees for sweep in sweeps[:first])
+        words.append(
+            f"{_counted(first)} at {flat}: E' hardly changes with the frequency, so that no shift is determined"
+        )
+    _confirm_number(sweeps)
+    steps = _steps(sweeps[first:], reference_temperature if vertical else None)
+    while len(sweeps) - first > FEWEST_TEMPERATURES:
+        law = _law_of_steps(sweeps[first + 1 :], steps[1:])
+        if steps[0] is None or law is None:
+            break
+        cold, warm = (sweep.kelvin for sweep in sweeps[first : first + 2])
+        ends = cold <= law.reference_temperature - law.C2
+        expected = -np.inf if ends else float(law.log_shift(warm) - law.log_shift(cold))
+        if abs(steps[0] - expected) <= max(OFF_THE_LAW, SHARE_OFF * abs(steps[0])):
+            break
+        of_law = "where that of the others ends" if ends else f"that of the others is {-expected:.2g}"
+        words.append(
+            f"one sweep at {sweeps[first].degrees}: its shift against the next is {-steps[0]:.2g} decades, {of_law}; the "
+            "law holds above the glass transition"
+        )
+        first, steps = first + 1, steps[1:]
+    law = _refined(sweeps[first:], steps, reference_temperature, vertical)
+    return Superposition(law, sweeps[first:], tuple(words))
+
+
 def fit_wlf(sweeps: Sequence[Sweep], reference_temperature: float, vertical: bool = False) -> WLF:
     """The constants for which the shifted sweeps overlap best.
 
@@ -75,40 +131,103 @@ def fit_wlf(sweeps: Sequence[Sweep], reference_temperature: float, vertical: boo
     dense Prony series fits all sweeps best. reference_temperature: K.
     Raises ValueError for less than three temperatures, or if neighbours don't overlap.
     """
-    sweeps = sorted(sweeps, key=lambda sweep: sweep.temperature)
-    temperatures = np.array([sweep.temperature for sweep in sweeps], dtype=float)
-    if temperatures.size < FEWEST_TEMPERATURES:
+    sweeps = sorted(sweeps, key=lambda sweep: sweep.kelvin)
+    _confirm_number(sweeps)
+    steps = _steps(sweeps, reference_temperature if vertical else None)
+    return _refined(sweeps, steps, reference_temperature, vertical)
+
+
+def _confirm_number(sweeps: Sequence[Sweep]) -> None:
+    if len(sweeps) < FEWEST_TEMPERATURES:
         raise ValueError(
-            f"C1 and C2 need at least {FEWEST_TEMPERATURES} temperatures, found {temperatures.size}; "
-            "give them by --wlf C1,C2"
+            f"C1 and C2 need at least {FEWEST_TEMPERATURES} temperatures, found {len(sweeps)}; give them by --wlf C1,C2"
         )
-    middle = temperatures.size // 2
-    base, scale = float(temperatures[middle]), reference_temperature if vertical else None
-    shifts = np.concatenate([[0.0], np.cumsum([_overlap(*pair, scale) for pair in pairwise(sweeps)])])
-    shifts -= shifts[middle]
-    # The unknowns are logarithms of C1 and of C2 above its least value, where the coldest sweep is shifted to infinity.
-    coldest, rungs = base - temperatures[0], _rungs(sweeps, shifts)
 
-    def constants(unknowns: NDArray) -> WLF:
-        return WLF(float(np.exp(unknowns[0])), float(coldest) + float(np.exp(unknowns[1])), base)
 
-    def of_shifts(unknowns: NDArray) -> NDArray:
-        return constants(unknowns).log_shift(temperatures) - shifts
+def _refined(
+    sweeps: Sequence[Sweep], steps: Sequence[float | None], reference_temperature: float, vertical: bool
+) -> WLF:
+    """The law for which one dense series fits all sweeps best, from that of the steps on."""
+    _confirm_number(sweeps)
+    scale = reference_temperature if vertical else None
+    temperatures = np.array([sweep.temperature for sweep in sweeps], dtype=float)
+    start = _law_of_steps(sweeps, steps)
+    if start is None:
+        raise ValueError(
+            "E' hardly changes with the frequency in most sweeps: no shift is determined; give --wlf C1,C2"
+        )
+    base, unit = start.reference_temperature, sweeps[0].unit
+    coldest, rungs = base - temperatures[0], _rungs(sweeps, start.log_shift(temperatures))
 
     def of_series(unknowns: NDArray) -> NDArray:
-        omega, storage, loss = _shifted(sweeps, constants(unknowns).log_shift(temperatures), scale)
+        shifts = _law(unknowns, coldest, base).log_shift(temperatures)
+        omega, storage, loss = _shifted(sweeps, shifts, scale)
         return weights_of(omega, storage, loss, ladder(omega, rungs, MARGINS))[1].ravel()
 
-    bounds = ([np.log(1e-3), np.log(1e-2)], [np.log(1e4), np.log(LARGEST_C2)])
-    rough = least_squares(of_shifts, np.log([10.0, 100.0]), bounds=bounds, x_scale="jac")
-    start = np.clip(rough.x, np.add(bounds[0], 1e-6), np.subtract(bounds[1], 1e-6))
-    fine = least_squares(of_series, start, bounds=bounds, diff_step=1e-5, xtol=1e-10, ftol=1e-10)
-    return constants(fine.x).moved_to(reference_temperature)
+    unknowns = np.log([start.C1, start.C2 - coldest])
+    begin = np.clip(unknowns, np.add(BOUNDS[0], 1e-6), np.subtract(BOUNDS[1], 1e-6))
+    fine = least_squares(of_series, begin, bounds=BOUNDS, diff_step=1e-5, xtol=1e-10, ftol=1e-10)
+    found = _law(fine.x, coldest, base)
+    return WLF(found.C1, found.C2, base, unit).moved_to(reference_temperature)
+
+
+BOUNDS = (np.log([1e-3, 1e-2]), np.log([1e4, LARGEST_C2]))
+"""Of the unknowns: logarithms of C1 and of C2 above its least value, where the coldest sweep is shifted to infinity."""
+
+
+def _law(unknowns: NDArray, coldest: float, base: float) -> WLF:
+    """The law of these unknowns at the temperature base (K); coldest: how far the coldest sweep is below it."""
+    return WLF(float(np.exp(unknowns[0])), float(coldest) + float(np.exp(unknowns[1])), base)
+
+
+def _law_of_steps(sweeps: Sequence[Sweep], steps: Sequence[float | None]) -> WLF | None:
+    """The law through the shifts between neighbours, as far as they are known; None where too few are."""
+    temperatures = np.array([sweep.temperature for sweep in sweeps], dtype=float)
+    known = np.array([step is not None for step in steps])
+    if known.sum() < 2:
+        return None
+    wanted = np.array([step for step in steps if step is not None])
+    base = float(temperatures[temperatures.size // 2])
+    coldest = base - temperatures[0]
+
+    def off(unknowns: NDArray) -> NDArray:
+        return np.diff(_law(unknowns, coldest, base).log_shift(temperatures))[known] - wanted
+
+    found = least_squares(off, np.log([10.0, 100.0]), bounds=BOUNDS, x_scale="jac")
+    return _law(found.x, coldest, base)
+
+
+def _steps(sweeps: Sequence[Sweep], reference: float | None) -> list[float | None]:
+    """log10 of a_T(warm)/a_T(cold) of neighbours, None where one of them determines none. ValueError names all that don't
+    overlap."""
+    steps: list[float | None] = []
+    problems = []
+    for cold, warm in pairwise(sweeps):
+        if min(_rise(cold), _rise(warm)) <= LEAST_RISE:
+            steps.append(None)
+            continue
+        try:
+            steps.append(_overlap(cold, warm, reference))
+        except ValueError as problem:
+            problems.append(str(problem))
+    if problems:
+        raise ValueError(f"{'; '.join(problems)}; leave out one of each, measure between them, or give --wlf C1,C2")
+    return steps
+
+
+def _rise(sweep: Sweep) -> float:
+    """Share by which E' rises over a sweep, from the mean of its lowest third of frequencies to that of the highest."""
+    third = max(1, sweep.omega.size // 3)
+    return float(np.mean(sweep.storage[-third:]) / np.mean(sweep.storage[:third]) - 1.0)
+
+
+def _counted(number: int) -> str:
+    return "one sweep" if number == 1 else f"{number} sweeps"
 
 
 def _shifted(sweeps: Sequence[Sweep], shifts: NDArray, reference: float | None) -> tuple[NDArray, NDArray, NDArray]:
     """omega a_T, E' and E'' of all sweeps, sorted; the moduli are divided by T/reference where one is given."""
-    factor = [1.0 if reference is None else reference / sweep.temperature for sweep in sweeps]
+    factor = [1.0 if reference is None else reference / sweep.kelvin for sweep in sweeps]
     omega = np.concatenate([sweep.omega * 10.0**shift for sweep, shift in zip(sweeps, shifts, strict=True)])
     storage = np.concatenate([sweep.storage * b for sweep, b in zip(sweeps, factor, strict=True)])
     loss = np.concatenate([sweep.loss * b for sweep, b in zip(sweeps, factor, strict=True)])
@@ -142,8 +261,5 @@ def _overlap(cold: Sweep, warm: Sweep, reference: float | None) -> float:
     lowest = np.log10(cold.omega[0] / warm.omega[-1])
     if not lowest < shift < 0:
         what = "share no range of moduli" if shift <= lowest else "lie the wrong way round: the warmer one is stiffer"
-        raise ValueError(
-            f"the sweeps at {cold.temperature:.5g} K and {warm.temperature:.5g} K {what}; "
-            "leave out one of them, or give --wlf C1,C2"
-        )
+        raise ValueError(f"the sweeps at {cold.degrees} and {warm.degrees} {what}")
     return shift

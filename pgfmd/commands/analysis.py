@@ -71,39 +71,52 @@ def analyse(
         print(path)
 
 
+Sources = Annotated[
+    list[Path],
+    typer.Argument(metavar="DIR [DIR...] [EXP.csv...]", parser=named, help="Folders of results, and measured curves."),
+]
+MachineStiffness = Annotated[
+    str,
+    typer.Option("--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off measured curves; such as 38.1kN/m."),
+]
+Offset = Annotated[str, typer.Option("--offset", metavar="LENGTH|fit", help="By which measured curves are pushed in.")]
+PositiveDisplacement = Annotated[
+    Inwards | None,
+    typer.Option(
+        "--positive-displacement",
+        help="Which way measured displacements count, if not as their name says: a gap or an extension outwards, others "
+        "inwards.",
+    ),
+]
+Baseline = Annotated[
+    str,
+    typer.Option(
+        "--baseline", metavar="auto|FORCE", help="Measured force far away, taken off; as the rows show it, with auto."
+    ),
+]
+
+
 def compare(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="DIR [DIR...] [EXP.csv]", parser=named, help="Folders of results, and a measured curve."
-        ),
-    ],
-    machine_stiffness: Annotated[
-        str,
-        typer.Option(
-            "--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off the experiment; such as 38.1kN/m."
-        ),
-    ] = "inf",
+    sources: Sources,
+    machine_stiffness: MachineStiffness = "inf",
     correct: Annotated[
         Correct, typer.Option("--correct", help="Which curves take up the compliance of the periodic cell.")
     ] = Correct.none,
     low_pass: LowPass = None,
-    offset: Annotated[
-        str, typer.Option("--offset", metavar="LENGTH|fit", help="By which the experiment is pushed in.")
-    ] = "0 um",
-    positive_displacement: Annotated[
-        Inwards, typer.Option("--positive-displacement", help="Which way the experiment's displacement counts.")
-    ] = Inwards.into,
+    offset: Offset = "0 um",
+    positive_displacement: PositiveDisplacement = None,
     positive_force: Annotated[
-        Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")
+        Pressing, typer.Option("--positive-force", help="Which way measured forces count.")
     ] = Pressing.compression,
+    cycle: Annotated[int | None, typer.Option("--cycle", min=1, help="Which of several measured cycles.")] = None,
+    baseline: Baseline = "auto",
     out: Annotated[Path, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = Path(
         "comparison.png"
     ),
 ) -> None:
-    """Lay curves of runs, and a measured one, over each other: a table and a picture.
+    """Lay curves of runs, and measured ones, over each other: a table and a picture.
 
-    Curves are compared as they are, unless a correction is asked for.
+    Curves are compared as they are, unless a correction is asked for; a measured force that is not zero far away is made so.
     """
     from pgfmd.analysis.comparison import compare as comparison_of
     from pgfmd.analysis.pictures import plot_comparison
@@ -116,8 +129,10 @@ def compare(
         correct=correct.value,
         low_pass=length(low_pass, "--low-pass"),
         offset="fit" if offset.strip() == "fit" else quantity(offset, "length", "--offset"),
-        positive_displacement=positive_displacement.value,
+        positive_displacement=positive_displacement.value if positive_displacement else None,
         positive_force=positive_force.value,
+        cycle=cycle,
+        baseline=None if baseline.strip() == "auto" else quantity(baseline, "force", "--baseline"),
     )
     with drawing():
         path = write_picture(plot_comparison(found), out)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +11,9 @@ from pgfmd.errors import ResultError
 from pgfmd.host import launch
 
 from .printing import print_json
+
+if TYPE_CHECKING:
+    from pgfmd.forecast.machine_profile import Profile
 
 app = typer.Typer(invoke_without_command=True)
 
@@ -109,7 +112,7 @@ def ranks(
         raise ResultError(str(problem)) from None
 
 
-def _show_ranks(profile, records, counts) -> None:
+def _show_ranks(profile: Profile, records: list[dict[str, Any]], counts: list[int]) -> None:
     """Prints what was measured, what the model makes of it, and how many ranks tests of several lengths deserve."""
     from pgfmd.benchmark.ranks import TINY, forced, usual
     from pgfmd.forecast.scaling import total_seconds

@@ -16,9 +16,11 @@ from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_poin
 from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
-from pgfmd.parts import automatic_range, confirm, law_of, series_of, topography_of
-from pgfmd.reference import corrugation, tabor
+from pgfmd.parts import automatic_range, confirm, series_of, topography_of
+from pgfmd.physics.adhesion.registry import law_of
+from pgfmd.reference import corrugation, maugis, tabor
 from pgfmd.scene import Scene
+from pgfmd.scene.fields import extra_of
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
 from pgfmd.schemes import registry
@@ -98,7 +100,7 @@ def _values(scene: Scene) -> Iterator[Line]:
             value = getattr(section, field)
             if value is None or value == () or field in unused_keys(scene, name):
                 continue
-            extra = info.json_schema_extra or {}
+            extra = extra_of(info)
             note = f"because {best_precision(scene).reason}" if _is_chosen(scene, field) else ""
             yield Line(f"{name}.{field}", _plain(value), _unit(extra.get("dimension", "")), note)
 
@@ -108,7 +110,7 @@ def _is_chosen(scene: Scene, field: str) -> bool:
     return field == "precision" and scene.solver.automatic_precision
 
 
-def _plain(value: object) -> float | int | str:
+def _plain(value: Any) -> float | int | str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple):
@@ -151,13 +153,17 @@ def _adhesion(scene: Scene) -> Iterator[Line]:
     energy, reach, own = adhesion.work_of_adhesion, adhesion.range, automatic_range(scene)
     yield Line("contact modulus E*", modulus, "Pa", "E/(1 - nu^2), static")
     yield Line("range rho", reach, "m", f"{reach / own:.3g} times the automatic range of this grid, {own * 1e6:.4g} um")
-    if adhesion.law != "cosine":
+    if not adhesion.attractive:
         return
-    zone = cohesive_zone(scene)
-    yield Line("theoretical strength sigma_th", law_of(adhesion).strength, "Pa", "pi gamma/(2 rho)")
-    spacing = scene.grid.length / scene.grid.n
-    yield Line("cohesive zone at a crack", zone, "m", "(pi/4) E* gamma/sigma_th^2, static")
-    yield Line("grid points in the cohesive zone", zone / spacing, "", "1.6 at the automatic range")
+    law, points = law_of(adhesion), cohesive_zone(scene) * scene.grid.n / scene.grid.length
+    yield Line("theoretical strength sigma_th", law.strength, "Pa", law.strength_note)
+    if law.reach != reach:
+        yield Line("reach of the law", law.reach, "m", f"{law.reach / reach:.3g} rho; no traction beyond")
+    yield from (Line(*told) for told in law.told())
+    yield Line("cohesive zone at a crack", cohesive_zone(scene), "m", "(pi/4) E* gamma/sigma_th^2, static")
+    # It goes with the square of the range.
+    note = f"{points * (own / reach) ** 2:.2g} at the automatic range"
+    yield Line("grid points in the cohesive zone", points, "", note)
     if punch.radius is not None:
         number = tabor.flat_punch(punch.radius, modulus, energy, reach)
         yield Line("Tabor number of the whole punch", number, "", "sqrt(a gamma/E*)/rho")
@@ -166,6 +172,8 @@ def _adhesion(scene: Scene) -> Iterator[Line]:
         yield Line("summit radius", summit, "m")
         number = tabor.asperity(summit, modulus, energy, reach)
         yield Line("Tabor number of a summit", number, "", "R^(1/3) (gamma/E*)^(2/3)/rho")
+        number = maugis.transition_parameter(summit, modulus, energy, law.strength)
+        yield Line("Maugis's lambda of a summit", number, "", "by its strength; 0.1 is DMT, 5 JKR")
     if punch.pattern in (*CORRUGATIONS, "sinusoid", "rough"):
         stored = _full_contact_energy(punch, modulus)
         note = "adhesive over elastic energy of full contact; hardly sticky below 1/2"
@@ -187,7 +195,7 @@ def _full_contact_energy(punch: Punch, modulus: float) -> float:
 def _rheology(scene: Scene) -> Iterator[Line]:
     series = series_of(scene.rheology)
     creep = series.to_creep()
-    yield Line("kappa_inf", series.kappa_inf, "", "E(infinity)/E(0)")
+    yield Line("kappa_inf", series.kappa_inf, "", "instantaneous over relaxed modulus")
     yield Line("J_inf", creep.J_inf, "", "1/kappa_inf")
     yield Line("time to move by rho", scene.adhesion.range / scene.drive.speed, "s", "rho/v")
     for index, (tau, kappa) in enumerate(zip(series.tau, series.kappa, strict=True), 1):

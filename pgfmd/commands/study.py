@@ -131,8 +131,8 @@ def converge(
     _require_time(checkpoint_every)
     out = out or Path("out", f"converge-{Path(scene).stem}-{axis.value}")
     ladder, plan = refined(
-        scene, all_changes(changes, overrides), axis.value, levels, start, factor, largest_n, ranks, out, checkpoint_every,
-        retry=retry, fresh=fresh, allow=allow or (), say=say,
+        scene, all_changes(changes, overrides), axis.value, levels, start, factor, largest_n, ranks or 1, out,
+        checkpoint_every or "10min", retry=retry, fresh=fresh, allow=allow or (), say=say,
     )  # fmt: skip
     for line in ladder.lines():
         say(line)

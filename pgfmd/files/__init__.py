@@ -1,1 +1,1 @@
-"""Files of a results folder: what they look like inside, checksums, and writing that a crash can't spoil."""
+"""Files of a results folder: formats, checksums, and writing that survives a crash; text files of users."""

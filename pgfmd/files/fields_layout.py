@@ -1,11 +1,11 @@
-"""What `fields.h5` looks like inside, and how a snapshot is added without leaving a broken file. Serial: no MPI here.
+"""The format of `fields.h5`, and adding snapshots without the risk of a broken file. No MPI.
 
-netCDF-4 by convention: dimension scales, units, CF `coordinates`. Snapshots are added by one process, which makes room
-for all arrays of a snapshot (filled with NaN), before the arrays themselves are written, by one process or by many.
+The file follows netCDF-4: dimension scales, units, CF `coordinates`. One process adds a snapshot, with space for all
+its arrays (filled with NaN); then one or several processes write the arrays.
 
-HDF5 has no transactions: a process killed while it adds to a file may leave one that can't be opened, or half a frame.
-So all bytes that are not finished arrays are copied to `fields.h5.undo` first (some ten kB), and put back by the next
-start if the copy is still there.
+HDF5 has no transactions: a process killed while it adds a snapshot may leave a file that can't be opened, or an
+incomplete snapshot. So all bytes that are not complete arrays are first copied to `fields.h5.undo` (some ten kB), and
+restored at the next start if the copy still exists.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ LABEL_BYTES = 80
 LABEL_AXIS = "label_bytes"
 """Dimension of a label's characters; a dimension only, not a variable."""
 NUMBERS = "numbers"
-"""What the checksum of a snapshot's numbers and label is called after."""
+"""Name of the checksum of a snapshot's numbers and label."""
 CHUNK_BYTES = 2**26
 SCALAR_CHUNK = 64
 
@@ -79,13 +79,13 @@ class Layout:
 
     @property
     def attributes(self) -> dict[str, object]:
-        """What the file's root says, and a continued file must say too."""
+        """Attributes of the file's root, which a continued file must have as well."""
         return {"n": self.n, "length": self.length, "block_start": self.block_start, "nb": self.nb,
                 "surface": int(self.surface)}  # fmt: skip
 
     @property
     def frame_bytes(self) -> int:
-        """Size of one snapshot's arrays, with what rounding up to whole chunks adds."""
+        """Size of one snapshot's arrays, rounded up to whole chunks."""
         sides = [side for _, _, side, _ in self.arrays.values()]
         return sum(8 * side * -(-side // _chunk_rows(side)) * _chunk_rows(side) for side in sides)
 
@@ -95,8 +95,8 @@ def _chunk_rows(side: int) -> int:
 
 
 def create(path: Path, layout: Layout, told: Mapping[str, float] = MappingProxyType({})) -> None:
-    """A file without snapshots. told: other attributes of its root. OSError if it can't be written."""
-    # "x": nothing may have come under this name meanwhile, not even a link.
+    """Creates a file without snapshots. told: other attributes of its root. Raises OSError if it can't be written."""
+    # "x": fails if anything of this name exists, even a link.
     with open_serial(path, "x") as file:
         file.attrs["Conventions"] = "CF-1.11"
         file.attrs["title"] = "pgfmd: snapshots of an adhesive contact"
@@ -124,7 +124,7 @@ def _create_labels(file: h5py.File) -> None:
     Not text of fixed length, which netCDF's library can't read; nor of free length, for which HDF5 takes another 4 kB
     with every snapshot, to be copied aside with each that follows.
     """
-    # netCDF-4's way to write down a dimension without values.
+    # How netCDF-4 stores a dimension without values.
     only_a_dimension = file.create_dataset(LABEL_AXIS, (LABEL_BYTES,), ">f4")
     only_a_dimension.make_scale(f"This is a netCDF dimension but not a netCDF variable.{LABEL_BYTES:10d}")
     labels = file.create_dataset(
@@ -157,7 +157,7 @@ def _create_array(file: h5py.File, name: str, layout: Layout) -> None:
 
 
 def count_frames(path: Path, layout: Layout) -> int:
-    """Snapshots in a file. ResultError if it is not a file of this layout."""
+    """Number of snapshots in a file. Raises ResultError if it does not have this layout."""
     try:
         with open_serial(path, "r") as file:
             found = {name: file.attrs.get(name) for name in layout.attributes}
@@ -176,7 +176,7 @@ def count_frames(path: Path, layout: Layout) -> int:
 
 
 def resize(path: Path, layout: Layout, frames: int) -> None:
-    """Set the number of snapshots: new ones hold NaN, those beyond are dropped."""
+    """Sets the number of snapshots: new ones are NaN, surplus ones are deleted."""
     with open_serial(path, "r+") as file:
         sums = map(checksum_of, (*layout.arrays, NUMBERS))
         for name in ("snapshot", *SNAPSHOT_NUMBERS, "label", *layout.arrays, *sums):
@@ -185,14 +185,14 @@ def resize(path: Path, layout: Layout, frames: int) -> None:
 
 
 def checksum_of(name: str) -> str:
-    """The variable that holds the checksum of an array, for each snapshot (checksum.py: `whole_sum`)."""
+    """The variable with the checksum of an array for each snapshot (checksum.py: `whole_sum`)."""
     return f"{name}_checksum"
 
 
 def label_of(labels: h5py.Dataset, frame: int) -> bytes:
     """The label of one snapshot, in UTF-8, from the variable `label` of a file of this version or of an earlier one,
     which kept text of fixed length."""
-    return labels[frame].tobytes().rstrip(b"\0")
+    return bytes(labels[frame].tobytes().rstrip(b"\0"))
 
 
 def _write_label(labels: h5py.Dataset, frame: int, text: bytes) -> None:
@@ -200,7 +200,7 @@ def _write_label(labels: h5py.Dataset, frame: int, text: bytes) -> None:
 
 
 def variables(file: h5py.File) -> list[str]:
-    """Names of the variables of a file, its mere dimensions left out."""
+    """Names of the variables of a file, without pure dimensions."""
     return [name for name in file if name != LABEL_AXIS]
 
 
@@ -210,11 +210,11 @@ def sum_of_numbers(label: bytes, numbers: Sequence[float]) -> np.uint64:
     return whole_sum(np.concatenate([np.array(numbers, dtype=np.float64).view(np.uint64), text]), 0)
 
 
-def describe(path: Path, frame: int, label: str, sums: dict[str, int], **numbers: float) -> None:
+def describe(path: Path, frame: int, label: str, sums: Mapping[str, int | np.uint64], **numbers: float) -> None:
     """Write label, checksums of the arrays and `SNAPSHOT_NUMBERS` of one snapshot. A label longer than 80 bytes is cut
     between characters."""
     cut = label.encode()[:LABEL_BYTES].decode(errors="ignore").encode()
-    sums = sums | {NUMBERS: sum_of_numbers(cut, [numbers[name] for name in SNAPSHOT_NUMBERS])}
+    sums = {**sums, NUMBERS: sum_of_numbers(cut, [numbers[name] for name in SNAPSHOT_NUMBERS])}
     with open_serial(path, "r+") as file:
         _write_label(file["label"], frame, cut)
         for name in SNAPSHOT_NUMBERS:
@@ -224,12 +224,12 @@ def describe(path: Path, frame: int, label: str, sums: dict[str, int], **numbers
 
 
 def reserve(path: Path, size: int) -> int:
-    """Make sure of `size` more bytes of disk before HDF5 begins, which does not recover from a full disk.
+    """Reserves `size` more bytes of disk before HDF5 writes, because it does not recover from a full disk.
 
-    HDF5 gives back what it does not use when it closes the file. Returns the size of before.
+    HDF5 releases unused space when it closes the file. Returns the size before.
 
     Raises:
-        OSError: if they are not there; the file is then as before.
+        OSError: if there is not enough space; the file is then unchanged.
     """
     before = path.stat().st_size
     try:
@@ -242,15 +242,15 @@ def reserve(path: Path, size: int) -> int:
 
 
 def undo_path(path: Path) -> Path:
-    """Where the bytes to be put back are kept."""
+    """The path of the undo file."""
     return path.with_name(path.name + UNDO_SUFFIX)
 
 
 def remember(path: Path, layout: Layout, size: int) -> None:
-    """Copy everything but the finished arrays from the first `size` bytes of the file to the undo file.
+    """Copies everything except complete arrays from the first `size` bytes of the file to the undo file.
 
     Raises:
-        OSError: if the undo file can't be written; there is none then.
+        OSError: if the undo file can't be written; it is then deleted.
     """
     with open_serial(path, "r") as file:
         chunks = [array.id.get_chunk_info(k) for array in map(file.get, layout.arrays)
@@ -268,13 +268,13 @@ def remember(path: Path, layout: Layout, size: int) -> None:
 
 
 def forget(path: Path) -> None:
-    """The change is complete: bring the file to the disk and drop the undo file."""
+    """Completes a change: flushes the file to the disk and deletes the undo file."""
     bring_to_disk(path)
     undo_path(path).unlink(missing_ok=True)
 
 
 def put_back(path: Path) -> bool:
-    """Undo an addition that never ended, if there was one; returns whether. ResultError for a damaged undo file."""
+    """Reverts an incomplete addition, if there is one; returns whether. Raises ResultError for a damaged undo file."""
     undo = undo_path(path)
     if not (require_regular(undo) and require_regular(path)):
         return False

@@ -9,5 +9,5 @@ import h5py
 
 
 def open_serial(path: Path, mode: str, **options: Any) -> h5py.File:
-    """Open without HDF5's file locks: somebody who looks at a file of a run must not stop the run."""
+    """Opens a file without HDF5's file locks, so that a reader can't stop a run."""
     return h5py.File(path, mode, locking=False, **options)

@@ -22,11 +22,10 @@ _INTEGER = re.compile(r"[+-]?\d+")
 _DECLARED = re.compile(
     r"decimal\W*(?:mark|point|separator|sign|symbol)?\s*[:=]\s*\W*?(comma|point|dot|period|,|\.)", re.I
 )
-_MISSING = frozenset(
-    """nan|n/a|na|#n/a|#nan|#div/0!|#value!|#num!|#ref!|#nv|#wert!|#zahl!|-|--|---|----|–|—|*|*****|?|null|none|nil|bad
-    no data|nodata|void|missing|inf|+inf|-inf|infinity|-infinity|1.#qnan|-1.#ind|1.#inf|1.#ind|nan(ind)|-nan""".replace(
-        "\n    ", "|"
-    ).split("|")
+_MISSING = re.compile(
+    r"(?:[+-]?(?:nan|inf(?:inity)?)|n\.?/?a\.?|#[a-z/]+[!?0]*!?|-+|[–—*?]+|null|none|nil|bad|no ?data|void|missing|"
+    r"[+-]?1\.#\w+)?",
+    re.I,
 )
 
 
@@ -57,8 +56,7 @@ def is_numeral(cell: str) -> bool:
 
 def is_missing(cell: str) -> bool:
     """Whether a cell is empty or holds a token for a number that is not there."""
-    text = plain(cell).lower()
-    return not text or text in _MISSING
+    return _MISSING.fullmatch(plain(cell)) is not None
 
 
 def declared_mark(lines: Sequence[str]) -> str | None:
@@ -88,9 +86,8 @@ def decimal_mark(columns: Sequence[Sequence[Cell]], delimiter: str, declared: st
     comma = next((cell for column in numerals for cell in column if "," in cell.text), None)
     if point and comma:
         raise NumeralError(
-            f"lines {point.line} and {comma.line}: expected one decimal mark, found numbers with a point "
-            f"('{point.text}') and numbers with a comma ('{comma.text}'); if one of them separates thousands, write the "
-            "numbers without it"
+            f"line {point.line}: '{point.text}' and line {comma.line}: '{comma.text}': expected one decimal mark, found "
+            "numbers with a point and numbers with a comma; if one of them separates thousands, write the numbers without it"
         )
     wrong = {None: None, ".": comma, ",": point}[declared]
     if wrong:

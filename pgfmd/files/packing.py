@@ -1,15 +1,14 @@
-"""Dataclasses taken apart for a checkpoint, and put together again: numbers here, arrays there.
+"""Packing dataclasses for a checkpoint, and unpacking them: numbers and arrays separately.
 
-Nothing is listed by hand: whatever fields a dataclass has, now or later, are packed. Arrays are shares of a whole that
-the ranks hold side by side along the last axis, in the order of the ranks, whatever decides on the shares. Three
-entries of a field's metadata say more: `replicated=True`, an array that is the same on every rank; `like="name"`, a
-list of arrays, each with the share of the field of that name; `unknown=value`, what the field becomes where it was
-packed by a version that did not have it yet. Plain NumPy, no MPI.
+All fields of a dataclass are packed; none is listed by hand. Arrays are shares of a whole array, adjacent along the
+last axis in the order of the ranks. Metadata of a field can mark exceptions: `replicated=True`, an array that is the
+same on every rank; `like="name"`, a list of arrays, each distributed like the field of that name; `unknown=value`, the
+value for checkpoints of versions without this field. Plain NumPy, no MPI.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -17,20 +16,20 @@ import numpy as np
 
 Numbers = dict[str, Any]
 Read = Callable[[str, np.ndarray], None]
-"""Fills the given share of the array of this name."""
+"""Fills a share of the array of this name."""
 
 
 def numbers_of(packed: Any) -> Numbers:
-    """Every field that is no array, as JSON can hold it to the last digit; of a list of arrays, how many there are.
+    """All fields that are not arrays, as plain data for JSON without loss of digits; for a list of arrays, its length.
 
-    TypeError for a field that would not come back as it was, such as a number in single precision.
+    Raises TypeError for a field that could not be restored exactly, such as a number in single precision.
     """
     return {name: _number(f"{type(packed).__name__}.{name}", value, about) for name, value, about in _fields(packed)}
 
 
 def arrays_of(packed: Any, path: str = "") -> dict[str, np.ndarray]:
-    """name -> share, for every array of a dataclass and of those within it; names are paths such as "past_u/0"."""
-    found = {}
+    """Shares of all arrays of a dataclass and of nested ones, by name; names are paths such as "past_u/0"."""
+    found: dict[str, np.ndarray] = {}
     for name, value, about in _fields(packed):
         if is_dataclass(value):
             found |= arrays_of(value, f"{path}{name}/")
@@ -42,9 +41,9 @@ def arrays_of(packed: Any, path: str = "") -> dict[str, np.ndarray]:
 
 
 def unpack(target: Any, numbers: Numbers, read: Read, path: str = "") -> None:
-    """Sets the fields of a dataclass to what was packed; arrays that are there are filled in place.
+    """Sets the fields of a dataclass to the packed values; existing arrays are filled in place.
 
-    KeyError if a field is missing in `numbers`, ValueError if one is not of the target: it was packed by another
+    Raises KeyError if a field is missing in `numbers`, and ValueError if the target lacks one: both mean another
     version.
     """
     unknown = set(numbers) - {name for name, _, _ in _fields(target)}
@@ -71,16 +70,16 @@ def unpack(target: Any, numbers: Numbers, read: Read, path: str = "") -> None:
             setattr(target, name, packed)
 
 
-def _fields(packed: Any) -> Iterator[tuple[str, Any, dict]]:
+def _fields(packed: Any) -> Iterator[tuple[str, Any, Mapping[str, Any]]]:
     for entry in fields(packed):
         yield entry.name, getattr(packed, entry.name), entry.metadata
 
 
-def _is_list_of_arrays(value: Any, about: dict) -> bool:
+def _is_list_of_arrays(value: Any, about: Mapping[str, Any]) -> bool:
     return "like" in about or (isinstance(value, list) and bool(value) and isinstance(value[0], np.ndarray))
 
 
-def _number(where: str, value: Any, about: dict) -> Any:
+def _number(where: str, value: Any, about: Mapping[str, Any]) -> Any:
     if is_dataclass(value):
         return numbers_of(value)
     if isinstance(value, np.ndarray):
@@ -94,7 +93,7 @@ def _number(where: str, value: Any, about: dict) -> Any:
     if isinstance(value, (int, np.integer)):
         return int(value)
     if isinstance(value, float):
-        # np.float64 is one; np.float32 is not, and a sum with it may round differently afterwards.
+        # np.float64 is a float; np.float32 is not, and sums with it may round differently afterwards.
         return float(value)
     if value is None or isinstance(value, str):
         return value

@@ -1,8 +1,8 @@
-"""Regular files alone: nothing is read or written through what only has the name of a file. No MPI.
+"""Reading and writing regular files only, not links, FIFOs or devices. No MPI.
 
-A folder may be one that others can write to. A link in place of a file would have any other file overwritten, and a
-FIFO lets whoever opens it wait without an end. So both are refused; and what is not finished yet has a name that nobody
-can guess, under which nothing may have been before.
+Other users may be able to write to a folder. A link in place of a file could redirect writing to any other file, and
+opening a FIFO could block for ever. So both are refused, and temporary files have unpredictable names that must not
+exist before.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 from pgfmd.errors import ResultError
 
 LEFT_BEHIND = 600.0
-"""Age [s] of an unfinished file that nobody is going to finish any more."""
+"""Age [s] from which on a temporary file is abandoned."""
 _UNFINISHED = re.compile(r"(?P<name>.+)\.[0-9a-f]{32}\.tmp")
 _KINDS: tuple[tuple[Callable[[int], bool], str], ...] = (
     (stat.S_ISLNK, "a symbolic link"), (stat.S_ISFIFO, "a FIFO"), (stat.S_ISDIR, "a folder"),
@@ -30,14 +30,14 @@ _KINDS: tuple[tuple[Callable[[int], bool], str], ...] = (
 )  # fmt: skip
 _NO_FSYNC = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF, errno.EACCES, errno.EPERM,
              errno.EISDIR)  # fmt: skip
-"""What file systems answer that can't bring a folder to the disk, or don't let it be opened for that."""
+"""Errors of file systems that can't flush a folder, or can't open it for that."""
 
 
 def require_regular(path: Path, links: bool = False) -> bool:
     """Whether there is a file of this name.
 
-    links: whether a link to a file will do, as it does for reading. ResultError if there is something else in its
-    place; OSError.
+    links: whether a link to a file is accepted, as for reading. Raises ResultError if it is something else, and
+    OSError.
     """
     try:
         mode = os.lstat(path).st_mode
@@ -51,7 +51,7 @@ def require_regular(path: Path, links: bool = False) -> bool:
 
 
 def _behind(path: Path) -> int:
-    """The mode of what a link leads to."""
+    """The mode of the target of a link."""
     try:
         return os.stat(path).st_mode
     except OSError as problem:
@@ -68,9 +68,10 @@ def _refusal(path: Path, mode: int) -> ResultError:
 
 
 def open_regular(path: Path, flags: int) -> int:
-    """A descriptor of a regular file, opened without following a link and without waiting. ResultError; OSError."""
+    """A descriptor of a regular file, opened without following links and without blocking. Raises ResultError,
+    OSError."""
     require_regular(path)
-    # Again in the flags, as it may have been replaced in between.
+    # Also in the flags, because the file may have been replaced in between.
     descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o644)
     mode = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(mode):
@@ -80,14 +81,14 @@ def open_regular(path: Path, flags: int) -> int:
 
 
 def open_folder(folder: Path) -> int:
-    """A descriptor by which a folder is found again after it was renamed; -1 where it may not be read."""
+    """A descriptor of a folder, which stays valid after a rename; -1 if it may not be read."""
     with contextlib.suppress(OSError):
         return os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     return -1
 
 
 def name_of_folder(descriptor: int) -> Path | None:
-    """What an open folder is called by now, where the system tells that; None for one that was deleted."""
+    """The present name of an open folder, if the system provides it; None for a deleted one."""
     with contextlib.suppress(OSError):
         found = os.readlink(f"/proc/self/fd/{descriptor}")
         return Path(found) if os.path.isdir(found) else None
@@ -95,16 +96,16 @@ def name_of_folder(descriptor: int) -> Path | None:
 
 
 def unfinished_beside(path: Path) -> Path:
-    """A name beside a file's own for what is going to replace it; make it with O_EXCL, as mode "x" does."""
+    """A temporary name for the replacement of a file; to be created with O_EXCL, as by mode "x"."""
     return path.with_name(f"{path.name}.{uuid.uuid4().hex}.tmp")
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Replace a small file in one step: temporary file, fsync, rename. The old file survives a failure.
+    """Replaces a small file atomically: temporary file, fsync, rename. The old file survives a failure.
 
     Raises:
         OSError: as the system reports it; the temporary file is removed.
-        ResultError: if the name is that of something else than a file.
+        ResultError: if the name belongs to something other than a file.
     """
     require_regular(path)
     temporary = unfinished_beside(path)
@@ -120,7 +121,7 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def write_new(path: Path, content: str | bytes, force: bool = False) -> None:
-    """Write a file that must not be there yet, unless `force` is set; texts in UTF-8. FileExistsError, OSError,
+    """Writes a new file, texts in UTF-8; replaces an existing one if `force` is set. Raises FileExistsError, OSError,
     ResultError."""
     content = content.encode() if isinstance(content, str) else content
     if force:
@@ -131,41 +132,42 @@ def write_new(path: Path, content: str | bytes, force: bool = False) -> None:
         with file:
             file.write(content)
     except BaseException:
-        # Half a file would stand in the way of the next attempt.
+        # An incomplete file would block the next attempt.
         Path(path).unlink(missing_ok=True)
         raise
 
 
 def write_figure(path: Path, figure: Any) -> None:
-    """Replace a picture by a figure of Matplotlib, in the format of the name's ending, in one step. OSError,
-    ResultError, ValueError for an unknown format."""
+    """Writes a Matplotlib figure atomically, in the format of the name's suffix. Raises OSError, ResultError, and
+    ValueError for an unknown format."""
     image = io.BytesIO()
     figure.savefig(image, format=path.suffix.removeprefix(".") or None)
     write_atomically(path, image.getvalue())
 
 
 def remove_unfinished(folder: Path, own: Collection[str] = ()) -> None:
-    """Removes what processes that were killed have left unfinished in a folder.
+    """Removes temporary files of killed processes from a folder.
 
-    own: names of files that nobody else may be writing now; what would have become another one is left alone as long as
-    somebody may be about to finish it. Only regular files of this user go. Never raises.
+    own: names of files that no other process can be writing now. Temporary files for other names are kept as long as a
+    process may be about to finish them. Only regular files of this user are removed. Never raises.
     """
-    # Earlier versions put nothing between name and ending.
+    # Temporary files of earlier versions have no digits.
     earlier = {f"{name}.tmp" for name in own}
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in list(entries):
             match = _UNFINISHED.fullmatch(entry.name)
-            if not (match or entry.name in earlier):
+            if match is None and entry.name not in earlier:
                 continue
             with contextlib.suppress(OSError):
                 about = entry.stat(follow_symlinks=False)
-                may_go = entry.name in earlier or match["name"] in own or time.time() - about.st_mtime > LEFT_BEHIND
+                ours = entry.name in earlier or (match is not None and match["name"] in own)
+                may_go = ours or time.time() - about.st_mtime > LEFT_BEHIND
                 if stat.S_ISREG(about.st_mode) and about.st_uid == os.geteuid() and may_go:
                     os.unlink(entry.path)
 
 
 def bring_to_disk(path: Path) -> None:
-    """Waits until a file or folder is on the disk. OSError, but for a folder of a file system that can't do that."""
+    """Flushes a file or folder to the disk. Raises OSError, except for a folder of a file system that can't do this."""
     is_folder = path.is_dir()
     try:
         handle = os.open(path, os.O_RDONLY)
@@ -174,6 +176,6 @@ def bring_to_disk(path: Path) -> None:
         finally:
             os.close(handle)
     except OSError as problem:
-        # The files in it have been brought to the disk by themselves.
+        # The files in it have been flushed themselves.
         if not (is_folder and problem.errno in _NO_FSYNC):
             raise

@@ -1,15 +1,15 @@
-"""Arrays that the ranks hold side by side, brought to a file a piece at a time. Collective.
+"""Writing distributed arrays to a file in pieces. Collective.
 
-MPI counts elements, bytes of pickles and places in a gathered array with 31 bits, and refuses more on the one rank that
-finds out; MPI-IO keeps copies of what is under way. So nothing large goes through one call, whatever the number of
-points and ranks, and no rank ever holds the whole.
+MPI counts elements, bytes of pickles and offsets in a gathered array with 31 bits, and a larger number is an error on
+one rank only; MPI-IO keeps copies of pending data. So there is a limit to the size of each call, for any number of
+points and ranks, and no rank ever has the whole array.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
 PIECE_BYTES = 2**24
-"""Most that goes through one call."""
+"""Largest size of a call."""
 
 
 def rows_on_root(comm: Intracomm, rows: np.ndarray, first: int) -> Iterator[tuple[int, np.ndarray]]:
-    """The rows of all ranks on rank 0, in pieces, as (first row, rows); nothing elsewhere. To be gone through to its
-    end on every rank, as the others wait until rank 0 has taken all that they send.
+    """The rows of all ranks on rank 0, in pieces, as (first row, rows); nothing on other ranks. Has to be iterated to
+    the end on every rank, because the others wait until rank 0 has received everything.
 
     rows: this rank's (any, width), contiguous, double, of the same width everywhere; first: index of the first of them.
     A piece is valid until the next.
@@ -50,18 +50,17 @@ def rows_on_root(comm: Intracomm, rows: np.ndarray, first: int) -> Iterator[tupl
 
 
 def write_together(what: str, calls: Iterator[tuple[h5py.Dataset, np.ndarray, tuple[int, ...]]]) -> ResultError | None:
-    """Collective writes through MPI-IO, as many on every rank; returns what went wrong on this rank first.
+    """Collective writes through MPI-IO, the same number on every rank; returns the first error on this rank.
 
-    calls: dataset, this rank's piece of it (lines, width), which may be empty, and the place of its first element.
-    After a failure the rank still takes part in the calls that are left, with nothing to write: the others would wait
-    for it.
-    what: begin of the message.
+    calls: dataset, this rank's piece of it (lines, width), which may be empty, and the index of its first element.
+    After an error the rank takes part in the remaining calls with empty pieces, because the others would wait for it.
+    what: beginning of the message.
     """
     together = h5py.h5p.create(h5py.h5p.DATASET_XFER)
     together.set_dxpl_mpio(h5py.h5fd.MPIO_COLLECTIVE)
     problem = None
     for dataset, piece, begin in calls:
-        # Made ready beforehand: what fails before the call must not keep the rank from it.
+        # Prepared before, so that an error can't keep the rank from the collective call.
         ready, error = attempt(what, partial(_ready, dataset, piece if problem is None else piece[:0], begin))
         if ready is None:
             ready = _ready(dataset, piece[:0], begin)
@@ -70,13 +69,13 @@ def write_together(what: str, calls: Iterator[tuple[h5py.Dataset, np.ndarray, tu
     return problem
 
 
-def _ready(dataset: h5py.Dataset, piece: np.ndarray, begin: tuple[int, ...]) -> tuple:
-    """Places in memory and in the file, and what is to be written there; a rank may have nothing."""
+def _ready(dataset: h5py.Dataset, piece: np.ndarray, begin: tuple[int, ...]) -> tuple[Any, ...]:
+    """Selections in memory and in the file, and the data; a rank may have nothing."""
     space = dataset.id.get_space()
     if piece.size:
         space.select_hyperslab(begin, (*(1,) * (len(begin) - 2), *piece.shape))
         return h5py.h5s.create_simple(piece.shape), space, contiguous(piece)
-    # Slices of h5py skip the call of such a rank, for which the others then wait.
+    # Slices of h5py would skip the call on such a rank, for which the others then wait.
     space.select_none()
     memory = h5py.h5s.create_simple((1, 1))
     memory.select_none()

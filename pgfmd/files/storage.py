@@ -1,7 +1,7 @@
-"""The results folder: made before step 1, never overwritten; and how all ranks agree that a write worked.
+"""The results folder: created before the first step, never overwritten; and the agreement of ranks on errors.
 
-Only rank 0 touches the folder here. Whatever goes wrong there is an error on every rank, with the same text, so that no
-rank runs on into a collective call that the others never reach.
+Only rank 0 uses the folder here. An error there is raised on every rank with the same text, so that no rank continues
+to a collective call that the others never reach.
 """
 
 from __future__ import annotations
@@ -40,30 +40,31 @@ CHECKPOINT_FILES = (CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE)
 UNDO_SUFFIX = ".undo"
 RESULTS = (*CHECKPOINT_FILES, RUN_FILE, ANALYSIS_FILE, ENERGY_FILE, EVENTS_FILE, PATCHES_FILE, SITES_FILE,
            FIELDS_FILE + UNDO_SUFFIX, FIELDS_FILE, SCENE_FILE, CURVE_FILE)  # fmt: skip
-"""The files of a run, in the order in which they are moved away: what is left by somebody who is interrupted must
-neither look like a run to go on with, nor, as long as there is a curve, like none."""
+"""The files of a run, in the order in which they are moved away: if this is interrupted, the rest must not look like a
+run that can be continued, nor, as long as there is a curve, like an empty folder."""
 
 Value = TypeVar("Value")
 
 
 def reason(error: BaseException) -> str:
-    """The cause of a failure in a few words: the system's own message where there is one."""
+    """The cause of an error in a few words: the system's own message if there is one."""
     if isinstance(error, OSError) and error.errno and error.strerror:
         return os.strerror(error.errno)
     return str(error) or type(error).__name__
 
 
 def agree(comm: Intracomm, error: Exception | None) -> None:
-    """End a step that may have failed on some ranks: return on all of them, or raise the same ResultError on all.
+    """Ends an operation that may have failed on some ranks: returns on all ranks, or raises the same ResultError on
+    all.
 
     Args:
         comm: the communicator; collective over it.
-        error: what went wrong on this rank, or None. The text of the lowest rank that failed is the one raised.
+        error: of this rank, or None. The error of the lowest rank is raised.
 
     Raises:
         ResultError: if any rank failed.
     """
-    # On one rank alone nobody need be asked: MPI's own way is several times as long as writing a line.
+    # With one rank there is nothing to agree on, and an MPI call takes longer than writing a line.
     if not (comm.allreduce(0 if error is None else 1) if comm.size > 1 else error):
         return
     texts = comm.allgather(None if error is None else reason(error))
@@ -71,7 +72,7 @@ def agree(comm: Intracomm, error: Exception | None) -> None:
 
 
 def attempt(what: str, action: Callable[[], Value]) -> tuple[Value | None, ResultError | None]:
-    """Run `action`; its result, or its failure as a ResultError that begins with `what`, for `agree` to decide on."""
+    """The result of `action`, or its error as a ResultError that begins with `what`, for `agree`."""
     try:
         return action(), None
     except ResultError as problem:
@@ -83,11 +84,11 @@ def attempt(what: str, action: Callable[[], Value]) -> tuple[Value | None, Resul
 
 
 def on_root(comm: Intracomm, what: str, action: Callable[[], Value]) -> Value | None:
-    """Run `action` on rank 0 alone and agree that it worked; its result on rank 0, None elsewhere.
+    """Calls `action` on rank 0 and agrees that it worked; returns its result on rank 0, None on other ranks.
 
     Args:
         comm: the communicator; collective over it.
-        what: begin of the message if it fails, for example "out/curve.csv: could not be written".
+        what: beginning of the message if it fails, such as "out/curve.csv: could not be written".
 
     Raises:
         ResultError: on every rank, with `what` and the reason; a ResultError of the action keeps its own text.
@@ -98,7 +99,7 @@ def on_root(comm: Intracomm, what: str, action: Callable[[], Value]) -> Value | 
 
 
 def require_regular_files(directory: Path, links: bool = False) -> None:
-    """ResultError if anything in a results folder that has the name of a run's file is none.
+    """Raises ResultError if anything in a results folder with the name of a run's file is not a regular file.
 
     links: whether links to files will do, as they do for reading.
     """
@@ -142,14 +143,16 @@ def secure_space(path: Path, start: int, size: int) -> None:
                 raise
 
 
-def require_record(path: Path, found: Any) -> dict:
+def require_record(path: Path, found: Any) -> dict[str, Any]:
     """What was read from `run.json`, if it is the record of a run that has ended; else ResultError."""
     if not isinstance(found, dict) or not isinstance(found.get("finished"), str):
         raise ResultError(f"{path}: damaged: it does not say how a run has finished; move it away")
     return found
 
 
-def write_run_json(path: str | Path, comm: Intracomm, record: dict, guard: Callable[[], None] = lambda: None) -> None:
+def write_run_json(
+    path: str | Path, comm: Intracomm, record: dict[str, Any], guard: Callable[[], None] = lambda: None
+) -> None:
     """Write the record of a run, keys in the order given; numbers that are not finite become null.
 
     Args:
@@ -173,7 +176,7 @@ def write_run_json(path: str | Path, comm: Intracomm, record: dict, guard: Calla
     on_root(comm, f"{path}: could not be written", write)
 
 
-def plain(value: object) -> object:
+def plain(value: Any) -> Any:
     """A value as JSON knows it: NumPy numbers and arrays, tuples and paths unwrapped, NaN and infinity as None."""
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}

@@ -16,7 +16,7 @@ from .storage import on_root
 from .tables import Table
 
 if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
+    from mpi4py.MPI import Intracomm
 
 PIECE = 2**20
 """Bytes that are read at a time: tables may be of any length."""
@@ -34,7 +34,7 @@ class TableFile:
         skipped: whether the last of them was left out.
     """
 
-    def __init__(self, table: Table, path: str | Path, comm: Comm, every: int = 1):
+    def __init__(self, table: Table, path: str | Path, comm: Intracomm, every: int = 1):
         """every: of the rows that `append` is given, each which is written."""
         if every < 1:
             raise ValueError(f"every = {every}: expected at least 1")
@@ -78,7 +78,7 @@ class TableFile:
         on_root(self._comm, what, lambda: self._write("".join(map(self.table.line, rows)).encode()))
         self.rows += len(rows)
 
-    def mark(self) -> dict | None:
+    def mark(self) -> dict[str, Any] | None:
         """What a checkpoint has to hold of the table, which is brought to the disk for it; on rank 0, else None.
 
         Raises:
@@ -86,7 +86,7 @@ class TableFile:
         """
         return on_root(self._comm, f"{self.path}: could not be brought to the disk", self._mark)
 
-    def cut_back(self, mark: dict) -> None:
+    def cut_back(self, mark: dict[str, Any]) -> None:
         """Cut back to what a checkpoint has marked.
 
         Raises:
@@ -134,14 +134,14 @@ class TableFile:
         while piece := self._file.read(PIECE):
             self._digest.update(piece)
 
-    def _mark(self) -> dict:
+    def _mark(self) -> dict[str, Any]:
         os.fsync(self._file.fileno())
         size, digest = self._file.tell(), self._digest.hexdigest()
         return {
             "rows": self.rows, "offered": self.offered, "skipped": self.skipped, "bytes": size, "sha256": digest
         }  # fmt: skip
 
-    def _cut_to(self, mark: dict) -> None:
+    def _cut_to(self, mark: dict[str, Any]) -> None:
         if not begins_as_marked(self.path, mark):
             raise ResultError(
                 f"{self.path}: can't be continued: its first {mark['rows']} rows are not those that the checkpoint knows. "
@@ -164,11 +164,11 @@ class TableFile:
         self._digest.update(line)
 
 
-def begins_as_marked(path: Path, mark: dict) -> bool:
+def begins_as_marked(path: Path, mark: dict[str, Any]) -> bool:
     """Whether a table begins with the rows that a checkpoint has marked. OSError if it can't be read."""
     digest, left = hashlib.sha256(), mark["bytes"]
     with open(path, "rb") as file:
         while left and (piece := file.read(min(left, PIECE))):
             digest.update(piece)
             left -= len(piece)
-    return digest.hexdigest() == mark["sha256"]
+    return bool(digest.hexdigest() == mark["sha256"])

@@ -81,7 +81,7 @@ class Column:
         if self.kind is str:
             if any(mark in value for mark in ',"\n\r'):
                 raise ValueError(f"{self.title} = {value!r}: a text in a table has no commas, quotes or ends of lines")
-            return value
+            return str(value)
         return str(int(value)) if self.kind is int else repr(float(value))
 
 

@@ -16,7 +16,8 @@ COMMENTS = ("#", "%", "//")
 _CELL_GOES_ON = re.compile(r'(?:^|[\t;,])"(?:[^"]|"")*$')
 _SPREADSHEET_ERROR = re.compile(r"#(?:N/A|NV|DIV|VALUE|NUM|REF|WERT|ZAHL|NAN)", re.I)
 """What begins with a hash and is no comment."""
-_INTRODUCTION = re.compile(r"\s*(?:columns|fields|names)\s*[:=]\s*", re.I)
+_INTRODUCTION = re.compile(r"^\s*(?:columns|fields|names|units?)\s*[:=]\s*", re.I)
+_UNITS = re.compile(r"[\s#%/]*units?\s*[:=]", re.I)
 _MOST_LINES_OF_A_CELL = 3
 
 Line = tuple[int, str]
@@ -61,8 +62,13 @@ def is_comment(line: str) -> bool:
     return start.startswith(COMMENTS) and not _SPREADSHEET_ERROR.match(start)
 
 
+def holds_units(line: str) -> bool:
+    """Whether a comment introduces units of columns."""
+    return _UNITS.match(line) is not None
+
+
 def bare(line: str) -> str:
-    """A line without the marks of a comment, nor the word with which programs introduce the names of columns there."""
+    """A line without the marks of a comment, nor the word by which programs introduce names or units of columns."""
     return _INTRODUCTION.sub("", line.lstrip(" \ufeff").lstrip("#%/").strip(" "), count=1) if is_comment(line) else line
 
 

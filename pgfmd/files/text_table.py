@@ -1,6 +1,7 @@
 """Tables with named columns in text files, as instruments, spreadsheets and people write them: curves, moduli.
 
-    table = read_table(path, {"force": ("force", "load"), "time": ("time", "t")}, "time (s), force (mN)")
+    vocabulary = Vocabulary({"force": ("force", "load"), "time": ("time", "t")})
+    table = read_table(path, vocabulary, "time (s), force (mN)")
     values = table.numbers({column.quantity: column for column in table.columns})
 
 What may stand above the names of the columns, below their numbers and between blocks of them is passed over, and said
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +23,9 @@ from numpy.typing import NDArray
 from pgfmd.errors import MeasurementError
 from pgfmd.units import UnitError, parse_quantity
 
-from .column_names import Column, Names, Vocabulary, bare_unit, usual_unit
+from .column_names import Column, Vocabulary, bare_unit, usual_unit
 from .numerals import Cell, NumeralError, decimal_mark, declared_mark, is_missing, is_numeral, value
-from .text_lines import DELIMITERS, Line, bare, cells_of, in_words, is_comment, lines_of, titles_of
+from .text_lines import DELIMITERS, Line, bare, cells_of, holds_units, in_words, is_comment, lines_of, titles_of
 
 LONGEST_HEAD = 1000
 """How many lines that hold something may stand above the names of the columns."""
@@ -46,8 +47,8 @@ Row = tuple[int, list[str]]
 @dataclass(frozen=True, eq=False)
 class TextTable:
     """A table: preamble, the lines above its header without marks of comments; header_line, from 1; header, the cells
-    as they are; columns, those with a known name, in the order of the file; rows; delimiter; notes: what of the file was
-    passed over, for the user to know."""
+    as they are; columns, those with a known name, in the order of the file; rows; delimiter; repeated: lines in which the
+    header stands again, above further blocks; notes: what of the file was passed over, for the user to know."""
 
     path: Path
     preamble: tuple[str, ...]
@@ -56,6 +57,7 @@ class TextTable:
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     delimiter: str
+    repeated: tuple[int, ...]
     notes: tuple[str, ...]
 
     @property
@@ -107,21 +109,21 @@ class TextTable:
                 f"write for instance {example}"
             ) from None
 
-    def refuse(self, problems: Sequence[str]) -> MeasurementError:
-        """An error that lists wrong cells, up to a few: problems name line and cell."""
+    def refuse(self, problems: Sequence[str], cure: str = "") -> MeasurementError:
+        """An error that lists wrong cells, up to a few: problems name line and cell; cure: what else can be said."""
         more = len(problems) - MOST_PROBLEMS
         tail = [f"... and {more} more like these"] if more > 0 else []
         listed = [f"{self.path}, {problem}" for problem in problems[:MOST_PROBLEMS]]
-        return MeasurementError("\n".join([*listed, *tail, "correct or delete these lines"]))
+        return MeasurementError("\n".join([*listed, *tail, f"correct or delete these lines{cure}"]))
 
 
-def read_table(path: str | Path, names: Names, example: str) -> TextTable:
+def read_table(path: str | Path, vocabulary: Vocabulary, example: str) -> TextTable:
     """The table of a file whose columns have names.
 
-    names: what to look for; the header is the line with most of them. example: of a header, for messages. Raises
+    vocabulary: what to look for; the header is the line with most of it. example: of a header, for messages. Raises
     MeasurementError for a file that can't be read, without a header, or with rows that are longer than it.
     """
-    path, vocabulary = Path(path), Vocabulary(names)
+    path = Path(path)
     lines = lines_of(path, example)
     head = max(_heads(lines, vocabulary), key=lambda head: head.rank, default=None)
     if head is None:
@@ -208,10 +210,15 @@ class _Body:
         self.line = lines[head.index][0]
         self.preamble = tuple(bare(line) for _, line in lines[: head.index])
         self.notes: list[str] = []
-        below = [(number, line) for number, line in lines[head.index + 1 :] if not is_comment(line)]
-        self.cells = [(number, cells_of(line, head.delimiter)) for number, line in below]
+        self.repeated: list[int] = []
+        below = [
+            (number, line) for number, line in lines[head.index + 1 :] if not is_comment(line) or holds_units(line)
+        ]
+        self.cells = [(number, cells_of(bare(line), head.delimiter)) for number, line in below]
         known = [(place, title, vocabulary.named(title)) for place, title in enumerate(head.cells)]
-        self.columns = [Column(place, title, *found) for place, title, found in known if found]
+        self.columns = [
+            Column(found.quantity, found.unit, found.part, place, title) for place, title, found in known if found
+        ]
 
     def table(self) -> TextTable:
         """The whole. Raises MeasurementError."""
@@ -221,7 +228,7 @@ class _Body:
         self._join_equal_columns(rows)
         return TextTable(
             self.path, self.preamble, self.line, tuple(self.head.cells), tuple(self.columns), tuple(rows),
-            self.head.delimiter, tuple(self.notes),
+            self.head.delimiter, tuple(self.repeated), tuple(self.notes),
         )  # fmt: skip
 
     def _numbers_in(self, cells: Sequence[str]) -> int:
@@ -247,38 +254,41 @@ class _Body:
                         f"{self.path}, line {self.line}, column '{column.title}': expected one unit, but line {number} "
                         f"has '{unit}'; delete the wrong one"
                     )
-                self.columns[place] = Column(column.place, column.title, column.quantity, column.unit or unit)
+                self.columns[place] = replace(column, unit=column.unit or unit)
             return
 
     def _rows(self) -> list[Row]:
         """The rows that hold numbers, and those in their midst that should; notes are taken of what is left out."""
         rows: list[Row] = []
-        blocks, behind, least = 1, [], min(2, self.vocabulary.count(self.head.cells))
+        behind: list[Row] = []
+        least, in_head = min(2, self.vocabulary.count(self.head.cells)), False
         for number, cells in self.cells:
             some = self._numbers_in(cells)
             if some and not _STATISTICS.fullmatch(next(filter(None, cells))):
                 rows += [*behind, (number, cells)]
-                behind = []
+                behind, in_head = [], False
             elif cells == self.head.cells:
-                # A new block; what stands between it and the last full row belongs to its head.
+                # A new block; what stands between it and the last full row belongs to its head, as its units do.
                 while rows and self._numbers_in(rows[-1][1]) < len(self.columns):
                     rows.pop()
-                blocks, behind = blocks + 1, []
+                self.repeated.append(number)
+                behind, in_head = [], True
             elif not some and self.vocabulary.count(cells) >= least:
                 raise MeasurementError(
                     f"{self.path}, line {number}: expected one table, found names of columns that differ from those in "
                     f"line {self.line} ({', '.join(filter(None, cells))[:LONGEST_SHOWN]}); put each table into a file "
                     "of its own"
                 )
-            elif rows:
+            elif rows and not in_head:
                 behind.append((number, cells))
-        return self._noted(rows, behind, blocks)
+        return self._noted(rows, behind)
 
-    def _noted(self, rows: list[Row], footer: list[Row], blocks: int) -> list[Row]:
+    def _noted(self, rows: list[Row], footer: list[Row]) -> list[Row]:
         """The rows without those in which every known column is empty; what is left out is noted."""
         empty = [number for number, cells in rows if not self._numbers_in(cells) and self._is_empty(cells)]
         below = [number for number, cells in footer if not self._is_empty(cells)]
-        if blocks > 1:
+        if self.repeated:
+            blocks = len(self.repeated) + 1
             self.notes.append(f"{self.path.name}: {blocks} blocks with the same header, put together")
         if empty:
             self.notes.append(f"{self.path.name}: passed over {in_words(empty)}, without a number")
@@ -304,7 +314,8 @@ class _Body:
         """Of columns of one quantity and unit with the same cells one is kept."""
         kept: list[Column] = []
         for column in self.columns:
-            twins = [other for other in kept if (other.quantity, other.unit) == (column.quantity, column.unit)]
+            same = (column.quantity, column.unit, column.part)
+            twins = [other for other in kept if (other.quantity, other.unit, other.part) == same]
             if not any(all(_cell(row, twin.place) == _cell(row, column.place) for _, row in rows) for twin in twins):
                 kept.append(column)
         self.columns = kept

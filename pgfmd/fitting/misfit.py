@@ -76,7 +76,7 @@ class Misfit:
     def laid_over(self, run: Loop) -> Overlay:
         """The run and the measured loop as they are compared. ValueError if they can't be."""
         way = self.corrections
-        return overlay([run], self.measured, way.correct, way.machine_stiffness, way.resolution, way.offset)
+        return overlay([run], [self.measured], way.correct, way.machine_stiffness, way.resolution, way.offset)
 
     def forces(self, run: Loop) -> tuple[Array, Array, Array]:
         """Indentations [m], forces [N] of the run and measured forces [N] at all places, (2 SAMPLES,), the way in first.

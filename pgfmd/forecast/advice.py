@@ -1,4 +1,4 @@
-"""What to warn of, or to say about, a scene before it runs. No MPI."""
+"""Warnings and remarks about a scene before it runs. No MPI."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pgfmd.parts import automatic_range, deepest_indentation, drive_of, relaxation_of
+from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import OVERSHOOT
 from pgfmd.physics.topography import PATTERNS
 from pgfmd.reference import jkr
@@ -24,21 +25,23 @@ if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
 PINNING_SHARE = 0.5
-"""Share of the automatic range below which lattice pinning spoils the result."""
+"""Fraction of the automatic range below which lattice pinning spoils the result."""
 FEWEST_POINTS = 8
-"""Grid points that a wavelength should have."""
+"""Least number of grid points per wavelength."""
 LONGEST_TURN = 5.0 * OVERSHOOT
-"""Way of a turn, in ranges of adhesion, from which on it matters for what follows."""
+"""Travel in a turn, in ranges of adhesion, from which on it influences the retraction."""
 PRESSED_IN = 2.0
-"""A start that is deeper than the estimated depth at the preload by this factor is warned of."""
+"""There is a warning if the start is deeper than the estimated depth at the preload by this factor."""
 MANY_ROWS = 1e5
-"""Rows of curve.csv, a hundred bytes each, that are more than anyone plots."""
-GLASSY, QUASI_STATIC = 1e-2, 1e3
-"""rho/v below this share of the shortest relaxation time; above this multiple of the longest retardation time."""
+"""Number of rows of curve.csv, a hundred bytes each, above which there is a remark."""
+GLASSY = 1e-2
+"""The elastomer is glassy if rho/v is below this fraction of the shortest relaxation time."""
+QUASI_STATIC = 1e3
+"""A test is nearly quasi-static if rho/v is above this multiple of the longest retardation time."""
 
 
 def warnings(scene: Scene, ranks: int = 1) -> Iterator[str]:
-    """What may spoil the result of a scene, or its run on `ranks` ranks."""
+    """Warnings about anything that may spoil the result of a scene, or its run on `ranks` ranks."""
     for rule in (
         _range, _resolution, summits, overlap, _preload, _start, _turn, _speed, _images, films, _explicit_steps,
     ):  # fmt: skip
@@ -49,7 +52,7 @@ def warnings(scene: Scene, ranks: int = 1) -> Iterator[str]:
 
 
 def remarks(scene: Scene) -> Iterator[str]:
-    """What is good to know about a scene."""
+    """Remarks about a scene."""
     for rule in (_jumps, few_points, soft_overlap, _far_displacement, _quasi_static):
         yield from rule(scene)
     yield from registry.scheme_of(scene).remarks_on(scene)
@@ -57,7 +60,7 @@ def remarks(scene: Scene) -> Iterator[str]:
 
 def _range(scene: Scene) -> Iterator[str]:
     share, own = scene.adhesion.range / automatic_range(scene), automatic_range(scene)
-    if scene.adhesion.law != "cosine" or share > 0.999:
+    if not scene.adhesion.attractive or share > 0.999:
         return
     text = f"adhesion.range is {share:.2g} of the automatic range of this grid, {shown(own, 'length', 4)}: "
     if share < PINNING_SHARE:
@@ -83,7 +86,7 @@ def _resolution(scene: Scene) -> Iterator[str]:
 
 
 def _start(scene: Scene) -> Iterator[str]:
-    """Starts that are pressed in beyond the preload: at once, and so with the modulus of short times."""
+    """Starts in contact beyond the preload. The contact is made instantaneously, with the modulus of short times."""
     drive, punch = scene.drive, scene.punch
     unknown = PATTERNS[punch.pattern].sampled or punch.radius is None or scene.substrate.compliance_file
     if drive.clearance >= 0.0 or unknown:
@@ -98,43 +101,43 @@ def _start(scene: Scene) -> Iterator[str]:
 
 
 def _depth_at_once(scene: Scene) -> float:
-    """Indentation [m] at the preload with the modulus of short times, about; infinite where it is not known."""
+    """Approximate indentation [m] at the preload with the modulus of short times; infinite if unknown."""
     punch, adhesion, stiffening = scene.punch, scene.adhesion, relaxation_of(scene).kappa_inf
-    attractive = adhesion.law == "cosine"
-    if punch.pattern == "sphere" and attractive:
-        # Adhesion alone draws a sphere in.
+    if punch.pattern == "sphere" and adhesion.attractive:
+        # Adhesion alone pulls a sphere in.
         contact = punch.curvature_radius, stiffening * modulus_of(scene), adhesion.work_of_adhesion
         radius = jkr.contact_radius_at_force(scene.drive.preload, *contact)
         return float(jkr.indentation(radius, *contact))
     if punch.pattern == "power":
-        return math.inf if attractive else depth_of(scene, stiffening)
-    bow = 0.0 if punch.pattern == "sphere" else punch.radius**2 / (2.0 * punch.curvature_radius)
+        return math.inf if adhesion.attractive else depth_of(scene, stiffening)
+    bow = 0.0 if punch.pattern == "sphere" else punch.outline**2 / (2.0 * punch.curvature_radius)
     return depth_of(scene, stiffening) + 2.0 * (punch.amplitude or 0.0) + bow
 
 
 def _turn(scene: Scene) -> Iterator[str]:
-    """Turns given by the scene that are a motion of their own."""
-    # Of the punch, whatever the way of a machine with a spring.
+    """Long turn times given by the scene."""
+    # Of the punch, not of a machine with a spring.
     drive = replace(drive_of(scene), speed=scene.drive.speed, retract_speed=scene.drive.retract_speed)
     ways = {"goes on by": drive.overshoot}
     if not registry.scheme_of(scene).timeless:
         ways["comes back by"] = drive.rise
     what, way = max(ways.items(), key=lambda item: item[1])
-    repulsive = scene.adhesion.law == "repulsive"
-    scale = max(depth_of(scene), scene.adhesion.range) if repulsive else scene.adhesion.range
+    attractive = scene.adhesion.attractive
+    length = length_of(scene.adhesion)
+    scale = length if attractive else max(depth_of(scene), length)
     if way <= LONGEST_TURN * scale:
         return
-    longest = drive.turn_time * OVERSHOOT * scene.adhesion.range / way
+    longest = drive.turn_time * OVERSHOOT * length / way
     yield (
         f"drive.turn_time: within the turn the punch {what} {shown(way, 'length')}, {way / scale:.2g} "
-        f"{'indentations' if repulsive else 'ranges of adhesion'}: what happens there, perhaps the pull-off, does so "
+        f"{'ranges of adhesion' if attractive else 'indentations'}: what happens there, perhaps the pull-off, does so "
         "below "
         f'the speed of the retraction; leave it out, or set at most "{longest:.2g} s"'
     )
 
 
 def _preload(scene: Scene) -> Iterator[str]:
-    """Preloads that a static punch in full contact would reach only very deep, if at all."""
+    """Preloads that a static punch in full contact would only reach at a very large indentation, if at all."""
     punch, substrate = scene.punch, scene.substrate
     if punch.radius is None or math.isfinite(substrate.thickness) or substrate.compliance_file:
         return
@@ -153,7 +156,7 @@ def _preload(scene: Scene) -> Iterator[str]:
 
 def _speed(scene: Scene) -> Iterator[str]:
     series = relaxation_of(scene)
-    passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
+    passing = length_of(scene.adhesion) / max(scene.drive.speed, scene.drive.retract_speed)
     if series.elements and passing < GLASSY * series.tau.min():
         yield (
             f"drive.speed, drive.retract_speed: the punch moves by rho in {passing:.2g} s, far below the shortest "
@@ -172,7 +175,7 @@ def _images(scene: Scene) -> Iterator[str]:
 
 
 def _explicit_steps(scene: Scene) -> Iterator[str]:
-    """Explicit steps are many, and known beforehand."""
+    """The number of explicit steps, which is large and known exactly."""
     if not registry.scheme_of(scene).explicit:
         return
     steps = effort_of(scene).steps
@@ -194,7 +197,7 @@ def _memory(scene: Scene, ranks: int) -> Iterator[str]:
 def _jumps(scene: Scene) -> Iterator[str]:
     series, least = relaxation_of(scene), jump_threshold(scene)
     scheme = registry.scheme_of(scene)
-    if scheme.jumps and scene.adhesion.law == "cosine" and series.kappa_inf < least:
+    if scheme.jumps and scene.adhesion.attractive and series.kappa_inf < least:
         state = "quasi-static" if scheme.timeless else "elastic"
         what = (
             f"kappa_inf = {series.kappa_inf:.4g} is below {least:.3g}" if series.elements else f"the scene is {state}"
@@ -215,6 +218,6 @@ def _far_displacement(scene: Scene) -> Iterator[str]:
 
 def _quasi_static(scene: Scene) -> Iterator[str]:
     series = relaxation_of(scene)
-    passing = scene.adhesion.range / max(scene.drive.speed, scene.drive.retract_speed)
+    passing = length_of(scene.adhesion) / max(scene.drive.speed, scene.drive.retract_speed)
     if series.elements and passing > QUASI_STATIC * series.to_creep().retardation_times.max():
         yield f"speed: rho/v = {passing:.2g} s is {QUASI_STATIC:.0f} longest retardation times: nearly quasi-static"

@@ -1,4 +1,4 @@
-"""What to warn of where the grid, the law or the cell cannot do justice to a contact. No MPI.
+"""Warnings about contacts that grid, law or cell do not represent well. No MPI.
 
 Each rule is a generator of texts for `advice.warnings` or `advice.remarks`.
 """
@@ -23,23 +23,23 @@ resolution)."""
 SOME_SUMMIT_POINTS = 50.0
 """Grid points of a summit within the range below which pull-off forces are wrong by more than a tenth."""
 SOFT_OVERLAP = 0.05
-"""Overlap relative to the indentation that is remarked on where the law attracts."""
+"""Overlap relative to the indentation above which there is a remark, for attractive laws."""
 SOFT_ADHESION = 0.2
-"""Overlap that is warned of where the law attracts."""
+"""Overlap relative to the indentation above which there is a warning, for attractive laws."""
 SOFT_WALL = 0.01
-"""Overlap that is warned of where it does not: a wall alone should be hard."""
+"""The same for repulsive laws, which represent a hard wall."""
 IMAGES_OF_FILM = 0.05
-"""Influence of a film's periodic images on the stiffness of a contact that is warned of."""
+"""Influence of a film's periodic images on the contact stiffness above which there is a warning."""
 
 
 def summits(scene: Scene) -> Iterator[str]:
-    """Summits whose height the grid cannot resolve within the range: whole cells pull at once."""
+    """Summits that the grid does not resolve within the range of adhesion: whole grid cells snap."""
     points = summit_points(scene)
     if points >= FEW_SUMMIT_POINTS:
         return
-    # The automatic range falls with the square root of the spacing: more than enough for a range of its own.
+    # The automatic range decreases with the square root of the spacing; this is enough for any range.
     needed = math.ceil(scene.grid.n * (FEW_SUMMIT_POINTS / points) ** (2.0 / 3.0))
-    if scene.adhesion.law != "cosine":
+    if not scene.adhesion.attractive:
         yield (
             f"grid.n: only {points:.2g} grid points of the punch reach below the surface at the preload, too few for "
             f"its shape to count; use n >= {needed}, or a larger preload"
@@ -56,7 +56,7 @@ def summits(scene: Scene) -> Iterator[str]:
 
 def few_points(scene: Scene) -> Iterator[str]:
     points = summit_points(scene)
-    if scene.adhesion.law == "cosine" and FEW_SUMMIT_POINTS <= points < SOME_SUMMIT_POINTS:
+    if scene.adhesion.attractive and FEW_SUMMIT_POINTS <= points < SOME_SUMMIT_POINTS:
         yield (
             f"summits: {points:.2g} grid points lie within the range of adhesion of the height of a summit; with fewer "
             f"than {SOME_SUMMIT_POINTS:.0f} the pull-off force of a single summit is wrong by 10 to 30 %"
@@ -64,18 +64,24 @@ def few_points(scene: Scene) -> Iterator[str]:
 
 
 def overlap(scene: Scene) -> Iterator[str]:
-    share, repulsive = overlap_share(scene), scene.adhesion.law == "repulsive"
-    most = SOFT_WALL if repulsive else SOFT_ADHESION
+    share, attractive = overlap_share(scene), scene.adhesion.attractive
+    most = SOFT_ADHESION if attractive else SOFT_WALL
     if share <= most:
         return
+    follows = "follows from the static modulus and the range"
+    if scene.adhesion.overlap_stiffness is not None:
+        follows = "of overlaps is given"
     text = (
         f"adhesion: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the indentation, "
-        "as the law's stiffness follows from the static modulus and the range; indentations are too large by up to as "
+        f"as the law's stiffness {follows}; indentations are too large by up to as "
         "much. "
     )
-    # A little less than would just do, as it is rounded.
+    # Slightly less than necessary, because of rounding.
     shorter = f"{shown(0.95 * scene.adhesion.range * math.sqrt(most / share), 'length', 2)} or less"
-    if repulsive:
+    if scene.adhesion.overlap_stiffness is not None:
+        stiffer = shown(1.05 * scene.adhesion.overlap_stiffness * share / most, "stiffness per area", 2)
+        yield text + f"Raise adhesion.overlap_stiffness to {stiffer}"
+    elif not attractive:
         yield text + f"Set adhesion.range to {shorter}, or range_factor {1.05 * share / most:.2g} times larger"
     elif range_follows_the_grid(scene):
         yield text + f"Use grid.n >= {math.ceil(scene.grid.n * share / most)}"
@@ -85,7 +91,7 @@ def overlap(scene: Scene) -> Iterator[str]:
 
 def soft_overlap(scene: Scene) -> Iterator[str]:
     share = overlap_share(scene)
-    if scene.adhesion.law == "cosine" and SOFT_OVERLAP < share <= SOFT_ADHESION:
+    if scene.adhesion.attractive and SOFT_OVERLAP < share <= SOFT_ADHESION:
         cure = "a finer grid, with its shorter range," if range_follows_the_grid(scene) else "a shorter adhesion.range"
         yield (
             f"overlap: at the preload punch and elastomer will overlap by about {100 * share:.3g} % of the "
@@ -94,7 +100,7 @@ def soft_overlap(scene: Scene) -> Iterator[str]:
 
 
 def films(scene: Scene) -> Iterator[str]:
-    """Films that their periodic images, or their edges, make others than a film without end."""
+    """Films that differ from an infinite film because of periodic images or a coarse grid."""
     substrate, radius, spacing = scene.substrate, scene.punch.radius, scene.grid.length / scene.grid.n
     if not math.isfinite(substrate.thickness):
         return
@@ -117,7 +123,7 @@ def films(scene: Scene) -> Iterator[str]:
 
 
 def free_boundary(scene: Scene) -> str:
-    """What a free boundary offers to a scheme that can have one."""
+    """Advice to use a free boundary, for schemes that support it."""
     if registry.scheme_of(scene).periodic_only:
         return ""
     return ' substrate.boundary = "free" has no images, needs no such correction and costs the same'

@@ -1,17 +1,18 @@
-"""How many steps and transform pairs a scene will take: a model of few numbers, fitted to runs. No MPI.
+"""Forecast of steps and transform pairs of a scene: a model with few constants, fitted to runs. No MPI.
 
-The punch goes in by a way W, and out by another, both counted in ranges of adhesion rho. On either way, of speed v,
+W is the travel of the punch in the approach, or in the retraction, in ranges of adhesion rho; v is its speed. For each
+of the two,
 
     steps = (0.01/accuracy)^q (least + rate W^w slow)
     pairs = steps (pairs_least + pairs_rate sqrt(1 + J C^m)),     C = K_0 l/E*
 
-Steps: a surface that snaps moves by about gamma/E* in its retardation time lambda, and is followed at that speed, beside which
-the punch is slow: slow = (gamma/(E* v lambda))^p; where it jumps in zero time, or has none, slow = 1. Without attraction nothing
-snaps, and slow = x/(1 + x) of the retardation times x that the way takes. Pairs: conjugate gradients take the more iterations
-the softer the elastomer is within the time of a step, J = J(dt), beside the law's stiffness K_0 over the size l of a patch of
-contact.
+Steps: a snapping surface moves by about gamma/E* in its retardation time lambda, and the steps resolve this speed:
+slow = (gamma/(E* v lambda))^p. If it jumps in zero time, slow = 1. Without attraction nothing snaps, and slow = x/(1 +
+x), where x is the duration of the motion in retardation times. Pairs: the number of iterations of the conjugate
+gradients increases with the compliance J = J(dt) of the elastomer in a step, relative to that of the law, with its
+stiffness K_0 over the size l of a contact patch.
 
-Steps and pairs of flat punches hardly depend on how deep these are, but on how far they stretch the elastomer.
+Steps and pairs of flat punches hardly depend on the indentation, but on how far the elastomer is stretched.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgfmd import coarsening
-from pgfmd.parts import automatic_range, law_of, quasistatic_compliance, relaxation_of
+from pgfmd.parts import automatic_range, quasistatic_compliance, relaxation_of
+from pgfmd.physics.adhesion.registry import law_of, length_of
 from pgfmd.run_ahead import coarse_scenes
 from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
@@ -39,23 +41,26 @@ if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
 JUMP_FACTOR = 0.38
-"""A flat punch jumps in zero time where kappa_inf is below this factor times n, at the automatic range."""
-EXPLICIT_SPREAD, FLAT_SPREAD = 1.5, 2.0
-"""Of explicit steps, whose length is known: that of the time which the programme takes, and that of flat punches, which stretch the
-elastomer by a way that depends on their speed."""
+"""A flat punch jumps in zero time if kappa_inf is below this factor times n, at the automatic range."""
+EXPLICIT_SPREAD = 1.5
+"""Stated factor for explicit steps, whose length is known: that of the duration of the programme."""
+FLAT_SPREAD = 2.0
+"""The same for flat punches, which stretch the elastomer by a distance that depends on their speed."""
 UNLIKE = 2.0
-"""By this factor more a scene may be off that is unlike those that the numbers were fitted to."""
-COARSEST, FINEST = 0.1, 1e-4
-"""Accuracies that are not far from those of the fit."""
+"""Additional factor for scenes unlike those that the constants were fitted to."""
+COARSEST = 0.1
+"""Coarsest accuracy at which the fit is taken to hold."""
+FINEST = 1e-4
+"""Finest accuracy at which the fit is taken to hold."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """Expected steps and transform pairs of a run, right within a factor of `spread`, in 19 of 20 scenes.
+    """Expected steps and transform pairs of a run, right within a factor of `spread` in 19 of 20 scenes.
 
-    pair_seconds: measures that of a pair on this machine, about, where a time is asked for. cost: of the run for each
-    pair, relative to that. approach: how many of the steps and of the pairs are made before the preload. unlike: what
-    makes the spread larger than that of the fit, empty for nothing. kind: of the scene.
+    pair_seconds: measures the approximate time of a pair on this machine. cost: time of the run per pair, relative to
+    that. approach: numbers of steps and pairs before the preload. unlike: why the spread is larger than that of the
+    fit, empty if it is not. kind: of the scene.
     """
 
     steps: float
@@ -75,12 +80,13 @@ class Effort:
 
 @dataclass(frozen=True)
 class Way:
-    """A way of the punch, in or out, with what its steps and pairs follow from.
+    """The approach or the retraction of the punch, with the variables of the model.
 
-    length: in ranges of adhesion; time [s] that it takes; inward: whether it is the approach. accuracy: of its steps. slow: how slow the punch is
-    beside a surface that snaps, or beside one that creeps where nothing attracts; 1 without viscosity. creep: compliance J
-    within a time [s], relative to the static one. stiffness: K_0 l/E*, of the law beside the relaxed elastomer, over the size
-    l of a patch of contact.
+    length: travel in ranges of adhesion. time: duration [s]. inward: whether it is the approach. accuracy: of its
+    steps.
+    slow: speed of a snapping surface relative to that of the punch, or its replacement without attraction; 1 without
+    viscosity. creep: compliance J at a time [s], relative to the static one. stiffness: K_0 l/E*, stiffness of the law
+    relative to that of the relaxed elastomer, over the size l of a contact patch.
     """
 
     length: float
@@ -98,27 +104,27 @@ def jump_threshold(scene: Scene) -> float:
 
 
 def kind_of(scene: Scene) -> str:
-    """The kind of a scene, of which FITTED has numbers."""
-    if scene.adhesion.law == "repulsive":
+    """The kind of a scene: a key of FITTED."""
+    if not scene.adhesion.attractive:
         return "repulsive"
     shape = "flat, " if scene.punch.pattern == "flat" else ""
     if relaxation_of(scene).elements:
-        # Long waves then cost no pairs.
+        # Long waves then take no pairs.
         return f"{shape}viscoelastic{', two grids' if coarsening.expected(scene).factor else ''}"
-    # Its contact line is all that jumps.
+    # Only its contact line jumps.
     shape = "round, " if scene.punch.pattern in ("sphere", "power") else shape
     if registry.scheme_of(scene).timeless:
-        # The threshold is of kappa_inf: how much stiffer the body is than the relaxed one.
+        # The threshold is for kappa_inf, the stiffness relative to the relaxed body.
         stiff = 1.0 / quasistatic_compliance(scene) > jump_threshold(scene)
         return f"{shape}{'smooth' if stiff else 'quasi-static'}"
     return f"{shape}elastic"
 
 
 def ways_of(scene: Scene) -> tuple[Way, Way]:
-    """The ways in and out."""
-    drive, reach = scene.drive, scene.adhesion.range
+    """Approach and retraction."""
+    drive, reach = scene.drive, length_of(scene.adhesion)
     depth, beyond = depth_at_preload(scene), pull_off_height(scene)
-    start = max(drive.clearance, 0.0) if law_of(scene.adhesion).attractive else 0.0
+    start = max(drive.clearance, 0.0) if scene.adhesion.attractive else 0.0
     into, out = depth + start, depth + beyond
     lengths = (into, out) if scene.punch.pattern != "flat" else (start + reach, beyond)
     creep, stiffness, accuracy = relaxation_of(scene).to_creep(), stiffness_of_law(scene), scene.solver.accuracy
@@ -139,12 +145,13 @@ def ways_of(scene: Scene) -> tuple[Way, Way]:
 
 
 def slowness(scene: Scene, creep: CreepSeries, time: float, speed: float) -> float:
-    """How slow the punch is on a way that takes this time [s], see Way. creep: the CreepSeries of the scene."""
+    """The variable `slow` of Way, for a motion of this duration [s] and speed [m/s]. creep: the CreepSeries of the
+    scene."""
     if not creep.elements:
         return 1.0
-    # The middle of a broad spectrum, by logarithms: short and long times count by what they give way.
+    # For a broad spectrum, the mean of the logarithms of the times, weighted by compliance.
     middle = math.exp(float((creep.J * np.log(creep.retardation_times)).sum() / creep.J.sum()))
-    if scene.adhesion.law == "repulsive":
+    if not scene.adhesion.attractive:
         return time / middle / (1.0 + time / middle)
     return scene.adhesion.work_of_adhesion / (scene.substrate.contact_modulus * speed * middle)
 
@@ -155,7 +162,7 @@ def effort_of(scene: Scene) -> Effort:
 
 
 def fitted_effort(scene: Scene) -> Effort:
-    """The same where steps follow an accuracy, by the numbers that were fitted to runs."""
+    """The same for schemes with an accuracy, from the fitted constants."""
     found = FITTED[kind_of(scene)]
     (steps_in, pairs_in), (steps_out, pairs_out) = (counts_of(way, found) for way in ways_of(scene))
     unlike = ", ".join(_unlike(scene))
@@ -165,13 +172,13 @@ def fitted_effort(scene: Scene) -> Effort:
     )  # fmt: skip
 
 
-def ahead_of(scene: Scene) -> list[tuple[object, float]]:
-    """The coarse approaches that are run ahead of a run (run_ahead.py), each with its expected transform pairs."""
+def ahead_of(scene: Scene) -> list[tuple[Scene, float]]:
+    """The coarse approaches before a run (run_ahead.py), each with its expected transform pairs."""
     return [(coarse, effort_of(coarse).approach[1]) for coarse in coarse_scenes(scene)]
 
 
 def told_of_ahead(scene: Scene) -> tuple[str, str]:
-    """What is run ahead, and its expected work beside that of the run; both empty where nothing is."""
+    """The coarse approaches and their expected work relative to the run, as texts; both empty if there are none."""
     ahead = ahead_of(scene)
     if not ahead:
         return "", ""
@@ -183,13 +190,13 @@ def told_of_ahead(scene: Scene) -> tuple[str, str]:
 
 
 def _work_of_pair(scene: Scene) -> float:
-    """The arithmetic of a pair, in units of its own: n^2 log n, less where mirror images are left out."""
+    """The arithmetic work of a pair in arbitrary units: n^2 log n, less with mirror symmetry."""
     n = scene.grid.n
     return n**2 * math.log(n) / 2 ** len(expected(scene).mirror) * pair_cost(scene)
 
 
 def counts_of(way: Way, numbers: Numbers) -> tuple[float, float]:
-    """Steps and pairs of a way."""
+    """Steps and pairs of the approach or the retraction."""
     least, rate, pairs_rate = (
         pair[0 if way.inward else 1] for pair in (numbers.least, numbers.rate, numbers.pairs_rate)
     )
@@ -204,7 +211,7 @@ def stiffness_of_law(scene: Scene) -> float:
     """K_0 l/E*, see Way. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
     punch = scene.punch
     if punch.pattern in ("sphere", "power"):
-        size = min(punch.radius, math.sqrt(punch.curvature_radius * depth_of(scene)))
+        size = min(punch.outline, math.sqrt(punch.curvature_radius * depth_of(scene)))
     elif punch.wavelength:
         size = 0.5 * punch.wavelength
     else:
@@ -213,7 +220,7 @@ def stiffness_of_law(scene: Scene) -> float:
 
 
 def _unlike(scene: Scene) -> Iterator[str]:
-    """What a scene has that none has by which the numbers were fitted."""
+    """Features of a scene that none of the fitted scenes has."""
     series = relaxation_of(scene)
     if scene.punch.pattern == "file":
         yield "a measured face"
@@ -232,8 +239,9 @@ def _unlike(scene: Scene) -> Iterator[str]:
 
 
 def effort_of_steps(scene: Scene, step: float, pair: float, cost: float) -> Effort:
-    """The same for explicit steps of known length [s], with a pair each. The time of the programme is that of the depth, with
-    what adhesion adds to the way back. pair: time of a pair, relative to `pair_seconds`; cost: as in Effort."""
+    """The same for explicit steps of known length [s] with one pair each. The duration of the programme follows from
+    the indentation and the stretch due to adhesion. pair: time of a pair, relative to `pair_seconds`; cost: as in
+    Effort."""
     drive, depth = scene.drive, depth_at_preload(scene)
     into = (depth + max(drive.clearance, 0.0)) / drive.speed
     out = (depth + pull_off_height(scene)) / drive.retract_speed + drive.turn_time + drive.dwell

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,13 +24,16 @@ if TYPE_CHECKING:
     from pgfmd.scene import Scene
     from pgfmd.scene.model import Punch
 
-OWN_BYTES, FILE_BYTES = 110e6, 138e6
-"""Python, compiled kernels and libraries: memory of each rank's own, and the files of the program, which the ranks of a node
-share (scripts/studies/cost/memory.py at n = 64)."""
+OWN_BYTES = 110e6
+"""Private memory of each rank for Python, compiled kernels and libraries (scripts/studies/cost/memory.py at n = 64)."""
+FILE_BYTES = 138e6
+"""Memory of the program's files, which the ranks of a node share (measured likewise)."""
 PROGRAM_BYTES = OWN_BYTES + FILE_BYTES
-"""What a single rank needs beside its fields."""
-FUSED_PAIR, OUTSIDE = 0.55, 0.2
-"""Time of a transform pair in double precision, and of what a run does beside it, relative to `pair_seconds`."""
+"""Memory of a single rank in addition to its fields."""
+FUSED_PAIR = 0.55
+"""Time of a transform pair in double precision, relative to `pair_seconds`."""
+OUTSIDE = 0.2
+"""Time of all other work of a run per pair, relative to `pair_seconds`."""
 SINGLE_PAIR = 0.63
 """Time of a transform pair in single precision, relative to one in double: 0.54 to 0.75 for n = 192 to 2048."""
 CALLS = 2.5e-4
@@ -159,7 +163,7 @@ def map_bytes_of(punch: Punch) -> float:
     """A height map, or the waves of a random face, while heights are taken from it."""
     if punch.pattern == "rough":
         return surface_bytes(punch.period, punch.shortest)
-    return map_bytes(punch.file, topography_of(punch).file_order) if punch.pattern == "file" else 0.0
+    return map_bytes(punch.file, topography_of(punch).file_order) if punch.file else 0.0
 
 
 def modulus_of(scene: Scene) -> float:
@@ -205,7 +209,7 @@ def pair_seconds(scene: Scene) -> float:
     width, lines = side // 2 + 1, max(4, min(64, 2**16 // side))
     real, columns = np.ones((lines, side)), np.ones((lines, side), complex)
 
-    def seconds(action) -> float:
+    def seconds(action: Callable[[], object]) -> float:
         action()
         times = []
         for _ in range(5):

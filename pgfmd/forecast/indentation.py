@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.parts import deepest_indentation, law_of, topography_of
+from pgfmd.parts import deepest_indentation, topography_of
+from pgfmd.physics.adhesion.registry import clearance_of, law_of
 from pgfmd.reference import flat_punch, jkr
 
 from .estimate import depth_of, modulus_of
@@ -26,8 +27,10 @@ if TYPE_CHECKING:
 
 SAMPLES = 96
 """Points across a punch at which its heights are looked at."""
-MADELUNG, SECOND = 3.9003, 2.26
-"""Of a square lattice of charges with a neutral background: potential at one of them, and its curvature."""
+MADELUNG = 3.9003
+"""Potential at one charge of a square lattice of unit charges with a neutral background."""
+SECOND = 2.26
+"""Curvature of this potential."""
 ROUNDS = 24
 """Of the search for depth and modulus together: each halves what is left, about."""
 SHALLOWEST = 0.01
@@ -63,7 +66,7 @@ def depth_at_preload(scene: Scene) -> float:
 def _heights(scene: Scene) -> np.ndarray | None:
     """Heights [m] of the face above its lowest point, at a sample of its points; None for a map that can't be read any
     more."""
-    x = np.linspace(-scene.punch.radius, scene.punch.radius, SAMPLES + 1)
+    x = np.linspace(-scene.punch.outline, scene.punch.outline, SAMPLES + 1)
     x, y = np.meshgrid(x, x)
     inside = np.hypot(x, y) <= scene.punch.radius
     try:
@@ -80,12 +83,12 @@ def _depth_with(scene: Scene, stiffening: float, heights: np.ndarray | None) -> 
     if punch.pattern == "sphere" and law.attractive:
         contact = punch.curvature_radius, stiffening * modulus_of(scene), law.work_of_adhesion
         return max(
-            float(jkr.indentation(jkr.contact_radius_at_force(load, *contact), *contact)), SHALLOWEST * law.range
+            float(jkr.indentation(jkr.contact_radius_at_force(load, *contact), *contact)), SHALLOWEST * law.length
         )
     if heights is None:
         return depth_of(scene, stiffening)
-    modulus, area = stiffening * modulus_of(scene), math.pi * punch.radius**2
-    springs = 1.0 / law.stiffness
+    modulus, area = stiffening * modulus_of(scene), math.pi * punch.outline**2
+    springs = 1.0 / law.overlap_stiffness
     if punch.wavelength:
         springs += punch.wavelength / (2.0 * math.pi * modulus)
     # The depth at which the layer carries the load rises with it: bisection.
@@ -94,8 +97,8 @@ def _depth_with(scene: Scene, stiffening: float, heights: np.ndarray | None) -> 
         middle = 0.5 * (low + high)
         carried = area / springs * float(np.maximum(middle - heights, 0.0).mean())
         low, high = (middle, high) if carried < load else (low, middle)
-    whole = images_share(scene) * load / float(flat_punch.force(1.0, punch.radius, modulus))
-    return low + whole * softness_of_film(scene, punch.radius)
+    whole = images_share(scene) * load / float(flat_punch.force(1.0, punch.outline, modulus))
+    return low + whole * softness_of_film(scene, punch.outline)
 
 
 def pull_off_height(scene: Scene) -> float:
@@ -103,23 +106,23 @@ def pull_off_height(scene: Scene) -> float:
     elastomer as far as Kendall's force does, and a sphere, which draws a neck as JKR's. Maugis, Contact, Adhesion and
     Rupture of Elastic Solids, 2000."""
     adhesion = scene.adhesion
-    if adhesion.law == "repulsive":
+    if not adhesion.attractive:
         return 0.0
-    return adhesion.range + stretch(scene) + neck(scene)
+    return clearance_of(adhesion) + stretch(scene) + neck(scene)
 
 
 def stretch(scene: Scene) -> float:
     """How far [m] a flat punch stretches the elastomer before it comes off, as that is in this time; 0 for others."""
     if scene.punch.pattern != "flat":
         return 0.0
-    relaxed = math.sqrt(2.0 * math.pi * scene.adhesion.work_of_adhesion * scene.punch.radius / modulus_of(scene))
+    relaxed = math.sqrt(2.0 * math.pi * scene.adhesion.work_of_adhesion * scene.punch.outline / modulus_of(scene))
     return relaxed / math.sqrt(mean_kappa(scene, relaxed / scene.drive.retract_speed))
 
 
 def neck(scene: Scene) -> float:
     """How far [m] a sphere that sticks draws the elastomer up, by JKR's theory at fixed grips; 0 for others."""
     punch, adhesion = scene.punch, scene.adhesion
-    if punch.pattern != "sphere" or adhesion.law == "repulsive":
+    if punch.pattern != "sphere" or not adhesion.attractive:
         return 0.0
     unit = (math.pi**2 * adhesion.work_of_adhesion**2 * punch.curvature_radius / modulus_of(scene) ** 2) ** (1.0 / 3.0)
     return 0.75 * unit

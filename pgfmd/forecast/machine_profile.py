@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import platformdirs
@@ -129,9 +130,10 @@ def read() -> Profile:
     return profile
 
 
-def _costs_in(numbers: dict) -> Costs:
+def _costs_in(numbers: dict[str, Any]) -> Costs:
     """Costs as the file has them."""
-    return Costs(**{name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()})
+    kept: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()}
+    return Costs(**kept)
 
 
 def _is_sound(profile: Profile) -> bool:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgfmd.parts import topography_of
-from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.physics.adhesion.registry import clearance_of, range_by_rule
 from pgfmd.physics.map_survey import relief_and_slope
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.schemes import registry
@@ -54,7 +54,10 @@ class Face:
 
 def warnings(scene: Scene) -> Iterator[str]:
     """What can't be meant in a scene whose files are there."""
-    for rule in (_face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing, _unread):
+    rules = (
+        _face, _map_fits_the_cell, _range, _tightness, _speed, _pressure, _clearance, _spacing, _shares, _unread,
+    )  # fmt: skip
+    for rule in rules:
         yield from rule(scene)
 
 
@@ -127,6 +130,8 @@ def _map_fits_the_cell(scene: Scene) -> Iterator[str]:
     if punch.pattern != "file" or punch.radius is not None:
         return
     size = face_of(scene).size
+    if size is None:
+        return
     if any(abs(length / side - max(round(length / side), 1)) > WHOLE * length / side for side in size):
         sides = " x ".join(shown(side, "length") for side in size)
         yield (
@@ -143,7 +148,7 @@ def _range(scene: Scene) -> Iterator[str]:
     if adhesion.range <= LARGE_SHARE * scale:
         return
     modulus = scene.substrate.contact_modulus
-    own = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, adhesion.q_ref)
+    own = range_by_rule(adhesion, modulus, adhesion.range_factor, adhesion.q_ref)
     cure = "look at its unit"
     if math.isclose(own, adhesion.range, rel_tol=1e-9):
         cure = (
@@ -161,7 +166,7 @@ def _tightness(scene: Scene) -> Iterator[str]:
     adhesion, (scale, what) = scene.adhesion, _scale(scene)
     modulus = scene.substrate.contact_modulus
     length = adhesion.work_of_adhesion / modulus
-    if adhesion.law == "cosine" and length > LARGE_SHARE * scale:
+    if adhesion.attractive and length > LARGE_SHARE * scale:
         yield (
             f"adhesion.work_of_adhesion: gamma/E* = {shown(adhesion.work_of_adhesion, 'energy per area')} / "
             f"{shown(modulus, 'modulus')} = {shown(length, 'length')} is {length / scale:.2g} times "
@@ -200,7 +205,7 @@ def _pressure(scene: Scene) -> Iterator[str]:
 
 def _clearance(scene: Scene) -> Iterator[str]:
     clearance, (scale, what) = scene.drive.clearance, _scale(scene)
-    if clearance > max(scale, scene.adhesion.range):
+    if clearance > max(scale, clearance_of(scene.adhesion)):
         yield (
             f"drive.clearance: the punch starts {shown(clearance, 'length')} above the surface, "
             f"{clearance / scale:.2g} times {what}, and takes {shown(clearance / scene.drive.speed, 'time')} to come "
@@ -215,6 +220,19 @@ def _spacing(scene: Scene) -> Iterator[str]:
             f"grid.length: points of the grid are {shown(spacing, 'length')} apart, less than an atom, where no "
             "continuum is left; look at its unit"
         )
+
+
+def _shares(scene: Scene) -> Iterator[str]:
+    """Weights that may be shares of the instantaneous modulus, where the scene does not say of which they are."""
+    rheology = scene.rheology
+    total = sum(rheology.kappa or ())
+    if rheology.model != "prony" or rheology.reference is not None or not 0.0 < total < 1.0:
+        return
+    yield (
+        f"rheology.kappa has a sum of {total:.4g}, so that the elastomer is only {1.0 + total:.4g} times as stiff at once "
+        "as when relaxed: if these are g_i of Abaqus or alpha_i of Ansys, shares of the instantaneous modulus, set "
+        'rheology.reference = "instantaneous", with that modulus as substrate.youngs_modulus; else set it to "relaxed"'
+    )
 
 
 def _unread(scene: Scene) -> Iterator[str]:

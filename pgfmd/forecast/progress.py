@@ -1,15 +1,15 @@
-"""How far a run has come, and what is left of it: guesses from its scene and the end of its curve. No MPI, no fields.
+"""Estimates of the progress of a run and of the remaining steps, from its scene and the end of its curve. No MPI.
 
-What is left is counted in steps, of which a punch needs about as many for each metre of its way:
+The remaining steps are estimated from the travel of the punch, with a constant number of steps per metre:
 
     left = (1 - p) ((1 - p) E + s)
 
-p: share of the way, in and out, that is done; s: steps so far; E: steps of the whole run as estimated beforehand
-(estimate.effort_of). So the estimate counts at the start, and later what the way behind has taken. Where the punch is
-slower a metre takes more steps, as in the estimate. The depth at the preload is the estimated one until the force has
-risen; then its slope tells. Explicit steps have one length: there the time counts.
+p: completed fraction of the travel, in and out; s: steps so far; E: forecast of the steps of the whole run
+(effort.effort_of). So the forecast dominates at the start, and the steps so far later. A slower punch takes more steps
+per metre, as in the forecast. The indentation at the preload is that of the forecast until the force has risen; then it
+follows from the slope of the force. Explicit steps have a constant length, so there time is used instead of travel.
 
-Nine times out of ten this is right within a factor of two (tests/unit/test_status.py).
+In nine of ten cases this is right within a factor of two (tests/unit/test_status.py).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pgfmd.parts import deepest_indentation
+from pgfmd.physics.adhesion.registry import clearance_of
 from pgfmd.schemes import registry
 
 from .effort import effort_of
@@ -30,11 +31,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Moment:
-    """Where a run is. Phase, time [s], displacement [m], force [N] and step length [s] as in a row of curve.csv.
+    """The present state of a run. Phase, time [s], displacement [m], force [N] and step [s] as in a row of curve.csv.
 
-    stiffness [N/m]: of the recent approach, None if the force has not risen. steps: so far; dwell_steps: those of them
-    within the dwell. preload_time [s] and depth [m]: when the preload was met and the indentation there; None before,
-    or if not known.
+    stiffness [N/m]: of the recent approach, None if the force has not risen. steps: so far; dwell_steps: those within
+    the dwell. preload_time [s] and depth [m]: time of the preload and indentation there; None before, or if unknown.
     """
 
     phase: str
@@ -51,8 +51,8 @@ class Moment:
 
 @dataclass(frozen=True)
 class Outlook:
-    """progress: about which share of the punch's way is done. steps: about how many are left, None if that can't be
-    said. remark: why not, or what they leave out."""
+    """progress: estimated completed fraction of the punch's travel. steps: estimated number of remaining steps, None if
+    unknown. remark: why it is unknown, or what it does not include."""
 
     progress: float | None = None
     steps: float | None = None
@@ -61,7 +61,7 @@ class Outlook:
 
 @dataclass(frozen=True)
 class Way:
-    """The punch's way [m], in and out, behind it and ahead of it."""
+    """The travel of the punch [m], in and out, completed and remaining."""
 
     in_done: float
     in_left: float
@@ -69,19 +69,19 @@ class Way:
     out_left: float
 
     def share(self, out_weight: float = 1.0) -> float:
-        """What is done of it; a metre out counts as `out_weight` metres in."""
+        """The completed fraction; a metre out counts as `out_weight` metres in."""
         done = self.in_done + out_weight * self.out_done
         return done / (done + self.in_left + out_weight * self.out_left)
 
 
 def outlook(scene: Scene, moment: Moment) -> Outlook:
-    """What is left of a run, from where it is."""
+    """The estimate for a run in this state."""
     if moment.phase != "approach" and moment.depth is None:
         return Outlook(remark="where the preload was met is not known")
     way = _way(scene, moment)
     progress = way.share()
-    if way.out_left < scene.adhesion.range and moment.phase == "retract":
-        # Estimates of the last jump are no better than this.
+    if way.out_left < clearance_of(scene.adhesion) and moment.phase == "retract":
+        # The place of the last jump is not known better than this.
         return Outlook(progress, remark="the punch may come off at any moment")
     steps, remark = registry.scheme_of(scene).steps_left_of(scene, moment, way)
     allowed = scene.solver.max_steps - moment.steps
@@ -96,41 +96,43 @@ def _way(scene: Scene, moment: Moment) -> Way:
     if moment.phase == "approach":
         depth = max(_depth_ahead(scene, moment), -position)
         return Way(clearance - position, depth + position, 0.0, depth + beyond)
-    back = moment.depth + position if moment.phase == "retract" else 0.0
-    return Way(clearance + moment.depth, 0.0, max(back, 0.0), max(moment.depth + beyond - back, 0.0))
+    met = moment.depth
+    assert met is not None, "`outlook` has seen to that"
+    back = met + position if moment.phase == "retract" else 0.0
+    return Way(clearance + met, 0.0, max(back, 0.0), max(met + beyond - back, 0.0))
 
 
 def _depth_ahead(scene: Scene, moment: Moment) -> float:
-    """Indentation [m] at which the preload is going to be met."""
+    """Expected indentation [m] at the preload."""
     told, preload = depth_at_preload(scene), scene.drive.preload
     if moment.stiffness is None or moment.stiffness <= 0.0:
         return told
-    # Force and slope tell nothing at first touch, and everything at the end: fast punches meet a stiffer elastomer.
+    # The slope of the force is meaningless at first touch and best at the end: fast punches meet a stiffer elastomer.
     share = math.sqrt(min(max(moment.force / preload, 0.0), 1.0))
     ahead = -moment.displacement + max(preload - moment.force, 0.0) / moment.stiffness
     return min((1.0 - share) * told + share * ahead, deepest_indentation(scene))
 
 
 def steps_by_way(scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:
-    """Steps that are left where their length follows the error, and what they leave out."""
+    """Remaining steps for schemes with an accuracy, and what they do not include."""
     drive = scene.drive
-    viscous = scene.adhesion.law != "repulsive" and scene.rheology.model != "elastic"
+    viscous = scene.adhesion.attractive and scene.rheology.model != "elastic"
     share = way.share(math.sqrt(drive.speed / drive.retract_speed) if viscous else 1.0)
     steps = (1.0 - share) * ((1.0 - share) * effort_of(scene).steps + moment.steps - moment.dwell_steps)
     if moment.phase == "dwell" and moment.preload_time is not None:
-        return steps + _dwell_steps(scene, moment), ""
+        return steps + _dwell_steps(scene, moment, moment.preload_time), ""
     coming = moment.preload_time is None or moment.time < moment.preload_time + drive.dwell
     return steps, f"and what the dwell of {drive.dwell:g} s takes" if coming and drive.dwell > 0.0 else ""
 
 
-def _dwell_steps(scene: Scene, moment: Moment) -> float:
-    """Steps to the end of the dwell, if they go on growing in proportion to its time."""
-    elapsed = max(moment.time - moment.preload_time - 0.5 * scene.drive.turn_time, moment.step)
+def _dwell_steps(scene: Scene, moment: Moment, since: float) -> float:
+    """Steps to the end of the dwell, if they go on growing in proportion to its time. since [s]: when it began."""
+    elapsed = max(moment.time - since - 0.5 * scene.drive.turn_time, moment.step)
     return elapsed / moment.step * math.log(max(scene.drive.dwell / elapsed, 1.0))
 
 
 def time_left(scene: Scene, moment: Moment, way: Way) -> float:
-    """Time [s] until the punch is off."""
+    """Time [s] until the punch detaches."""
     drive = scene.drive
     left = way.in_left / drive.speed + way.out_left / drive.retract_speed
     if moment.phase == "approach":

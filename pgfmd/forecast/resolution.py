@@ -1,6 +1,6 @@
-"""What the grid and the law make of a contact: points of a summit, overlap, and the images of a film. No MPI.
+"""Estimates of the influence of grid, law and cell: points of a summit, overlap, images of a film. No MPI.
 
-Estimates from closed forms, for warnings. How far each of them can be trusted is in docs: resolution.
+They are from closed forms, for warnings. Their reliability is documented in docs: resolution.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.parts import compliance_of, law_of, relaxation_of, topography_of
-from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.parts import BONDED, compliance_of, relaxation_of, topography_of
+from pgfmd.physics.adhesion.registry import law_of, range_by_rule
 from pgfmd.physics.film import Film
 from pgfmd.physics.topography import PATTERNS, layered
 from pgfmd.reference import hertz
@@ -25,28 +25,28 @@ if TYPE_CHECKING:
     from pgfmd.scene.model import Punch
 
 MOST_POINTS = 2**20
-"""Points of a height map that are looked at, at most."""
+"""Most points of a height map that are examined."""
 BAND = 64
-"""Rows that are looked at together, where there are more points than that."""
+"""Number of adjacent rows that are examined, if there are more points than that."""
 LOWEST = 64
-"""Summits of a height map, or of a random face, that count: those that touch first."""
+"""Number of summits of a height map, or of a random face, that are used: those that touch first."""
 SUMMITS_A_CELL = {"triangular": 1, "hexagonal": 2}
 """Summits in a unit cell of the lattice, sqrt(3)/2 wavelength^2."""
 WAVES = 96
-"""Waves a side, either way, in the sum over a cell: it converges like the third power."""
+"""Waves per side and direction in the sum over a cell, which converges with the third power."""
 
 
 def summit_points(scene: Scene) -> float:
-    """Grid points around a summit whose height above it is below the range of adhesion; infinite where nothing is
-    round.
+    """Number of grid points around a summit whose height above it is below the range of adhesion; infinite without
+    curved summits. It is 2 pi R rho/h^2 for a radius R of curvature.
 
-    They carry the attraction of a summit before it is pressed. Without attraction, for a sphere or a power law alone:
-    those whose height is below the indentation at the preload. 2 pi R rho/h^2 for a radius R of curvature.
+    They carry the attraction of a summit at first touch. Without attraction, for a sphere or a power law only: points
+    whose height is below the indentation at the preload.
     """
     punch, law, spacing = scene.punch, law_of(scene.adhesion), scene.grid.length / scene.grid.n
     if not law.attractive and punch.pattern not in ("sphere", "power"):
         return math.inf
-    height = law.range if law.attractive else depth_of(scene)
+    height = law.length if law.attractive else depth_of(scene)
     if PATTERNS[punch.pattern].sampled:
         rise = _rise_of_map(scene)
         return math.pi * height / rise if rise > 0.0 else math.inf
@@ -58,7 +58,7 @@ def summit_points(scene: Scene) -> float:
 
 
 def summit_radius(punch: Punch) -> float:
-    """Radius of curvature [m] of a summit, that of the whole punch included."""
+    """Radius of curvature [m] of a summit, including that of the whole punch."""
     radius = topography_of(punch).summit_radius
     curvature = 0.0 if math.isinf(radius) else 1.0 / radius
     if punch.pattern not in ("sphere", "power") and math.isfinite(punch.curvature_radius):
@@ -67,7 +67,7 @@ def summit_radius(punch: Punch) -> float:
 
 
 def _before_layers(height: float, layer_step: float, smoothing: float) -> float:
-    """The height [m] that printing in layers has made of `height`."""
+    """The height [m] that printing in layers turns into `height`."""
     if layer_step == 0.0:
         return height
     raw = np.linspace(0.0, height + layer_step, 4097)
@@ -75,9 +75,9 @@ def _before_layers(height: float, layer_step: float, smoothing: float) -> float:
 
 
 def _rise_of_map(scene: Scene) -> float:
-    """How much higher [m] the four neighbours of a summit are than it, in the mean: h^2/(2R) where it is round.
+    """Mean height [m] of the four neighbours of a summit above it: h^2/(2R) for a round summit.
 
-    The median of the lowest summits of a height map, or of a random face, on the scene's grid, 0 where it has none.
+    The median over the lowest summits of a height map, or of a random face, on the scene's grid, 0 without summits.
     """
     grid, radius = Grid(scene.grid.n, scene.grid.length), scene.punch.radius
     start, count = grid.block(radius)
@@ -99,8 +99,8 @@ def _rise_of_map(scene: Scene) -> float:
 
 
 def _bands(count: int, heights: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> list[np.ndarray]:
-    """Rows of a block of `count` by `count` points to look at: all of them; of a large one bands of equal width, one
-    around its lowest point as far as a coarser grid tells, the others all over it."""
+    """Rows of a block of `count` by `count` points to examine: all of a small block; bands of equal width of a large
+    one, one around the lowest point of a coarser grid, the others distributed evenly."""
     if count**2 <= MOST_POINTS or count <= BAND:
         return [np.arange(count)]
     every = np.arange(0, count, math.ceil(count / math.sqrt(MOST_POINTS)))
@@ -129,11 +129,11 @@ def _summits(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def overlap_share(scene: Scene) -> float:
-    """How far punch and elastomer overlap at the preload, relative to the indentation: an estimate; 0 where there is
-    none.
+    """Estimated overlap of punch and elastomer at the preload, relative to the indentation; 0 if there is none.
 
-    Mean pressure over K_0, as if the elastomer were covered with springs. The contact is Hertz's, of the punch or of
-    one of its summits, or that of a flat punch; the modulus that of the time in which it is made.
+    It is the mean pressure divided by the stiffness of overlaps, as for an elastomer covered with springs. The contact is
+    that of Hertz, for the punch or one of its summits, or that of a flat punch; the modulus is that at the duration of the
+    approach.
     """
     punch, law, load = scene.punch, law_of(scene.adhesion), scene.drive.preload
     if punch.pattern in ("sphere", "power"):
@@ -152,17 +152,17 @@ def overlap_share(scene: Scene) -> float:
         if math.isfinite(radius):
             depth = max(depth, float(hertz.indentation(load, radius, modulus)))
         size = min(limit, math.sqrt(radius * depth))
-        overlap = load / (math.pi * size**2) / law.stiffness
-        # The punch moves by both while the load is made.
+        overlap = load / (math.pi * size**2) / law.overlap_stiffness
+        # The punch moves by indentation and overlap.
         modulus = modulus_of(scene) * mean_kappa(scene, (depth + overlap) / scene.drive.speed)
     return overlap / (depth * softness_of_film(scene, size))
 
 
 def range_follows_the_grid(scene: Scene) -> bool:
-    """Whether the range of adhesion is the automatic one, which a finer grid makes shorter."""
+    """Whether the range of adhesion is automatic, so that it is shorter on a finer grid."""
     adhesion, grid, modulus = scene.adhesion, scene.grid, scene.substrate.contact_modulus
     q_ref = 2.0 * math.pi * grid.n / grid.length
-    own = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, q_ref)
+    own = range_by_rule(adhesion, modulus, adhesion.range_factor, q_ref)
     return math.isclose(own, adhesion.range, rel_tol=1e-9)
 
 
@@ -171,12 +171,12 @@ def softness_of_film(scene: Scene, size: float) -> float:
     substrate = scene.substrate
     if math.isinf(substrate.thickness):
         return 1.0
-    film = Film(substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base)
+    film = Film(substrate.youngs_modulus, substrate.poisson_ratio, substrate.thickness, substrate.base or BONDED)
     return float(film(1.0 / size, 0.0)) * substrate.contact_modulus / (2.0 * size)
 
 
 def mean_kappa(scene: Scene, time: float) -> float:
-    """E/E(0) of an indentation that takes so long [s]: the relaxation function, averaged over it."""
+    """E/E(0) for an indentation of this duration [s]: the mean of the relaxation function."""
     series = relaxation_of(scene)
     if not series.elements:
         return 1.0
@@ -185,17 +185,17 @@ def mean_kappa(scene: Scene, time: float) -> float:
 
 
 def image_stiffness(scene: Scene) -> float:
-    """Stiffness of a film under the scene's punch in a periodic cell, relative to that of a film without end.
+    """Stiffness of a film under the scene's punch in a periodic cell, relative to that of an infinite film.
 
-    Of a uniform pressure p on a disc of the contact's radius a, whose spectrum is 2 pi a p J_1(qa)/q: the mean
-    displacement of the disc is the sum (periodic) or the integral of G0 times its square.
+    For a uniform pressure p on a disc of the contact's radius a, with the spectrum 2 pi a p J_1(qa)/q, the mean
+    displacement of the disc is the sum (periodic) or the integral (infinite) of G0 times the square of the spectrum.
     """
     film, punch, length = compliance_of(scene), scene.punch, scene.grid.length
     radius = punch.radius
     if punch.pattern in ("sphere", "power"):
-        radius = min(radius, math.sqrt(punch.curvature_radius * depth_of(scene)))
+        radius = min(punch.outline, math.sqrt(punch.curvature_radius * depth_of(scene)))
 
-    # Not at the top: only checks of scenes with images need them.
+    # Not at the top, because only checks of scenes with images need them.
     from scipy.integrate import simpson
     from scipy.special import j1
 

@@ -1,4 +1,4 @@
-"""How long a scene's run is going to take on some ranks of this machine, and whether others would be better. No MPI."""
+"""Forecast of run times on several numbers of ranks of this machine. No MPI."""
 
 from __future__ import annotations
 
@@ -18,24 +18,26 @@ from .scaling import Problem
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
-CELL_PAIRS, BESIDE = 10.0, 0.14
-"""What a coarser grid takes for each pair on all points: as long as so many pairs of a run on a grid as fine as its cells, by
-one rank, as each rank has them all; and this share of the time that the pair itself takes. Fitted to tri-tack at n = 1024 and
-2048 on 1 and 2 ranks, where it is within 5 % of whole runs; 4 pairs are counted, and there are fewer pairs a step."""
+CELL_PAIRS = 10.0
+"""Time of the coarse grid for each pair on all points, in pairs of a run on a grid as coarse, on one rank (each rank
+solves the complete coarse problem). Fitted with BESIDE to tri-tack at n = 1024 and 2048 on 1 and 2 ranks, where it is
+within 5 % of whole runs. (4 pairs are counted, and there are fewer pairs per step.)"""
+BESIDE = 0.14
+"""Further time of the coarse grid, as a fraction of the time of the pair itself."""
 WORTH_TELLING = 1.1
-"""Another number of ranks is named where a run takes more than so many times as long as on that."""
+"""Another number of ranks is recommended if it is faster by more than this factor."""
 ROUGH = "a rough guess; `pgfmd bench ranks` measures this machine"
 
 
 def ranks_of(count: int) -> str:
-    """So many ranks, as a text."""
+    """A number of ranks as text."""
     return "1 rank" if count == 1 else f"{count} ranks"
 
 
 def run_times(scene: Scene, ranks: int) -> tuple[list[tuple[int, float, str]], list[str]]:
-    """(times, advice): times as (ranks, seconds, what is to be said of it), and remarks on the number of ranks.
+    """(times, advice): times as (ranks, seconds, note), and remarks on the number of ranks.
 
-    From the profile of this machine; where it has none, or not for such a scene, a guess for one rank alone.
+    From the profile of this machine; without a suitable profile, a guess for one rank.
     """
     effort, ahead = effort_of(scene), ahead_of(scene)
     guess = effort.seconds + sum(
@@ -55,13 +57,14 @@ def run_times(scene: Scene, ranks: int) -> tuple[list[tuple[int, float, str]], l
 
 
 def problem_of(scene: Scene, mirror: str | None = None) -> Problem:
-    """What a run of the scene shares out. mirror: the axes whose images it leaves out, those that it will find by default."""
+    """What a run of the scene shares out. mirror: the axes whose images it leaves out, those that it will find by
+    default."""
     points = points_of(scene, expected(scene).mirror if mirror is None else mirror)
     return Problem.of(points, transform_side(scene, points.nb, mirror=points.mirror), scene.solver.precision)
 
 
 def _not_measured(scene: Scene, profile: Profile) -> str:
-    """Why a profile tells nothing of such a scene; empty where it does."""
+    """Why a profile can't be used for such a scene; empty if it can."""
     if registry.scheme_of(scene).explicit:
         return "the machine is measured with implicit schemes only"
     if problem_of(scene).kind not in profile.costs:
@@ -77,7 +80,7 @@ def _by_profile(
     cells, others = coarser and problem_of(coarser), [(problem_of(coarse), wanted) for coarse, wanted in ahead]
 
     def more(count: int) -> float:
-        """What the coarser grid takes, and what is run ahead."""
+        """Time of the coarse grid and of coarse approaches."""
         taken = 0.0
         if cells and cells.kind in profile.costs:
             taken += BESIDE * (profile.run_seconds(problem, pairs, count) - profile.start_seconds(count))
@@ -96,7 +99,7 @@ def _by_profile(
     note = f"as measured here on {profile.measured}; as good as the number of pairs"
     most = f"the best number of ranks for it on this machine, out of 1 to {usable}"
     if ranks > usable:
-        # The model knows of no ranks that share cores, and of none that were not measured.
+        # The model does not include ranks that share cores, and more ranks than were measured.
         own = f"this process may use {cores()} core{'s' * (cores() > 1)}, and more ranks than that wait for each other"
         if ranks <= cores():
             own = f"what {ranks_of(ranks)} would take is not known, this machine was measured with {profile.most_ranks} at most"

@@ -1,8 +1,8 @@
-"""What more ranks make of a pair of transforms and of the work that goes with it: exact counts of what ranks pass to each
-other, and a model of the time. No MPI.
+"""Parallel scaling of a pair of transforms and of the work per pair: exact counts of communication, and a model of the
+time. No MPI.
 
-A step is made of pairs (transform.py) and, beside each, of pointwise work and of sums over all rows (grid.py). Between two
-meetings every rank waits for the slowest, so each part takes as long as on the rank with the largest share of it.
+A step consists of pairs (transform.py) and, for each pair, pointwise work and sums over all rows (grid.py). At each
+synchronisation every rank waits for the slowest, so each part takes as long as on the rank with the largest share.
 """
 
 from __future__ import annotations
@@ -16,24 +16,23 @@ import numpy as np
 from pgfmd.solver.grid import PunchPoints, share, shares_of_rows
 
 KINDS = 6
-"""Numbers a row that a sum brings to all ranks: those of an iteration of conjugate gradients."""
+"""Numbers per row in a sum over all ranks: those of an iteration of conjugate gradients."""
 
 SUMS = 3.0
-"""Sums over all rows that a run makes for each pair: 2.6 to 3.8 in tests of the shipped scenes, more of them where steps
-are short."""
+"""Number of sums over all rows per pair: 2.6 to 3.8 in runs of the shipped scenes, more for short steps."""
 
 
 PARTS_OF = {"": "whole", "x": "half", "xy": "quarter"}
-"""How much of a punch is stepped, by the axes of which mirror images are left out."""
+"""Part of the punch that is computed, by the axes of mirror symmetry."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is shared out.
+    """The data that are distributed over ranks.
 
-    side: points a side of the whole transform. rows: of points, those of mirror images left out, and `ends` (rows + 1,),
-    how many points there are before each of them, and in all. mirror: as of PunchPoints. precision: of the scene; in mixed
-    precision nearly all transforms are single, and count as such.
+    side: points per side of the whole transform. rows: number of rows of points, without mirror images. ends (rows +
+    1,): number of points before each row, and in total. mirror: as in PunchPoints. precision: of the scene; in mixed
+    precision nearly all transforms are single, and are counted as such.
     """
 
     side: int
@@ -44,7 +43,7 @@ class Problem:
 
     @classmethod
     def of(cls, points: PunchPoints, side: int, precision: str = "double") -> Problem:
-        """That of the points under a punch, as a single rank has them."""
+        """For the points under a punch, which are all on one rank."""
         return cls(side, points.rows, points.offset, points.mirror, precision)
 
     @property
@@ -70,11 +69,11 @@ class Problem:
 
     @property
     def most_ranks(self) -> int:
-        """So many ranks can have a pair of rows and a column each."""
+        """Largest number of ranks that have at least a pair of rows and a column each."""
         return min((self.rows + 1) // 2, self.columns)
 
     def shares(self, ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rows, columns and points of each of these ranks, (ranks,)."""
+        """Numbers of rows, columns and points of each rank, (ranks,)."""
         rows = np.array([size for _, size in shares_of_rows(self.rows, ranks)])
         columns = np.array([share(self.columns, ranks, rank)[1] for rank in range(ranks)])
         return rows, columns, np.diff(self.ends[np.cumsum(rows)], prepend=0)
@@ -82,11 +81,11 @@ class Problem:
 
 @dataclass(frozen=True)
 class Traffic:
-    """What a rank passes to others.
+    """Communication of a rank.
 
-    shared: bytes that it writes into the memory of other ranks of its node, or reads there. sent: bytes in messages to
-    other nodes, and how many `messages`. meetings: of the ranks of its node. gathers: collective calls in which one rank
-    a node takes part.
+    shared: bytes written to or read from memory of other ranks of its node. sent: bytes in messages to other nodes;
+    messages: their number. meetings: synchronisations of the ranks of its node. gathers: collective calls with one rank
+    per node.
     """
 
     shared: int = 0
@@ -97,12 +96,12 @@ class Traffic:
 
 
 def nodes_of(ranks: int, per_node: int) -> list[int]:
-    """The node of each rank, where nodes are filled one after another."""
+    """The node of each rank, if nodes are filled one after another."""
     return [rank // per_node for rank in range(ranks)]
 
 
 def traffic_of_pair(problem: Problem, nodes: Sequence[int], rank: int) -> Traffic:
-    """What a rank passes to others for one pair of transforms (node.Transposition).
+    """Communication of a rank for one pair of transforms (node.Transposition).
 
     nodes: that of each rank. There, its rows become others' columns; back, its columns become others' rows.
     """
@@ -111,7 +110,7 @@ def traffic_of_pair(problem: Problem, nodes: Sequence[int], rank: int) -> Traffi
     there, back = rows[rank] * columns, rows * columns[rank]
     mine = here.copy()
     mine[rank] = False
-    # In shared memory both ways are the rank's own: it writes its rows there, and reads them again.
+    # In shared memory a rank does both directions itself: it writes its rows, and reads them again.
     shared = 2 * int(there[mine].sum()) * problem.itemsize
     sent = int(there[~here].sum() + back[~here].sum()) * problem.itemsize
     messages = int((there[~here] > 0).sum() + (back[~here] > 0).sum())
@@ -119,7 +118,7 @@ def traffic_of_pair(problem: Problem, nodes: Sequence[int], rank: int) -> Traffi
 
 
 def traffic_of_sum(nodes: Sequence[int], rank: int) -> Traffic:
-    """What a rank passes to others for one sum over all rows (node.RowExchange), bytes left out: they are few."""
+    """Communication of a rank for one sum over all rows (node.RowExchange), without the few bytes."""
     here, several = sum(node == nodes[rank] for node in nodes), len(set(nodes)) > 1
     leads = rank == min(other for other, node in enumerate(nodes) if node == nodes[rank])
     meetings = (1 + several) if here > 1 else 0
@@ -141,11 +140,11 @@ class Costs:
     """What the work of one kind of problem costs on a machine, measured by benchmark/ranks.py.
 
     sizes: points a side, rising, for which one rank has been measured: `row` and `column`, seconds of the transforms of
-    one, both ways; and, with as many `points` on the rank, `point`, seconds for each point of the passes over the fields
-    that come with a sum. pair_overhead, sum_overhead [s]: of a pair's transforms, and of a sum with its passes, what no rank
-    takes off another. sums: over all rows, a pair. adding [s]: for each row in all and sum. crowding: by which factor work
-    takes longer where 1, 2, ... ranks of a node work side by side. meeting [s]: of two ranks; look [s]: for each further
-    rank. shared [s]: for each byte in the memory of another rank.
+    one, both ways; and, with as many `points` on the rank, `point`, seconds for each point of the passes over the
+    fields that come with a sum. pair_overhead, sum_overhead [s]: of a pair's transforms, and of a sum with its passes,
+    what no rank takes off another. sums: over all rows, a pair. adding [s]: for each row in all and sum. crowding: by
+    which factor work takes longer where 1, 2, ... ranks of a node work side by side. meeting [s]: of two ranks; look
+    [s]: for each further rank. shared [s]: for each byte in the memory of another rank.
     """
 
     sizes: tuple[int, ...]
@@ -178,21 +177,21 @@ class Costs:
 
 
 PARTS = ("rows", "columns", "pointwise", "overhead", "imbalance", "sums", "shared memory", "latency", "bandwidth")
-"""What the time of a pair is made of: work as on a rank with its fair share, and what is lost."""
+"""Parts of the time of a pair: work for an even distribution, and losses."""
 STRETCHES = ((0.5, 0.0, 0.4), (0.0, 1.0, 0.0), (0.5, 0.0, 0.1), (0.0, 0.0, 0.5))
-"""Shares of the transforms of rows, of columns, and of the pointwise work that are done from one meeting of all ranks to
-the next. Conjugate gradients turn their direction (12 vectors are read or written) before the rows are transformed, look
-at the result (3) after they have come back; all else comes with sums of its own."""
+"""Shares of the transforms of rows, of columns, and of the pointwise work that are done from one meeting of all ranks
+to the next. Conjugate gradients turn their direction (12 vectors are read or written) before the rows are transformed,
+look at the result (3) after they have come back; all else comes with sums of its own."""
 
 
 def pair_seconds(
     problem: Problem, ranks: int, costs: Costs, per_node: int | None = None, network: Network = Network(),
     shares: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
 ) -> dict[str, float]:  # fmt: skip
-    """Seconds of a pair with all that goes with it, by `PARTS`.
+    """Time [s] of a pair with all other work per pair, by `PARTS`.
 
-    per_node: ranks on a node, all of them if None. shares: rows, columns and points of each rank, if not as a run shares
-    them out.
+    per_node: ranks on a node, all of them if None. shares: rows, columns and points of each rank, if different from the
+    distribution of a run.
     """
     per_node = min(per_node or ranks, ranks)
     shares = shares or problem.shares(ranks)
@@ -201,12 +200,11 @@ def pair_seconds(
         costs.sums * costs.of_point(int(problem.ends[-1]) // ranks),
     )  # fmt: skip
     work = [costs.crowd(per_node) * seconds * counts for seconds, counts in zip(each, shares, strict=True)]
-    slowest = sum(
-        float(sum(share * part for share, part in zip(stretch, work, strict=True)).max()) for stretch in STRETCHES
-    )
+    stretches = [[share * part for share, part in zip(stretch, work, strict=True)] for stretch in STRETCHES]
+    slowest = sum([float(sum(parts[1:], start=parts[0]).max()) for parts in stretches])
     fair = [float(part.sum()) / ranks for part in work]
     nodes = nodes_of(ranks, per_node)
-    # The first rank has a row and a column more, where they don't divide.
+    # The first rank has one more row and column if there is a remainder.
     pair, one = traffic_of_pair(problem, nodes, 0), traffic_of_sum(nodes, 0)
     meeting = costs.meeting + (per_node - 2) * costs.look if per_node > 1 else 0.0
     sums, latency, bandwidth = _between_nodes(problem, shares, pair, per_node, network)
@@ -219,14 +217,14 @@ def pair_seconds(
 
 
 def _between_nodes(
-    problem: Problem, shares, pair: Traffic, per_node: int, network: Network
+    problem: Problem, shares: tuple[np.ndarray, np.ndarray, np.ndarray], pair: Traffic, per_node: int, network: Network
 ) -> tuple[float, float, float]:
-    """Seconds of a sum, and of a pair's messages by latency and by bandwidth, that nodes take."""
+    """Time [s] of communication between nodes: of a sum, and of a pair's messages, by latency and by bandwidth."""
     rows, columns, _ = shares
     count = -(-rows.size // per_node)
     if count == 1:
         return 0.0, 0.0, 0.0
-    # What a node sends, there and back; it receives as much at the same time.
+    # Bytes that a node sends, in both directions of the transposition; it receives as many at the same time.
     rows_here, columns_here = rows[:per_node].sum(), columns[:per_node].sum()
     sent = float(problem.itemsize) * (
         rows_here * (columns.sum() - columns_here) + columns_here * (rows.sum() - rows_here)
@@ -240,6 +238,6 @@ def total_seconds(
     problem: Problem, ranks: int, costs: Costs, per_node: int | None = None, network: Network = Network(),
     sums: float | None = None,
 ) -> float:  # fmt: skip
-    """Seconds of a pair in all. sums: over all rows that go with it, if not those of the costs."""
+    """Total time [s] of a pair. sums: number of sums over all rows per pair, if different from the costs."""
     costs = costs if sums is None else replace(costs, sums=sums)
     return sum(pair_seconds(problem, ranks, costs, per_node, network).values())

@@ -1,1 +1,1 @@
-"""A run and its machine: processes, signals, limits of time, the lock on a folder, and whether MPI works here."""
+"""The machine: MPI launchers, processes, signals, time limits, the lock of a folder, and the checks of `doctor`."""

@@ -1,4 +1,4 @@
-"""The batch job that this process belongs to, if there is one, and whether another one is over."""
+"""The batch job of this process, if there is one, and whether another job has ended."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import subprocess
 from dataclasses import dataclass
 
 ANSWER_WITHIN = 5.0
-"""Time [s] that a batch system gets to answer."""
+"""Time limit [s] for an answer of a batch system."""
 SLURM, PBS = "Slurm", "PBS"
 _VARIABLES = {
     SLURM: ("SLURM_JOB_ID", "SLURM_CLUSTER_NAME", "SLURM_RESTART_COUNT"),
@@ -16,17 +16,17 @@ _VARIABLES = {
     "LSF": ("LSB_JOBID", "LSF_CLUSTER_NAME", ""),
     "Grid Engine": ("JOB_ID", "SGE_CLUSTER_NAME", ""),
 }
-"""Where systems tell a job's id, its cluster, and how often it was requeued."""
+"""Environment variables with a job's id, its cluster, and how often it was requeued."""
 _OVER = {
     *("BOOT_FAIL", "CANCELLED", "COMPLETED", "DEADLINE", "FAILED", "NODE_FAIL", "OUT_OF_MEMORY", "PENDING"),
     *("PREEMPTED", "REVOKED", "TIMEOUT"),
 }
-"""States of a Slurm job in which none of its processes runs; a requeued one is pending."""
+"""States of a Slurm job without running processes; a requeued job is pending."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """A batch job. cluster: whose ids these are. restarts: how often it was requeued."""
+    """A batch job. cluster: the one that assigned the id. restarts: how often it was requeued."""
 
     system: str
     id: str
@@ -38,7 +38,7 @@ class Job:
 
 
 def this_job() -> Job | None:
-    """The job that this process runs in."""
+    """The job of this process; None if there is none."""
     for system, (name, cluster, restarts) in _VARIABLES.items():
         if os.environ.get(name):
             count = os.environ.get(restarts, "")
@@ -47,16 +47,16 @@ def this_job() -> Job | None:
 
 
 def _id(name: str) -> str:
-    """The number of this job; of a task of Slurm's arrays both of its numbers."""
-    # One task of an array has the number of the array, which stands for all its tasks where Slurm is asked.
+    """The id of this job; for a task of a Slurm array, array and task number."""
+    # One task of an array has the id of the array itself, with which Slurm would answer for all tasks.
     array, task = os.environ.get("SLURM_ARRAY_JOB_ID"), os.environ.get("SLURM_ARRAY_TASK_ID")
     return f"{array}_{task}" if name == "SLURM_JOB_ID" and array and task else os.environ[name]
 
 
 def is_over(job: Job) -> bool | None:
-    """Whether a job's processes are gone; None if that can't be told from here.
+    """Whether a job's processes have ended; None if that can't be determined here.
 
-    A job that was requeued since is over. Others are only known to Slurm, and only to that of their own cluster.
+    A job that was requeued since then has ended. For other jobs, Slurm of the same cluster is asked.
     """
     here = this_job()
     if here and (here.system, here.cluster, here.id) == (job.system, job.cluster, job.id):
@@ -70,15 +70,15 @@ def is_over(job: Job) -> bool | None:
 
 
 def _cluster() -> str:
-    """The name of the cluster that Slurm's commands talk to, where they are called outside of its jobs."""
+    """The name of the cluster of Slurm's commands, outside of jobs."""
     done = asked("scontrol", "show", "config")
     match = re.search(r"^ClusterName\s*=\s*(\S+)", done.stdout, re.MULTILINE) if done else None
     return match[1] if match else ""
 
 
 def asked(*command: str, **more: str) -> subprocess.CompletedProcess | None:
-    """A batch system's answer to a command; None if there is none in time."""
-    # With these, users tell squeue to show other things than it is asked for.
+    """A batch system's answer to a command; None if there is none within the time limit."""
+    # These variables of users change the output of squeue.
     plain = {name: value for name, value in os.environ.items() if not name.startswith("SQUEUE_")}
     try:
         return subprocess.run(

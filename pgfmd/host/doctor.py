@@ -1,8 +1,8 @@
-"""Is this machine ready? One line a check, with the cure where it fails. FAIL: no run, or none under mpirun, works;
-NOTE: runs work, but lack something.
+"""Checks whether runs work on this machine. One line per check, with a remedy if it fails. FAIL: no run works, or none
+under mpirun. NOTE: runs work, but something is missing.
 
-MPI is started in child processes only, under a hard time limit: a broken MPI must not take the doctor with it.
-`python -m pgfmd.host.doctor FILE` is such a child.
+MPI is only started in child processes with a hard time limit, so that a broken MPI can't stop the other checks.
+`python -m pgfmd.host.doctor FILE` is such a child process.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .ranks import Lack, Trouble, launcher, library_of, maker_of, mpi_of_launche
 _LEAST_PYTHON = (3, 11)
 _LARGEST_ERROR = 1e-12
 _KERNEL_BYTES = 2**20
-"""More than a compiled kernel takes."""
+"""Upper bound of the size of a compiled kernel [bytes]."""
 _PACKAGES = {
     "NumPy": "numpy scipy", "numba": "numba llvmlite", "compiled kernels": "numba llvmlite", "MPI": "mpi4py",
     "mpirun": "mpi4py", "FFTW": "mpi4py-fft", "parallel HDF5": "h5py", "transform": "mpi4py-fft",
@@ -34,7 +34,7 @@ _REINSTALL_H5PY = "build h5py with MPI: HDF5_MPI=ON CC=mpicc pip install --no-bi
 
 @dataclass(frozen=True)
 class Finding:
-    """The outcome of a check: its name, whether runs work, what was found, and the cure if something is amiss."""
+    """The result of a check: its name, whether runs work, what was found, and a remedy if there is a problem."""
 
     name: str
     fine: bool
@@ -156,7 +156,7 @@ def _try_mpirun() -> None:
     if path is None:
         cure = "install MPI's programs (Debian: openmpi-bin), or load its module"
         raise Lack("neither mpirun nor mpiexec is on PATH: runs on one rank only", cure)
-    # One write each: two processes that print may mix up their lines.
+    # A single write, because lines of two processes may be mixed up otherwise.
     probe = "import os; from mpi4py import MPI; os.write(1, b'%d\\n' % MPI.COMM_WORLD.size)"
     own, theirs = mpi_of_mpi4py(), mpi_of_launcher(path)
     try:
@@ -171,7 +171,7 @@ def _try_mpirun() -> None:
 
 
 def _transform() -> str:
-    # What is wrong with mpirun is said in its own line; what runs on one rank need is another matter.
+    # Problems of mpirun have their own line; this one is about runs on one rank.
     path, ranks = (launcher(), "2 ranks") if _trouble_with_mpirun() is None else (None, "1 rank")
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder, "probe.json")
@@ -206,7 +206,7 @@ CHECKS: dict[str, Callable[[], str]] = {
 
 
 def _probe(target: Path) -> None:
-    """What the two ranks do: convolve a random traction and compare with NumPy's transform of the whole plane."""
+    """The test on two ranks: convolves a random traction, and compares with NumPy's transform of the whole plane."""
     import numpy as np
     from mpi4py import MPI
 

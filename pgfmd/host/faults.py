@@ -1,4 +1,4 @@
-"""Errors that nobody expected: one message where it is the system that refuses, else one block to report. No MPI."""
+"""Unexpected errors: one message if the system is the cause, else one block to be reported. No MPI."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from pathlib import Path
 
 LIBRARIES = ("pgfmd", "numpy", "scipy", "numba", "mpi4py", "mpi4py-fft", "h5py", "matplotlib")
 FIRST_TURN = 2.0
-"""Time [s] that rank 1 waits before it tells of a fault; rank 0 does not wait. When a rank ends the job, Open MPI's
+"""Time [s] that rank 1 waits before it reports an error; rank 0 does not wait. When a rank ends the job, Open MPI's
 mpirun sends TERM to the others a second later."""
 TURN = 0.2
-"""Time [s] that each further rank waits longer."""
+"""Additional waiting time [s] of each further rank."""
 LAST_TURN = 4.0
-"""Time [s] that any rank waits at most."""
+"""Longest waiting time [s] of any rank."""
 
 _command: list[str] | None = None
 
 
 def expect(arguments: list[str]) -> None:
-    """From here on the process is `pgfmd` with these arguments: an error that nothing catches is a fault of ours."""
+    """Declares that this process is `pgfmd` with these arguments, so that an uncaught error is an error in pgfmd."""
     global _command
     _command = arguments
 
 
 def describe(error: BaseException, rank: int = 0, ranks: int = 1) -> str:
-    """What a user is told of an error. In a program of somebody else's: its traceback."""
+    """The message for an error. In a program of a user: the traceback."""
     told = system_message(error)
     if told:
         return told
@@ -43,7 +43,7 @@ def describe(error: BaseException, rank: int = 0, ranks: int = 1) -> str:
 
 
 def system_message(error: BaseException) -> str:
-    """What is wrong where it is the system that refuses, or the installation; empty where it is something else."""
+    """The message for an error of the system or the installation; empty for any other error."""
     if isinstance(error, MemoryError):
         detail = f" ({error})" if str(error) else ""
         cure = "take a smaller grid, or ranks on more nodes; `pgfmd check` estimates it"
@@ -57,20 +57,21 @@ def system_message(error: BaseException) -> str:
 
 
 def exit_code(error: BaseException) -> int:
-    """Of a process that ends with an error that nobody expected."""
+    """Exit code of a process that ends with an unexpected error."""
     if not system_message(error):
         return 1
     return 3 if isinstance(error, MemoryError) else 4 if isinstance(error, OSError) else 1
 
 
 def take_turn(rank: int) -> None:
-    """Waits so that of several ranks with a fault one speaks: it ends the job before the next one's turn."""
+    """Waits so that only one of several ranks with an error reports it: that rank ends the job before the next one's
+    turn."""
     if rank:
         time.sleep(min(FIRST_TURN + TURN * (rank - 1), LAST_TURN))
 
 
 def _address() -> str:
-    """Where to report."""
+    """The address for reports."""
     try:
         urls = importlib.metadata.metadata("pgfmd").get_all("Project-URL") or []
     except importlib.metadata.PackageNotFoundError:

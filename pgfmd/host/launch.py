@@ -1,10 +1,10 @@
-"""Starting and ending under MPI: does mpirun belong to our MPI, and a fault on one rank ends the whole job.
+"""Starting and ending under MPI: checks that mpirun belongs to our MPI; an error on one rank ends the whole job.
 
     comm = launch.world()
     with launch.guarded(comm):
         ...                       # what every rank does
 
-MPI is only loaded by `world`. From then on an error on one rank ends the job, also outside of `guarded`.
+Only `world` loads MPI. From then on an error on one rank ends the job, also outside of `guarded`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from pgfmd.errors import WRITTEN_IS_VALID, LaunchError, PgfmdError
 
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 PATIENCE = 5.0
-"""Time [s] that a rank with an error waits for the others to have it too, before it ends the job."""
+"""Time [s] that a rank with an error waits for the others to have the same error, before it ends the job."""
 
 
 class RelayedError(PgfmdError):
-    """An error of rank 0, on the other ranks."""
+    """Raised on the other ranks for an error of rank 0."""
 
     def __init__(self, message: str, exit_code: int):
         super().__init__(message)
@@ -48,8 +48,8 @@ class RelayedError(PgfmdError):
 def world() -> Intracomm:
     """MPI's communicator of all ranks. Raises LaunchError if the launcher started more processes than MPI sees.
 
-    From here on no rank outlives its launcher; and an exception that nothing catches, or a sys.exit with another code
-    than 0, ends all ranks if it does not come on all of them.
+    After this call, no rank survives its launcher. An uncaught exception, or a sys.exit with a code other than 0, ends
+    all ranks unless it happens on all of them.
     """
     processes, _ = launched()
     if is_launched():
@@ -70,9 +70,9 @@ def world() -> Intracomm:
 
 
 def communicator(comm: Intracomm | None, what: str) -> Intracomm:
-    """A communicator for a function of the Python interface: the one given, or of this process alone.
+    """The communicator for a function of the Python interface: the given one, or one of this process alone.
 
-    Raises LaunchError where several processes were started, and it is not said whether they work together.
+    Raises LaunchError if several processes were started and no communicator is given.
     """
     if comm is not None:
         return comm
@@ -88,7 +88,7 @@ def communicator(comm: Intracomm | None, what: str) -> Intracomm:
 
 
 def on_first(comm: Intracomm, action: Callable[[], Any]) -> Any:
-    """The result of `action` on rank 0, on every rank; a PgfmdError of it is one on every rank. Collective."""
+    """The result of `action` on rank 0, on every rank. A PgfmdError is raised on every rank. Collective."""
     result, failure = None, None
     if comm.rank == 0:
         try:
@@ -96,7 +96,7 @@ def on_first(comm: Intracomm, action: Callable[[], Any]) -> Any:
         except PgfmdError as error:
             failure = error
     if comm.size > 1:
-        # Of objects of any size: MPI's own broadcast refuses more than 2 GiB, on rank 0 alone.
+        # For objects of any size: MPI's own broadcast refuses more than 2 GiB, on rank 0 alone.
         from mpi4py.util import pkl5
 
         comm = pkl5.Intracomm(comm)
@@ -109,20 +109,20 @@ def on_first(comm: Intracomm, action: Callable[[], Any]) -> Any:
 
 
 def listen() -> None:
-    """From here on USR1, USR2 and XCPU end no process. What comes before a run can answer it (stop_signals.py) is
-    remembered; what comes after it, when there is nothing left to stop or save, is not heeded."""
+    """After this call, USR1, USR2 and XCPU do not end the process. Signals before the start of a run (stop_signals.py)
+    are remembered. Signals after its end are ignored, because there is nothing to stop or save."""
     if threading.current_thread() is threading.main_thread():
         for number in _REMEMBERED:
             signal.signal(number, lambda number, frame: _early.append(number))
 
 
 def is_ignored(number: int) -> bool:
-    """Whether the caller has this signal ignored, as nohup does."""
+    """Whether the caller has set this signal to be ignored, like nohup."""
     return signal.getsignal(number) == signal.SIG_IGN
 
 
 def take_early() -> list[int]:
-    """The signals that have come since `listen`, or since this was last asked."""
+    """The signals received since `listen`, or since the last call."""
     found = _early[:]
     _early.clear()
     return found
@@ -133,7 +133,7 @@ _REMEMBERED = (signal.SIGUSR1, signal.SIGUSR2, signal.SIGXCPU)
 
 
 class _Exit(SystemExit):
-    """What sys.exit raises. Keeps track of whether it ends the process, or something has caught it."""
+    """Raised by sys.exit. Records whether it ends the process, or was caught."""
 
     leaving: _Exit | None = None
 
@@ -142,21 +142,21 @@ class _Exit(SystemExit):
         self.stack = "".join(traceback.format_stack()[:-2])
 
     @property
-    def code(self) -> object:
+    def code(self) -> Any:  # type: ignore[override]
         if sys._getframe().f_back is None:
-            # Nobody's frame: it is the interpreter that asks, on its way out.
+            # Without a calling frame it is the interpreter that asks, at exit.
             _Exit.leaving = self
         return None if not self.args else self.args[0] if len(self.args) == 1 else self.args
 
 
-def _exit(status: object = None) -> None:
+def _exit(status: object = None) -> NoReturn:
     raise _Exit(status)
 
 
 def _watch_for_faults(MPI: ModuleType) -> None:
-    """Makes errors, and exits that tell of one, end all ranks. MPI itself would wait for the others, without an end.
+    """Makes errors, and exits with an error code, end all ranks. MPI itself would wait for the others for ever.
 
-    An exit with 0 is no fault: ranks may be done earlier than others.
+    An exit with code 0 is not an error: ranks may finish earlier than others.
     """
     if sys.exit is _exit:
         return
@@ -183,10 +183,11 @@ def _watch_for_faults(MPI: ModuleType) -> None:
             on_error(found.exc_type, found.exc_value, found.exc_traceback)
 
     def at_end() -> None:
-        code = _Exit.leaving.code if _Exit.leaving else 0
-        if code in (0, None) or MPI.Is_finalized() or os.getpid() != process or _all_here(comm):
+        leaving = _Exit.leaving
+        code = leaving.code if leaving else 0
+        if leaving is None or code in (0, None) or MPI.Is_finalized() or os.getpid() != process or _all_here(comm):
             return
-        abort("exit", f"exit code {code}, from\n{_Exit.leaving.stack}", code if isinstance(code, int) else 1)
+        abort("exit", f"exit code {code}, from\n{leaving.stack}", code if isinstance(code, int) else 1)
 
     sys.excepthook, threading.excepthook, sys.exit = on_error, on_error_in_thread, _exit
     atexit.register(at_end)
@@ -194,11 +195,11 @@ def _watch_for_faults(MPI: ModuleType) -> None:
 
 @contextmanager
 def guarded(comm: Intracomm) -> Iterator[None]:
-    """Around what all ranks do: whatever ends it on one of them ends the job, within seconds.
+    """A context for collective work: an exception on one rank ends the whole job within seconds.
 
-    A PgfmdError that every rank has ends in one message and SystemExit with its exit code. One that a single rank has,
-    and any other exception, SystemExit included, is reported with its rank and aborts MPI. Ctrl-C and TERM end in a
-    message and exit code 130 (mpirun may turn it into its own); HUP likewise, unless it is ignored.
+    A PgfmdError on all ranks is printed once, and raises SystemExit with its exit code. A PgfmdError on some ranks, and
+    any other exception including SystemExit, is reported with its rank and aborts MPI. Ctrl-C and TERM print a message
+    and end with exit code 130 (mpirun may replace it by its own); so does HUP, unless it is ignored.
     """
     listen()
     alone = comm.size == 1
@@ -208,7 +209,7 @@ def guarded(comm: Intracomm) -> Iterator[None]:
     try:
         yield
     except PgfmdError as error:
-        if alone or _all_here(meeting):
+        if meeting is None or _all_here(meeting):
             if comm.rank == 0:
                 complain(error)
             raise SystemExit(error.exit_code) from None
@@ -230,8 +231,8 @@ def guarded(comm: Intracomm) -> Iterator[None]:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
-        # Not put back: the same signal may come twice, and must not end a run that has just been stopped by it. And not
-        # left to a handler: on its way out, Python puts the default in the place of those.
+        # The handlers are not restored, because the same signal may come twice and must not end a run that it has just
+        # stopped. They are set to ignore, because Python resets its own handlers to the default at exit.
         for number in (*_REMEMBERED, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
     if meeting is not None:
@@ -242,13 +243,14 @@ _INTERRUPTION = f"interrupted. {WRITTEN_IS_VALID}"
 
 
 def _stopper(comm: Intracomm) -> Callable[[int, Any], None]:
-    """What to do on Ctrl-C: alone, unwind; among ranks there is no way to unwind together, so end the job."""
+    """The handler of Ctrl-C: raises KeyboardInterrupt on a single rank; several ranks can't unwind together, so ends
+    the job."""
 
     def stop(number: int, frame: Any) -> None:
         if comm.size == 1:
             raise KeyboardInterrupt
         if comm.rank:
-            # Rank 0 speaks, and its abort ends this rank too.
+            # Rank 0 prints the message, and its abort ends this rank as well.
             time.sleep(PATIENCE)
         complain(_INTERRUPTION)
         comm.Abort(INTERRUPTED)
@@ -257,9 +259,9 @@ def _stopper(comm: Intracomm) -> Callable[[int, Any], None]:
 
 
 def _all_here(meeting: Intracomm) -> bool:
-    """Whether every rank comes here within PATIENCE.
+    """Whether every rank arrives here within PATIENCE.
 
-    On MPI's own communicator too, in the middle of other calls: if not all ranks come, the job ends anyway.
+    This may use MPI's world communicator in the middle of other calls: if not all ranks arrive, the job ends anyway.
     """
     request = meeting.Ibarrier()
     latest = time.monotonic() + PATIENCE

@@ -1,4 +1,4 @@
-"""What starts MPI ranks: how a process knows that a launcher has started it, and what it must not pass on. No MPI."""
+"""MPI launchers: whether one has started this process, and which variables must not be passed to another. No MPI."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ COUNTS = (
     ("MV2_COMM_WORLD_SIZE", "MV2_COMM_WORLD_RANK"),
     ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID"),
 )
-"""Variables in which launchers tell a process how many there are, and which one it is."""
+"""Variables in which launchers give the number of processes and the rank."""
 LEFT_BEHIND = (
     "OMPI_COMM_", "OMPI_APP_CTX_", "OMPI_FILE_LOCATION", "OMPI_UNIVERSE_SIZE", "OMPI_COMMAND", "OMPI_ARGV",
     "OMPI_NUM_APP_CTX", "OMPI_FIRST_RANKS", "OMPI_MCA_ess", "OMPI_MCA_initial_wdir", "OMPI_MCA_orte_ess_",
@@ -20,12 +20,12 @@ LEFT_BEHIND = (
     "OMPI_MCA_orte_precondition_transports", "OMPI_MCA_pmix", "OMPI_MCA_shmem_RUNTIME_QUERY_hint", "ORTE_", "PRTE_",
     "PMIX_", "PMI_", "HYDRA_", "HYDI_",
 )  # fmt: skip
-"""How variables begin that a launcher, or a process that has begun with MPI by itself, gives to what it starts, and that
-a launcher within it must not see. Settings of a user's own (`OMPI_MCA_...`) are not among them."""
+"""Prefixes of variables that a launcher, or a process that has initialised MPI, passes to its children, and that a
+launcher started by these must not see. Settings of users (`OMPI_MCA_...`) are not among them."""
 
 
 def launched() -> tuple[int, int]:
-    """(processes, rank) as the launcher's environment tells; (1, 0) where there is none."""
+    """(number of processes, rank) from the launcher's variables; (1, 0) without a launcher."""
     for size, rank in COUNTS:
         if os.environ.get(size, "").isdecimal() and os.environ.get(rank, "0").isdecimal():
             return int(os.environ[size]), int(os.environ.get(rank, "0"))
@@ -33,10 +33,10 @@ def launched() -> tuple[int, int]:
 
 
 def is_launched() -> bool:
-    """Whether a launcher has started this process, be it alone."""
+    """Whether a launcher has started this process, even if it is a single one."""
     return any(size in os.environ for size, _ in COUNTS)
 
 
 def environment_without() -> dict[str, str]:
-    """This process's environment, for a launcher that it starts itself."""
+    """This process's environment without those variables, for a launcher that it starts."""
     return {name: value for name, value in os.environ.items() if not name.startswith(LEFT_BEHIND)}

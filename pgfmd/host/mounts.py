@@ -1,4 +1,4 @@
-"""Whether `flock` on a file is seen by all who can open it, or only by those on the same host."""
+"""Whether `flock` on a file works across hosts, or only on the same host."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _MOUNTS = Path("/proc/self/mountinfo")
 
 
 def has_common_locks(folder: Path, mounts: str | None = None) -> bool:
-    """Whether a lock on a file in this folder would be seen wherever the folder is; False if that isn't known.
+    """Whether a lock on a file in this folder is visible everywhere the folder is; False if unknown.
 
-    mounts: text of /proc/self/mountinfo (proc(5)), which is read by default. A local file system has one kernel, also
-    where containers go by different host names. NFS keeps locks on its server unless it was mounted otherwise.
+    mounts: text of /proc/self/mountinfo (proc(5)), which is read by default. A local file system belongs to one kernel,
+    even if containers have different host names. NFS keeps locks on its server unless mount options disable this.
     """
     if mounts is None:
         try:
-            # As paths are, whatever the locale says.
+            # Decoded like paths, independent of the locale.
             mounts = os.fsdecode(_MOUNTS.read_bytes())
         except OSError:
             return False
@@ -38,10 +38,10 @@ def _mount_of(folder: str, mounts: str) -> tuple[str, set[str]]:
         first, _, last = (part.split() for part in line.partition(" - "))
         if len(first) < 6 or len(last) < 3:
             continue
-        # Blanks in paths are written in octal.
+        # Blanks in paths are written as octal escapes.
         point = re.sub(r"\\([0-7]{3})", lambda match: chr(int(match[1], 8)), first[4])
         inside = folder == point or folder.startswith(point.rstrip("/") + "/")
-        # Of several mounts on one point the last counts.
+        # Of several mounts on one point, the last one is effective.
         if inside and len(point) >= len(longest):
             longest, kind, options = point, last[0], {*first[5].split(","), *last[2].split(",")}
     return kind, options

@@ -1,4 +1,4 @@
-"""Processes of the operating system: is this one still alive, and how a rank ends with the launcher that started it."""
+"""Processes of the operating system: whether one is still alive, and ending a rank together with its launcher."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _SET_DEATH_SIGNAL = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
 _LIBC = ctypes.CDLL(None) if sys.platform.startswith("linux") else None
 BUSY = 0.5
-"""Processes that run at a time, on average, from which on a machine is not idle."""
+"""Load average from which on a machine is not idle."""
 
 
 @dataclass(frozen=True)
 class Process:
-    """A process, told apart from a later one with its number.
+    """A process. Its start time distinguishes it from a later process with the same number.
 
-    started: in ticks of the machine's clock since it was started; boot: which start of the machine that was. Both are
-    empty where the system has no /proc.
+    started: in clock ticks since the machine was booted; boot: id of this boot. Both are empty on systems without
+    /proc.
     """
 
     host: str
@@ -37,25 +37,25 @@ class Process:
 
     @classmethod
     def this(cls) -> Process:
-        """The process that asks."""
+        """The present process."""
         return cls(socket.gethostname(), os.getpid(), _start_of(os.getpid())[1], _boot())
 
     def is_alive(self) -> bool | None:
-        """Whether it still runs; None for one on another host."""
+        """Whether it is still running; None for a process on another host."""
         if self.host != socket.gethostname():
             return None
         if self.pid <= 0 or (self.boot and self.boot != _boot()):
             return False
         state, started = _start_of(self.pid)
         if started is not None:
-            # A zombie runs no more: its parent has only not asked for its exit code.
+            # A zombie has ended; its parent has not yet read its exit code.
             return state not in "ZX" and self.started in (None, started)
         try:
             os.kill(self.pid, 0)
         except ProcessLookupError:
             return False
         except (PermissionError, OverflowError):
-            # Somebody else's, which some systems hide in /proc.
+            # A process of another user, which some systems hide in /proc.
             return self.pid < 2**31
         return True
 
@@ -68,19 +68,19 @@ def _boot() -> str:
 
 
 def _start_of(pid: int) -> tuple[str, int | None]:
-    """(state, start) of a process as /proc has them; ("", None) if it has not."""
+    """(state, start) of a process from /proc; ("", None) if not available."""
     with contextlib.suppress(OSError, ValueError, IndexError):
-        # The name, in brackets, may hold anything.
+        # The name, in brackets, may contain anything.
         fields = (_PROC / str(pid) / "stat").read_text(errors="replace").rpartition(")")[2].split()
         return fields[0], int(fields[19])
     return "", None
 
 
 def end_with_launcher() -> None:
-    """Has the kernel kill this process when the launcher that started it dies: it must not go on alone.
+    """Makes the kernel kill this process when its launcher dies, so that it does not continue alone.
 
-    Only where its parent is a launcher: what a shell has started may outlive it (nohup). Only on Linux. OpenMPI's ranks
-    end by themselves within a few seconds when mpirun is gone, those of other MPIs may not.
+    Only if the parent is a launcher, because a process started by a shell may survive it (nohup). Only on Linux. Ranks
+    of OpenMPI end by themselves within a few seconds after mpirun; those of other MPIs may not.
     """
     parent = os.getppid()
     try:
@@ -88,12 +88,12 @@ def end_with_launcher() -> None:
     except OSError:
         return
     if any(part in name for part in PROGRAMS) and signal_at_end_of_parent(signal.SIGKILL) and os.getppid() != parent:
-        # It died in between.
+        # The launcher died in between.
         os.kill(os.getpid(), signal.SIGKILL)
 
 
 def signal_at_end_of_parent(number: int) -> bool:
-    """Asks the kernel for a signal to this process when its parent dies; whether it will send one. Only Linux does.
+    """Makes the kernel send a signal to this process when its parent dies; returns whether that works (Linux only).
 
     May be called between fork and exec.
     """
@@ -102,13 +102,13 @@ def signal_at_end_of_parent(number: int) -> bool:
 
 
 def load() -> float:
-    """How many processes run on this machine at a time, on average over the last minute; 0 where it is idle (`BUSY`)."""
+    """Load average of this machine over the last minute; 0 if it is idle (`BUSY`)."""
     found = os.getloadavg()[0]
     return found if found > BUSY else 0.0
 
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """Number of cores that this process may use."""
     return len(cores_of())
 
 

@@ -1,4 +1,4 @@
-"""Launchers and what ranks do under them, for the doctor: whose MPI an mpirun is, and Python on two ranks of it."""
+"""Checks of launchers for `doctor`: to which MPI an mpirun belongs, and Python on two ranks."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from types import ModuleType
 
 from .launchers import environment_without
 
 TIME_LIMIT = 60.0
-"""Time [s] that anything may take."""
+"""Time limit [s] of every check."""
 _MAKERS = {
     "Open MPI": ("Open MPI", "OpenRTE", "PRRTE"), "Intel MPI": ("Intel",), "MVAPICH": ("MVAPICH",),
     "MPICH": ("MPICH", "HYDRA"),
 }  # fmt: skip
-"""Makers of MPIs, and words by which their libraries and launchers give themselves away."""
+"""MPI implementations, and words by which their libraries and launchers are recognised."""
 
 
 class Trouble(Exception):
-    """A check that failed: what is wrong, and a cure."""
+    """A failed check: what is wrong, and a remedy."""
 
     stops = True
 
@@ -31,23 +32,23 @@ class Trouble(Exception):
 
 
 class Lack(Trouble):
-    """Something without which runs work, if less well."""
+    """Something is missing that runs can do without."""
 
     stops = False
 
 
 def launcher() -> str | None:
-    """The path of mpirun, or of mpiexec; None where neither is there."""
+    """The path of mpirun or mpiexec; None if there is neither."""
     return shutil.which("mpirun") or shutil.which("mpiexec")
 
 
-def library_of(mpi) -> str:
-    """Maker and version of an MPI library."""
+def library_of(mpi: ModuleType) -> str:
+    """Name and version of an MPI library."""
     return mpi.Get_library_version().splitlines()[0].split(",")[0].strip("\0 ")
 
 
 def mpi_of_mpi4py() -> str:
-    """Maker and version of the MPI that mpi4py uses."""
+    """Name and version of the MPI that mpi4py uses."""
     import mpi4py
 
     mpi4py.rc.initialize = False
@@ -57,7 +58,7 @@ def mpi_of_mpi4py() -> str:
 
 
 def mpi_of_launcher(path: str) -> str:
-    """Maker and version of an mpirun, as it says itself."""
+    """Name and version of an mpirun, from its own output."""
     try:
         done = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=TIME_LIMIT, errors="replace")
     except (OSError, subprocess.SubprocessError):
@@ -68,14 +69,14 @@ def mpi_of_launcher(path: str) -> str:
 
 
 def maker_of(text: str) -> str:
-    """Whose MPI a text is about; empty where that is not known."""
+    """The MPI implementation that a text is about; empty if unknown."""
     return next((maker for maker, words in _MAKERS.items() if any(word in text for word in words)), "")
 
 
 def on_ranks(path: str | None, arguments: list[str], count: int = 2, limit: float = TIME_LIMIT) -> str:
-    """Standard output of Python on `count` ranks under this mpirun, on one without. Raises Trouble if that fails or takes
-    longer than `limit` [s]. Python does not look for modules in the current folder: a numpy.py there is no matter of
-    ours."""
+    """Standard output of Python on `count` ranks under this mpirun, or on one rank without mpirun. Raises Trouble if it
+    fails or takes longer than `limit` [s]. Modules are not imported from the current folder, which may have a numpy.py
+    of the user."""
     environment = environment_without() | {
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
@@ -98,7 +99,7 @@ def on_ranks(path: str | None, arguments: list[str], count: int = 2, limit: floa
                 "check mpirun's network settings and host names",
             ) from None
         except BaseException:
-            # In a session of its own, it does not hear of Ctrl-C.
+            # In a session of its own, it does not receive Ctrl-C.
             _end(process)
             raise
         output.seek(0)
@@ -111,7 +112,7 @@ def on_ranks(path: str | None, arguments: list[str], count: int = 2, limit: floa
 
 
 def _gist(complaint: str) -> str:
-    """The line that says most: what a traceback ends in, else the first one."""
+    """The most informative line: the last line of a traceback, else the first line."""
     lines = [line.strip() for line in complaint.splitlines() if line.strip(" -")]
     if any(line.startswith("Traceback") for line in lines):
         start = next(k for k, line in enumerate(lines) if line.startswith("Traceback"))
@@ -121,7 +122,7 @@ def _gist(complaint: str) -> str:
 
 
 def _end(process: subprocess.Popen) -> None:
-    """Ends mpirun, which then ends its ranks; the hard way if it does not."""
+    """Ends mpirun, which then ends its ranks; kills it if that fails."""
     process.terminate()
     try:
         process.wait(timeout=5.0)

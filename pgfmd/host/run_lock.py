@@ -1,8 +1,9 @@
-"""One run at a time in a results folder: the file `run.lock` there, which says whose run it is. No MPI; for rank 0.
+"""The file `run.lock`, which allows only one run at a time in a results folder. No MPI; for rank 0.
 
-A lock is written aside and linked to its name, so nobody sees half of it. Besides, its file stays open and locked
-(`flock`) as long as the process lives, where the file system can do that: the kernel lets go when the process dies. A
-lock whose run is gone is stale. It is replaced by a rename, by who holds its `flock`: of several newcomers one wins.
+A lock is written to a temporary file and linked to its name, so that nobody sees an incomplete one. In addition the
+file stays open and locked (`flock`) while the process lives, if the file system supports it; the kernel releases it
+when the process dies. The lock of a dead run is stale. It is replaced by a rename, by the process that holds its
+`flock`, so that only one of several processes succeeds.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ from .processes import Process
 
 LOCK_FILE = "run.lock"
 _MEETING = 2.0
-"""Time [s] that a newcomer gives another one to finish taking over a stale lock."""
+"""Time [s] that a process waits for another one to finish taking over a stale lock."""
 _SETTLING = 1.0
-"""Time [s] after which, where there is no `flock`, the last newcomer to have replaced a stale lock has won."""
+"""Time [s] after which, without `flock`, the last process that replaced a stale lock owns it."""
 
 
 @dataclass(frozen=True)
 class Holder:
-    """Whose lock it is. job: "Slurm job 4711", or "". since: local time, as text. alive: None if it can't be told."""
+    """The owner of a lock. job: "Slurm job 4711", or "". since: local time as text. alive: None if unknown."""
 
     host: str
     pid: int
@@ -54,10 +55,10 @@ class Holder:
 
 
 class RunLock:
-    """The lock on a results folder that this process holds.
+    """The lock of a results folder, held by this process.
 
     Attributes:
-        recovered: "", or a line that says whose stale lock was taken over.
+        recovered: "", or a line about the stale lock that was taken over.
     """
 
     def __init__(self, path: Path, descriptor: int, recovered: str):
@@ -67,10 +68,10 @@ class RunLock:
 
     @classmethod
     def acquire(cls, folder: Path, ranks: int) -> RunLock:
-        """Lock a folder for a run on so many ranks.
+        """Locks a folder for a run on this number of ranks.
 
         Raises:
-            ResultError: if another run holds it, or may hold it; if the lock can't be written.
+            ResultError: if another run holds the lock, or may hold it; if the lock can't be written.
         """
         path = Path(folder) / LOCK_FILE
         aside = unfinished_beside(path)
@@ -94,8 +95,8 @@ class RunLock:
         return cls(path, descriptor, recovered)
 
     def require_held(self) -> None:
-        """ResultError if the folder of this name is no longer the one that was locked: it may be another run's by now.
-        OSError if that can't be told."""
+        """Raises ResultError if the folder of this name is not the locked one any more: it may belong to another run.
+        Raises OSError if this can't be determined."""
         if not _is_at(self._descriptor, self._path):
             folder, now = self._path.parent, name_of_folder(self._place)
             there = f"its {LOCK_FILE} is another one's" if os.path.lexists(self._path) else f"there is no {LOCK_FILE}"
@@ -107,10 +108,10 @@ class RunLock:
             )
 
     def release(self) -> None:
-        """Remove the lock if it is still this one; never raises."""
+        """Removes the lock if it still belongs to this process; never raises."""
         if self._descriptor < 0 or self._owner != os.getpid():
             return
-        # In a folder that was renamed it is still this one, too.
+        # This also works if the folder was renamed.
         now = name_of_folder(self._place)
         for path in (self._path, *([now / LOCK_FILE] if now else [])):
             with contextlib.suppress(OSError):
@@ -123,7 +124,7 @@ class RunLock:
 
 
 def holder(folder: Path) -> Holder | None:
-    """Whose run is in a folder; None if there is no lock. OSError if it can't be read."""
+    """The owner of the lock in a folder; None if there is no lock. Raises OSError if it can't be read."""
     try:
         descriptor = open_regular(Path(folder) / LOCK_FILE, os.O_RDONLY)
     except FileNotFoundError:
@@ -135,7 +136,7 @@ def holder(folder: Path) -> Holder | None:
 
 
 def _about(ranks: int, guarded: bool) -> dict[str, Any]:
-    """The contents of a lock; guarded: whether its file is locked as well."""
+    """The contents of a new lock; guarded: whether its file is also locked with `flock`."""
     job = batch.this_job()
     return {
         **asdict(Process.this()),
@@ -152,12 +153,13 @@ def _user() -> str:
     try:
         return getpass.getuser()
     except (KeyError, OSError):
-        # A number without a name, as containers have them.
+        # A user id without a name, as in containers.
         return str(os.getuid())
 
 
 def _enter(path: Path, aside: Path, text: str) -> str:
-    """Gives the lock written aside its name; returns whose lock was replaced. ResultError if it must not be."""
+    """Gives a prepared lock its name; returns a line about the replaced one. Raises ResultError if the lock is not
+    stale."""
     latest = time.monotonic() + _MEETING
     while not _linked(aside, path):
         try:
@@ -165,7 +167,7 @@ def _enter(path: Path, aside: Path, text: str) -> str:
         except FileNotFoundError:
             continue
         try:
-            # Held from here to the rename: nobody else replaces this file meanwhile.
+            # Held from here to the rename, so that no other process replaces this file.
             free = _lock(found)
             before = _text(found)
             there = _holder_in(before, path.parent, free)
@@ -176,7 +178,7 @@ def _enter(path: Path, aside: Path, text: str) -> str:
                 if free is None and not _prevails(path, text):
                     raise ResultError(f"{path.parent}: another run was started in it at the same time")
                 return f"the lock of a run that is gone was taken over: {there}" if before else ""
-            # What is held by somebody unknown may be held by a newcomer that is about to replace it.
+            # An unknown owner may be another process that is about to replace the lock.
             if free is not False or time.monotonic() > latest or _process_in(_parsed(before)).is_alive():
                 raise _refusal(path, there)
         finally:
@@ -186,19 +188,19 @@ def _enter(path: Path, aside: Path, text: str) -> str:
 
 
 def _linked(aside: Path, path: Path) -> bool:
-    """Gives a file a second name, unless it is taken."""
+    """Links a file to a second name; False if that exists."""
     try:
         os.link(aside, path)
         return True
     except FileExistsError:
-        # Or it is ours already: over a network, the answer to a first attempt may get lost.
+        # It may be our own: over a network, the reply to a first attempt may have been lost.
         with contextlib.suppress(OSError):
             return aside.samefile(path)
         return False
     except OSError as problem:
         if problem.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK):
             raise
-    # No second names here: an empty file will do, which whoever comes first then replaces.
+    # This file system has no hard links: create an empty file, which is then replaced by the first process.
     with contextlib.suppress(FileExistsError):
         os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644))
     return False
@@ -206,14 +208,14 @@ def _linked(aside: Path, path: Path) -> bool:
 
 def _open(path: Path) -> int:
     try:
-        # NFS gives exclusive locks to writers only.
+        # NFS gives exclusive locks only to writers.
         return open_regular(path, os.O_RDWR)
     except PermissionError:
         return open_regular(path, os.O_RDONLY)
 
 
 def _lock(descriptor: int, shared: bool = False) -> bool | None:
-    """Locks an open file: True; somebody else has: False; the file system can't: None."""
+    """Locks an open file. True: done; False: another process has it; None: not supported by the file system."""
     try:
         fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -228,7 +230,7 @@ def _text(descriptor: int) -> str:
 
 
 def _is_at(descriptor: int, path: Path) -> bool:
-    """Whether this open file still goes by this name."""
+    """Whether this open file still has this name."""
     with contextlib.suppress(FileNotFoundError, NotADirectoryError):
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     return False
@@ -249,7 +251,7 @@ def _parsed(text: str) -> dict[str, Any]:
 
 
 def _process_in(found: dict[str, Any]) -> Process:
-    """The process that a lock names; pid 0 if it names none."""
+    """The process named in a lock; pid 0 if there is none."""
     host, pid, started, boot = (found.get(name) for name in ("host", "pid", "started", "boot"))
     if not (isinstance(host, str) and isinstance(pid, int) and isinstance(started, int | None)):
         return Process("", 0, None, "")
@@ -257,7 +259,7 @@ def _process_in(found: dict[str, Any]) -> Process:
 
 
 def _holder_in(text: str, folder: Path, free: bool | None) -> Holder:
-    """The holder that a lock's text names; free: whether its file was found unlocked, None where that says nothing."""
+    """The owner named in a lock; free: whether its file was unlocked, None if unknown."""
     found = _parsed(text)
     process, job = _process_in(found), _job_in(found)
     if free is False:

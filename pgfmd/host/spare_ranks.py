@@ -1,7 +1,8 @@
-"""Ranks for which their node has no core: they wait for the others, and have no part in the work.
+"""Ranks for which their node has no core. They wait for the others and do no work.
 
-Ranks meet several times a pair of transforms. One that shares its core with another is late at each of them, and all wait
-for it: three ranks on two cores take a third longer than two, at best.
+Ranks synchronise several times in each pair of transforms. A rank that shares its core is late each time, and all
+others
+wait for it: three ranks on two cores take at least a third longer than two.
 """
 
 from __future__ import annotations
@@ -22,19 +23,19 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
 ALL_RANKS = "PGFMD_ALL_RANKS"
-"""Variable of the environment that, if it is 1, gives work to all ranks."""
+"""Environment variable; if it is 1, all ranks get work."""
 _NAP = 0.02
-"""Time [s] between two looks of a rank without work at whether the others are done."""
+"""Interval [s] at which a rank without work checks whether the others have finished."""
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that a launcher passes on to all ranks; those that work answer them."""
+"""Signals that a launcher forwards to all ranks, and that working ranks handle."""
 
 
 def on_cores(comm: Intracomm, action: Callable[[Any], Any]) -> Any:
-    """What `action` gives on the ranks that have a core of their own, called with a communicator of these; None on the
-    others, when it is done. Within launch.guarded(comm). Collective.
+    """Calls `action` on the ranks that have a core of their own, with a communicator of these; returns its result
+    there, and None on the other ranks after it has finished. To be used within launch.guarded(comm). Collective.
 
-    Of each node, the first ranks work, as many as there are cores that its ranks may use. An error that rank 0 has ends
-    the ranks without work too, with its exit code.
+    On each node the first ranks work, as many as there are cores that its ranks may use. An error on rank 0 also ends
+    the ranks without work, with the same exit code.
     """
     if comm.size == 1 or os.environ.get(ALL_RANKS) == "1":
         return action(comm)
@@ -70,15 +71,15 @@ def _told(ranks: int, working: int) -> str:
     )
 
 
-def _tell(channel, spare: list[int], code: int) -> None:
+def _tell(channel: Intracomm, spare: list[int], code: int) -> None:
     for rank in spare:
         channel.Send(bytes([code]), rank)
 
 
-def _wait(channel) -> None:
-    """Until rank 0 is done. RelayedError if that was by an error."""
+def _wait(channel: Intracomm) -> None:
+    """Waits until rank 0 has finished. Raises RelayedError if it had an error."""
     for number in _ENDING:
-        # The end of launch.guarded puts the handlers of before back.
+        # launch.guarded restores the earlier handlers at its end.
         signal.signal(number, signal.SIG_IGN)
     code = bytearray(1)
     request = channel.Irecv(code, 0)

@@ -1,5 +1,5 @@
-"""Standard streams that are closed, full, without a reader, or know fewer letters than what is said: what they can't
-take must not end a command. No MPI."""
+"""Standard streams that are closed, full, without a reader, or can't encode a text. None of this must end a command. No
+MPI."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from pgfmd.files.storage import reason
 
 _NAMES = ("stdin", "stdout", "stderr")
 FORGIVING = "pgfmd.forgiving"
-"""Handler of letters that an encoding lacks: a byte of a file's name that is no text goes out as it is, others as
-`?`."""
+"""Error handler for letters that an encoding lacks: undecodable bytes of file names are written unchanged, other
+letters as `?`."""
 
 
 def open_closed() -> None:
-    """Has those standard streams that the caller has closed (`>&-`) lead nowhere.
+    """Opens /dev/null in place of standard streams that the caller has closed (`>&-`).
 
-    Else the next file that is opened would get the number of one, and what a library prints would end up in results.
+    Otherwise the next opened file would get one of their numbers, and output of a library would end up in results.
     """
     for number, name in enumerate(_NAMES):
         try:
@@ -33,17 +33,17 @@ def open_closed() -> None:
 
 
 def forgive(*streams: object) -> None:
-    """From here on these streams, or else standard output and standard error, take every text."""
+    """Makes these streams, or standard output and standard error, accept every text."""
     codecs.register_error(FORGIVING, _replaced)
     for stream in streams or (sys.stdout, sys.stderr):
-        # None without a terminal; something else where a test or a notebook listens.
+        # None without a terminal; another object in a test or a notebook.
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
             reconfigure(errors=FORGIVING)
 
 
 def knows_every_letter() -> bool:
-    """Whether standard output takes every text as it is."""
+    """Whether standard output can encode every text."""
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     try:
         return codecs.lookup(encoding).name.startswith("utf-")
@@ -52,8 +52,7 @@ def knows_every_letter() -> bool:
 
 
 def say(line: str) -> None:
-    """Prints a line of progress. From when on stdout can't take it any more, which stderr is told, nothing is
-    printed."""
+    """Prints a line of progress. If that fails, prints a message on stderr once, and nothing from then on."""
     try:
         print(line, flush=True)
     except UnicodeEncodeError:
@@ -77,8 +76,7 @@ def complain(message: object) -> None:
 
 
 def finish(code: int) -> int:
-    """Brings to its reader what was printed; returns the exit code that a command is to end with, which is that of an
-    error where this can't be done."""
+    """Flushes the output; returns the exit code of the command, which is that of an error if flushing fails."""
     try:
         sys.stdout.flush()
     except (OSError, ValueError) as problem:
@@ -87,7 +85,7 @@ def finish(code: int) -> int:
 
 
 def refuse(problem: Exception, code: int = 0) -> int:
-    """What a command ends with whose output could not be printed: without a word where nobody reads it any more."""
+    """Exit code of a command whose output could not be printed; prints a message unless the reader has gone."""
     _give_up("stdout")
     if not isinstance(problem, BrokenPipeError):
         complain(f"standard output can't be written: {reason(problem)}")
@@ -95,7 +93,7 @@ def refuse(problem: Exception, code: int = 0) -> int:
 
 
 def _give_up(name: str) -> None:
-    """Has a stream lead nowhere from now on, also for what it still holds."""
+    """Redirects a stream to /dev/null, including its buffered output."""
     with contextlib.suppress(OSError, ValueError):
         _lead_nowhere(getattr(sys, name).fileno())
         return

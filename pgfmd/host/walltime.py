@@ -1,4 +1,4 @@
-"""Limits of time as batch systems write them, and when the one of this job ends it. No MPI."""
+"""Time limits in the formats of batch systems, and the end of this job. No MPI."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pgfmd.units import UnitError, parse_quantity
 from . import batch
 
 LIMIT_OF_TIME = "the limit of time"
-"""How what ends a run for want of time is called, in messages and in its checkpoint."""
+"""Name of the time limit as a reason for stopping, in messages and in checkpoints."""
 _EXPECTED = 'a time, such as "23:50:00" (h:min:s), "1-12:00:00" (days before it) or "90 min"'
 _CLOCK = re.compile(r"(?:(?P<days>\d+)-)?(?P<fields>\d+(?::\d+){1,2})")
 
@@ -21,8 +21,8 @@ _CLOCK = re.compile(r"(?:(?P<days>\d+)-)?(?P<fields>\d+(?::\d+){1,2})")
 def seconds_of(text: str) -> float:
     """Seconds of "23:50:00", "90:00" (min:s), "1-12:00:00", or of a quantity such as "90 s", "10min" or "2 h".
 
-    UnitError for anything else: a bare number too, which is minutes to Slurm and seconds to PBS, and what is infinite
-    or below zero.
+    Raises UnitError for anything else: also for a number without unit, which means minutes for Slurm and seconds for
+    PBS, and for infinite or negative times.
     """
     text = text.strip()
     if re.fullmatch(r"[\d:-]*[:-][\d:-]*", text):
@@ -39,14 +39,14 @@ def seconds_of(text: str) -> float:
 
 
 def clock_seconds(text: str) -> float:
-    """Seconds of h:min:s or min:s; after "days-" of h:min:s or h:min. UnitError for anything else."""
+    """Seconds of h:min:s or min:s; after "days-", of h:min:s or h:min. Raises UnitError for anything else."""
     match = _CLOCK.fullmatch(text)
     if match is None:
         raise UnitError(_EXPECTED, f'"{text}" is not one')
     days, fields = match["days"], [int(field) for field in match["fields"].split(":")]
     if len(fields) == 2:
         fields = [*fields, 0] if days else [0, *fields]
-    # Only what comes first may be beyond its range, such as "90:00".
+    # Only the first number may exceed its range, as in "90:00".
     hours, minutes, seconds = fields
     if seconds > 59 or (minutes > 59 and (hours or days)) or (days and hours > 23):
         raise UnitError(_EXPECTED, f'"{text}" has too large a part')
@@ -54,10 +54,10 @@ def clock_seconds(text: str) -> float:
 
 
 def end_of_job() -> float | None:
-    """When (time.time()) the batch system ends this job; None without a job or a limit, or if it can't be told.
-    May have passed: a shell may outlive the job that it was started in, and keep its environment.
+    """When (time.time()) the batch system ends this job; None without a job or a limit, or if unknown. This may be in
+    the past: a shell may survive its job and keep the environment.
 
-    May ask the batch system, for seconds: only meant for rank 0.
+    May take seconds, because the batch system is asked; for rank 0 only.
     """
     job = batch.this_job()
     if job is None:
@@ -67,13 +67,14 @@ def end_of_job() -> float | None:
         told = float(known) if known.isdecimal() and int(known) else None
         if told is not None and told > time.time():
             return told
-        # The job may have been given more time than it was told of when it began.
+        # The limit may have been extended after the job began.
         return _end_by_squeue(job.id) or told
     return _end_by_qstat(job.id) if job.system == batch.PBS else None
 
 
 def _end_by_squeue(job: str) -> float | None:
-    """When Slurm ends the job. The time left (%L) is that of the limit in minutes: wrong where the end was changed."""
+    """When Slurm ends the job. (The remaining time, %L, follows the limit in minutes, and is wrong if the end was
+    changed.)"""
     done = batch.asked("squeue", "--noheader", f"--jobs={job}", "--format=%e", SLURM_TIME_FORMAT="%s")
     # It may be NONE or N/A.
     found = done.stdout.strip() if done and not done.returncode else ""
@@ -81,11 +82,11 @@ def _end_by_squeue(job: str) -> float | None:
 
 
 def _end_by_qstat(job: str) -> float | None:
-    """End of a PBS job: its start and its limit; Torque says what is left."""
+    """End of a PBS job: from its start and its limit, or, with Torque, from the remaining time."""
     done = batch.asked("qstat", "-f", job)
     if not done or done.returncode:
         return None
-    # Long lines go on after a tab.
+    # Long lines continue after a tab.
     lines = done.stdout.replace("\n\t", "").splitlines()
     found = dict(re.findall(r"^\s*([\w.]+) = (.*)$", line)[0] for line in lines if " = " in line)
     if found.get("Walltime.Remaining", "").isdecimal():

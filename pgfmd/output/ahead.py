@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from pgfmd.assemble import assemble
 from pgfmd.errors import RunError
@@ -21,13 +21,13 @@ from .observers import Progress
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
-    from pgfmd.restart.keeper import Keeper
     from pgfmd.scene import Scene
+    from pgfmd.solver.interruption import Impatient
     from pgfmd.solver.simulation import Simulation
 
 
 def run_ahead(
-    scene: Scene, comm: Intracomm, say: Callable[[str], None], keeper: Keeper = None
+    scene: Scene, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None = None
 ) -> list[tuple[float, str]]:
     """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
 
@@ -51,7 +51,9 @@ def run_ahead(
     return times
 
 
-def _shared(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Keeper) -> tuple[list[Met], int]:
+def _shared(
+    coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None
+) -> tuple[list[Met], int]:
     """What `_run` gives, on every rank, of those ranks that the coarse grids have rows and columns for."""
     most = min(_most_ranks(one) for one in coarse)
     if comm.size <= most:
@@ -61,7 +63,8 @@ def _shared(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: K
             gc.collect()
             Node.of(comm).trim()
         return found
-    some, outcome = comm.Split(0 if comm.rank < most else 1, comm.rank), None
+    some = cast("Intracomm", comm.Split(0 if comm.rank < most else 1, comm.rank))
+    outcome: tuple[list[Met], int] | Exception | None = None
     try:
         if comm.rank < most:
             outcome = _run(coarse, some, say, keeper)
@@ -71,10 +74,10 @@ def _shared(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: K
     finally:
         Node.leave(some)
         some.Free()
-    outcome = comm.bcast(outcome, 0)
-    if isinstance(outcome, Exception):
-        raise outcome
-    return outcome
+    shared: tuple[list[Met], int] | Exception = comm.bcast(outcome, 0)
+    if isinstance(shared, Exception):
+        raise shared
+    return shared
 
 
 def _most_ranks(scene: Scene) -> int:
@@ -82,13 +85,14 @@ def _most_ranks(scene: Scene) -> int:
     return min(shared_out(scene, points_of(scene, "").nb))
 
 
-def _run(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Keeper) -> tuple[list[Met], int]:
+def _run(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None) -> tuple[list[Met], int]:
     """Where the coarse approaches met surface and preload, up to the first that met none, and their transform pairs."""
-    heed = {}
+    heed: dict[str, Any] = {}
     if keeper:
         # Not all ranks may be here: the keeper itself asks all of them.
         heed = {"attend": lambda _: any(comm.allgather(keeper.interrupts())), "interrupt": keeper.interrupts}
-    found, pairs = [], 0
+    found: list[Met] = []
+    pairs = 0
     for one in coarse:
         simulation = assemble(one, comm)
         simulation.observers.append(Progress(comm, lambda line: say(f"ahead: {line}")))
@@ -107,5 +111,6 @@ def met(simulation: Simulation) -> Met:
     state, drive = simulation.state, simulation.drive
     first = state.first_contact_time if state.first_contact_time is not None else 0.0
     speed = drive.phases[0].fastest
+    assert state.preload_time is not None, "asked for without a preload"
     contact, preload = (drive.clearance - speed * time for time in (first, state.preload_time))
     return Met(simulation.scheme.law.range, contact, preload)

@@ -43,6 +43,10 @@ def tell_once(comm: Intracomm) -> None:
     _told = True
 
 
+Made = Callable[[], tuple[np.ndarray, int]]
+"""What makes rows of this rank, and tells the first of them."""
+
+
 class FieldsFile:
     """Snapshots of a run. The file is opened, extended and closed for each, and continued if it is there already.
 
@@ -170,15 +174,18 @@ class FieldsFile:
             fields_layout.create(self.path, self._layout, self._told)
         return fields_layout.count_frames(self.path, self._layout)
 
-    def _fields(self, gap: Rows, traction: Rows, displacement: Rows, surface) -> dict[str, Callable]:
+    def _fields(
+        self, gap: Rows, traction: Rows, displacement: Rows, surface: tuple[np.ndarray, int] | None
+    ) -> dict[str, Made]:
         """name -> what makes (rows of this rank, first row) of it."""
         rows = dict(zip(BLOCK_FIELDS, (gap, traction, displacement), strict=True))
-        fields = {
-            name: lambda values=values: (self._punch_rows(values), self._rows[0]) for name, values in rows.items()
-        }
+        fields: dict[str, Made] = {name: partial(self._made, values) for name, values in rows.items()}
         if self._layout.surface:
-            fields[SURFACE_FIELD] = lambda: surface if surface is not None else (np.empty(0), 0)
+            fields[SURFACE_FIELD] = lambda: (np.empty(0), 0) if surface is None else surface
         return fields
+
+    def _made(self, values: Rows) -> tuple[np.ndarray, int]:
+        return self._punch_rows(values), self._rows[0]
 
     def _punch_rows(self, values: Rows) -> np.ndarray:
         """Rows of the block as they will be written, or as they are where their shape is wrong."""
@@ -188,7 +195,7 @@ class FieldsFile:
             np.copyto(made, np.nan, where=~self._inside)
         return made
 
-    def _local(self, name: str, make: Callable) -> tuple[np.ndarray, int]:
+    def _local(self, name: str, make: Made) -> tuple[np.ndarray, int]:
         """Rows of this rank, and the first row, checked on all ranks."""
         values, first = make()
         wanted = self._inside.shape if name != SURFACE_FIELD else (len(values), self._layout.n)

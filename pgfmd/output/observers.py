@@ -16,10 +16,8 @@ from pgfmd.files.tables import CurveRow, EnergyRow, EventRow
 from pgfmd.solver.simulation import Observer
 from pgfmd.solver.state import State
 
-from .fields_file import FieldsFile
-
 if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
+    from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
     from pgfmd.solver.simulation import Event, Simulation
@@ -183,6 +181,22 @@ class Agenda:
     tension: Frame = field(default_factory=Frame)
 
 
+Made = Callable[[], np.ndarray]
+
+
+class SnapshotFile(Protocol):
+    """Where snapshots go: into `fields.h5`, or into memory. frames: how many there are."""
+
+    @property
+    def frames(self) -> int: ...
+
+    def append(
+        self, label: str, time: float, position: float, force: float, gap: Made, traction: Made, displacement: Made, /,
+        surface: tuple[np.ndarray, int] | None = None,
+    ) -> None:  # fmt: skip
+        """Adds one, of functions that make this rank's rows (fields_file.py). Collective."""
+
+
 class Snapshots(Observer):
     """Writes `fields.h5`: at wanted times, at the preload, and at the end of a step with the largest tension of the
     retraction.
@@ -194,7 +208,7 @@ class Snapshots(Observer):
     """
 
     def __init__(
-        self, file: FieldsFile, wanted: list[tuple[float, str]], fractions: list[float], surface: Surface | None = None,
+        self, file: SnapshotFile, wanted: list[tuple[float, str]], fractions: list[float], surface: Surface | None = None,
         follow: Callable[[int, float, np.ndarray, np.ndarray], None] | None = None,
     ):  # fmt: skip
         self.file, self.surface, self.follow = file, surface, follow
@@ -281,13 +295,14 @@ def _is_to_come(entry: tuple[float, str], state: State) -> bool:
 def time_of(state: State, fraction: float) -> float:
     """Time [s] at a fraction of t_pl, the time from first contact to the preload; for a state past its preload."""
     first = state.first_contact_time if state.first_contact_time is not None else 0.0
+    assert state.preload_time is not None, "asked for before the preload"
     return first + fraction * (state.preload_time - first)
 
 
 class Progress(Observer):
     """Prints a line every few seconds: rank 0 alone, on its own clock, so that nothing waits for it."""
 
-    def __init__(self, comm: Comm, say: Callable[[str], None], every: float = 5.0):
+    def __init__(self, comm: Intracomm, say: Callable[[str], None], every: float = 5.0):
         self.silent, self.say, self.every = comm.rank != 0, say, every
         self.last = self.began = time.perf_counter()
         self.first_step: int | None = None

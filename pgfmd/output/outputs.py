@@ -24,10 +24,10 @@ from .fields_file import FieldsFile
 from .patch_observer import ContactWatch, PatchTable
 
 if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
+    from mpi4py.MPI import Intracomm
 
-    from pgfmd.restart.keeper import Keeper
     from pgfmd.scene import Scene
+    from pgfmd.solver.interruption import Impatient
     from pgfmd.solver.simulation import Simulation
     from pgfmd.solver.state import State
 
@@ -39,7 +39,7 @@ class Outputs:
     """
 
     def __init__(
-        self, simulation: Simulation, scene: Scene, comm: Comm, folder: Path, say: Callable[[str], None],
+        self, simulation: Simulation, scene: Scene, comm: Intracomm, folder: Path, say: Callable[[str], None],
         guard: Callable[[], None] = lambda: None,
     ):  # fmt: skip
         """guard: see FieldsFile."""
@@ -82,7 +82,7 @@ class Outputs:
         level = simulation.scheme.law.contact_gap
         return watch, PatchTable(patches, points.whole, places, level, periodic)
 
-    def plan_snapshots(self, state: State, keeper: Keeper | None = None) -> None:
+    def plan_snapshots(self, state: State, keeper: Impatient | None = None) -> None:
         """Has the snapshots taken that the scene asks for, as far as they are still to come.
 
         That may take long. keeper: who knows whether the run has to stop meanwhile; Interrupted is raised then.
@@ -107,7 +107,7 @@ class Outputs:
 
 
 def snapshots_wanted(
-    scene: Scene, state: State, comm: Comm, say: Callable[[str], None], keeper: Keeper | None = None
+    scene: Scene, state: State, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None = None
 ) -> tuple[list[tuple[float, str]], list[float]]:
     """Times [s] with labels of the snapshots that a scene asks for, and fractions of t_pl above 1, whose times are not
     known yet. See `Outputs.plan_snapshots`. Collective."""

@@ -71,12 +71,11 @@ class ContactWatch(Observer):
     def observe(self, simulation: Simulation, event: Event) -> None:
         if event.kind not in ("start", "step", "jump"):
             return
-        if self._held is None:
-            # At the start, everything in contact joins it.
-            self._held = np.zeros(len(self.places.sites), bool)
+        # At the start, everything in contact joins it.
+        before = np.zeros(len(self.places.sites), bool) if self._held is None else self._held
         held = self._look(simulation)
-        joined, left = held & ~self._held, self._held & ~held
-        self._write(simulation, joined, left)
+        joined, left = held & ~before, before & ~held
+        self._write(simulation, joined, left, before)
         if event.kind == "jump":
             place = self._place(simulation.state)
             self.change = Change(self._told(joined), self._told(left), *place, self._nearest(*place))
@@ -97,11 +96,11 @@ class ContactWatch(Observer):
                 self._traction = np.empty_like(state.traction)
             self._traction[:] = state.traction
 
-    def _write(self, simulation: Simulation, joined: np.ndarray, left: np.ndarray) -> None:
+    def _write(self, simulation: Simulation, joined: np.ndarray, left: np.ndarray, before: np.ndarray) -> None:
         """A row for each site that changed, those that leave first."""
         if not (joined | left).any():
             return
-        sites, state, now = self.places.sites, simulation.state, self.places.sites.count(self._held)
+        sites, state, now = self.places.sites, simulation.state, self.places.sites.count(before)
         rows, totals = [], sites.count()
         for changed, event, step in ((left, LEAVES, -1), (joined, JOINS, 1)):
             for site in np.flatnonzero(changed).tolist():

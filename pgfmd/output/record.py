@@ -9,6 +9,7 @@ import resource
 import sys
 from typing import TYPE_CHECKING
 
+from pgfmd import __version__
 from pgfmd.files.storage import plain
 from pgfmd.restart.history import History
 from pgfmd.results import uncertainty
@@ -21,8 +22,9 @@ if TYPE_CHECKING:
 
     from pgfmd.scene import Scene
     from pgfmd.solver.simulation import Simulation
+    from pgfmd.solver.state import State
 
-_LIBRARIES = ("pgfmd", "numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
+_LIBRARIES = ("numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
 
 
 def record_of(simulation: Simulation, scene: Scene, comm: Intracomm, history: History) -> dict:
@@ -107,7 +109,7 @@ def _has_retracted(simulation: Simulation) -> bool:
     return simulation.state.preload_time is not None and simulation.retracting
 
 
-def _span(state) -> float | None:
+def _span(state: State) -> float | None:
     """t_pl [s]: from first contact to the preload."""
     if state.preload_time is None or state.first_contact_time is None:
         return None
@@ -118,7 +120,8 @@ def versions() -> dict[str, str]:
     """Versions of Python, the libraries and MPI that this run used."""
     from mpi4py import MPI
 
-    found = {"python": platform.python_version(), "platform": sys.platform}
+    # The metadata of an editable installation of pgfmd may be old.
+    found = {"python": platform.python_version(), "platform": sys.platform, "pgfmd": __version__}
     for name in _LIBRARIES:
         try:
             found[name] = importlib.metadata.version(name)

@@ -92,8 +92,9 @@ class Recorder(Observer):
         """The loop so far, with the works and the pull-off force that the run itself has found."""
         state = simulation.state
         columns = ("time", "displacement", "force", "contact_area", "u_inf", "phase")
+        time, displacement, force, area, u_inf, phase = (self.curve.column(each) for each in columns)
         return Loop(
-            name, *(self.curve.column(each) for each in columns), self.jump, work=state.energies.work,
+            name, time, displacement, force, area, u_inf, phase, self.jump, work=state.energies.work,
             separation=state.energies.work_of_separation, told={"pull_off_force_N": -state.pull_off_force},
         )  # fmt: skip
 
@@ -120,7 +121,7 @@ class FieldsInMemory(Mapping):
 
     def append(
         self, label: str, time: float, punch_position: float, force: float, gap: Given, traction: Given,
-        displacement: Given, surface: None = None,
+        displacement: Given, surface: tuple[np.ndarray, int] | None = None,
     ) -> None:  # fmt: skip
         """Adds a snapshot, of this rank's rows, or of functions that make them. Collective."""
         for name, value in zip(self._numbers, (label, time, punch_position, force), strict=True):

@@ -46,8 +46,10 @@ SHORT = 1.5
 """A Newton step this long, in spacings of that lattice, leads to a site close by."""
 DIFFERENCE = 1e-3
 """Step of the finite differences, in wavelengths: fourth order leaves 1e-10 of a gradient, rounding 1e-12."""
-AT_A_TIME, BESIDE = 2**20, 3
-"""Points of that lattice looked at at a time, and rows beside them."""
+AT_A_TIME = 2**20
+"""Points of that lattice that are examined at a time."""
+BESIDE = 3
+"""Neighbouring rows on either side, which differences and their minima need."""
 MOST_ITERATIONS = 50
 FAR = 0.2
 """A search that has come this far from where it began, in wavelengths, is given up: others began nearer."""
@@ -92,7 +94,8 @@ class ContactSites:
 
     def count(self, which: NDArray[np.bool_] | slice = slice(None)) -> list[int]:
         """How many of a selection of the sites are summits, saddles and valleys."""
-        return np.bincount(self.kind[which], minlength=len(KINDS)).tolist()
+        counts: list[int] = np.bincount(self.kind[which], minlength=len(KINDS)).tolist()
+        return counts
 
 
 def contact_sites(topography: Topography, side: float | None = None) -> ContactSites:
@@ -103,6 +106,8 @@ def contact_sites(topography: Topography, side: float | None = None) -> ContactS
     """
     if topography.radius is None and side is None:
         raise ValueError("a face without an outline: give the side of the cell")
+    # Where there is an outline, nobody asks for the cell.
+    side = math.nan if side is None else side
     face = replace(topography, layer_step=0.0)
     pattern = PATTERNS[face.pattern]
     if pattern.lattice is not None:
@@ -116,7 +121,7 @@ def contact_sites(topography: Topography, side: float | None = None) -> ContactS
     return ContactSites(x, y, face.heights(x, y) if x.size else np.zeros(0), kind)
 
 
-def _smallest_length(face: Topography, side: float | None) -> float:
+def _smallest_length(face: Topography, side: float) -> float:
     return face.wavelength or face.radius or side
 
 
@@ -128,7 +133,7 @@ def _on_axis(face: Topography) -> tuple[Array, Array, NDArray[np.int64]]:
     return np.zeros(count), np.zeros(count), np.full(count, KINDS.index(SUMMIT if beside > middle else VALLEY))
 
 
-def _standing_out(face: Topography, side: float | None) -> tuple[Array, Array, NDArray[np.int64]]:
+def _standing_out(face: Topography, side: float) -> tuple[Array, Array, NDArray[np.int64]]:
     """Of a height map or a random face: the extrema that stand out, and their saddles."""
     x, y = _samples(face, side)
     z = face.heights(x, y[:, np.newaxis])
@@ -147,18 +152,20 @@ def _standing_out(face: Topography, side: float | None) -> tuple[Array, Array, N
     return x[column], y[row], kind[kept]
 
 
-def _samples(face: Topography, side: float | None) -> tuple[Array, Array]:
+def _samples(face: Topography, side: float) -> tuple[Array, Array]:
     """x and y [m] at which a height map, or a random face, is looked at: its pixels within outline and margin, or in the
     cell."""
     radius = face.radius
     if face.pattern == "rough":
         samples = math.ceil(PER_WAVE / 2 * face.period / face.shortest)
-        sizes, pixels, periodic = (face.period,) * 2, (face.period / samples,) * 2, True
+        pixel = face.period / samples
+        sizes, pixels, periodic = (face.period, face.period), (pixel, pixel), True
     else:
         sizes, pixels, periodic = face.map.size, face.map.pixel, face.map.periodic
     if radius is None:
         counts = [min(max(round(side / pixel), 1), MOST_SAMPLES) for pixel in pixels]
-        return tuple(((np.arange(count) + 0.5) / count - 0.5) * side for count in counts)
+        x, y = (((np.arange(count) + 0.5) / count - 0.5) * side for count in counts)
+        return x, y
     # Refuses a map that is smaller than the punch.
     face.heights(np.array([-radius, radius, 0.0, 0.0]), np.array([0.0, 0.0, -radius, radius]))
     lines = []
@@ -169,11 +176,11 @@ def _samples(face: Topography, side: float | None) -> tuple[Array, Array]:
             first, last = max(first, 0), min(last, count - 1)
         # Not a pixel may be under a small punch.
         step = max(1, math.ceil((last - first + 1) / MOST_SAMPLES))
-        lines.append((np.arange(first, last + 1, step) - middle) * pixel)
-    return tuple(lines)
+        lines.append((np.arange(first, last + 1, step, dtype=float) - middle) * pixel)
+    return lines[0], lines[1]
 
 
-def _found(face: Topography, side: float | None, in_row: bool) -> tuple[Array, Array, NDArray[np.int64]]:
+def _found(face: Topography, side: float, in_row: bool) -> tuple[Array, Array, NDArray[np.int64]]:
     """Of a pattern with a wavelength: Newton's method from where the slope is least on a fine lattice.
 
     in_row: the pattern varies along x only; all sites are then sought on the x axis.
@@ -210,7 +217,7 @@ def _candidates(face: Topography, reach: float, in_row: bool) -> tuple[Array, Ar
     """
     # Beyond the outline too, so that a site at the rim has all its neighbours.
     count = math.ceil(reach * PER_WAVE / face.wavelength) + 2
-    line = np.arange(-count, count + 1) * (face.wavelength / PER_WAVE)
+    line = np.arange(-count, count + 1, dtype=float) * (face.wavelength / PER_WAVE)
     if in_row:
         slope = np.abs(np.gradient(face.heights(line, 0.0)))
         lowest = slope <= minimum_filter(slope, 3)
@@ -223,23 +230,32 @@ def _candidates(face: Topography, reach: float, in_row: bool) -> tuple[Array, Ar
         chosen[: begin - first] = chosen[begin - first + some :] = False
         row, column = np.nonzero(chosen)
         found.append((line[column], line[first + row]))
-    return tuple(np.concatenate(places) for places in zip(*found, strict=True))
+    x, y = (np.concatenate(places) for places in zip(*found, strict=True))
+    return x, y
 
 
 def _chosen(face: Topography, x: Array, y: Array) -> NDArray[np.bool_]:
     """Which points of a lattice are candidates, (y, x)."""
-    slope_y, slope_x = np.gradient(face.heights(*np.meshgrid(x, y)))
-    _, xx = np.gradient(slope_x)
-    yy, xy = np.gradient(slope_y)
+    slope_y, slope_x = _gradient(face.heights(*np.meshgrid(x, y)))
+    _, xx = _gradient(slope_x)
+    yy, xy = _gradient(slope_y)
     slope = np.hypot(slope_x, slope_y)
     step = np.hypot(*_newton_step((slope_x, slope_y, xx, yy, xy), in_row=False))
-    return (slope <= minimum_filter(slope, 3)) | (step < SHORT)
+    chosen: NDArray[np.bool_] = (slope <= minimum_filter(slope, 3)) | (step < SHORT)
+    return chosen
+
+
+def _gradient(z: Array) -> tuple[Array, Array]:
+    """Differences along y and x from point to point."""
+    found: tuple[Array, Array] = np.gradient(z)  # type: ignore[assignment]  # of two axes
+    return found
 
 
 def _derivatives(height: Callable[[Array, Array], Array], x: Array, y: Array, d: float) -> tuple[Array, ...]:
     """z_x, z_y, z_xx, z_yy, z_xy at points, by central differences of fourth order (the last of second order)."""
     here = height(x, y)
-    slopes, bends = [], []
+    slopes: list[Array] = []
+    bends: list[Array] = []
     for a, b in ((d, 0.0), (0.0, d)):
         near = height(x + a, y + b), height(x - a, y - b)
         far = height(x + 2 * a, y + 2 * b), height(x - 2 * a, y - 2 * b)
@@ -258,7 +274,8 @@ def _newton_step(derivatives: tuple[Array, ...], in_row: bool) -> tuple[Array, A
         else:
             determinant = xx * yy - xy * xy
             steps = (xy * slope_y - yy * slope_x) / determinant, (xy * slope_x - xx * slope_y) / determinant
-    return tuple(np.nan_to_num(step, posinf=1e300, neginf=-1e300) for step in steps)
+    along_x, along_y = (np.nan_to_num(step, posinf=1e300, neginf=-1e300) for step in steps)
+    return along_x, along_y
 
 
 def _kinds(derivatives: tuple[Array, ...], in_row: bool) -> NDArray[np.int64]:

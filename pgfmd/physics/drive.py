@@ -18,12 +18,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-PRELOAD, DETACHED = "preload", "detached"
-"""Events that end the phases without a duration. With the second a programme has been run to its end: it is how such a
-run finishes, in its state, its tables and `run.json`."""
+PRELOAD = "preload"
+"""Event that ends the approach."""
+DETACHED = "detached"
+"""Event that ends the retraction, and with it the programme: the state, the tables and `run.json` then say so."""
 
 OVERSHOOT = 0.02
-"""Way of the automatic turn to its deepest point, or back from it, whichever is longer, in ranges of adhesion."""
+"""Travel of the punch in the automatic turn before or after the deepest point, whichever is longer, in ranges of
+adhesion."""
 
 
 def automatic_turn(reach: float, speed: float, retract_speed: float) -> float:
@@ -72,6 +74,10 @@ class Phase:
         """Whether the punch moves away from the surface, this long after the phase began, and to the end of the
         programme."""
         return self.velocity_end > 0.0 and self.velocity(elapsed) > 0.0
+
+
+AT_REST = Phase("start", 0.0, 0.0)
+"""What is before the programme: the punch is where it begins."""
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ def _sinh_excess(x: NDArray[np.float64]) -> NDArray[np.float64]:
     """2 exp(-2x) (sinh 2x - 2x) for x >= 0; by its series below x = 1/2, where the difference would cancel."""
     y = 2 * x
     y2 = np.minimum(y, 1.0) ** 2
-    series = 1.0
+    series = np.ones_like(y2)
     for divisor in (272, 210, 156, 110, 72, 42, 20):  # 2k (2k + 1) for k = 8 to 2; the rest is below 1e-16
         series = 1 + y2 / divisor * series
     decay = np.exp(-y)

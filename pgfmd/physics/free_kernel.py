@@ -26,8 +26,12 @@ FAR_NODES = 4  # per direction: error below 1e-13 at FAR
 TABLE_REACH = 36.0  # film thicknesses; the slowest decay (bonded, incompressible) is exp(-0.78 r/h): 1e-13 is left
 TABLE_STEP = 0.0125
 HIGHEST_WAVE_NUMBER = 25.0  # times thickness: ratio_deficit is 1e-18 there
-PANEL_WIDTH, PANEL_NODES = 0.25, 14
-COARSEST_CELL = 2.0  # film thicknesses
+PANEL_WIDTH = 0.25
+"""Width of a panel of the Hankel integral, over x = q h."""
+PANEL_NODES = 14
+"""Gauss nodes of a panel."""
+COARSEST_CELL = 2.0
+"""Largest grid spacing, in film thicknesses."""
 
 
 def _corner(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -109,6 +109,6 @@ class TabulatedCompliance:
                 f"but {asked.min():.6g} to {asked.max():.6g} rad/m are needed; extend the table"
             )
         uniform = self.G0[0] if self.q[0] == 0 else 0.0
-        result = np.full_like(wave_number, uniform)
+        result: NDArray[np.float64] = np.full_like(wave_number, uniform)
         result[wave_number > 0] = np.exp(np.interp(np.log(asked), np.log(q), np.log(compliance)))
         return result

@@ -12,7 +12,7 @@ import os
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +73,7 @@ class HeightMap:
     periodic: bool = False
     order: int = 1
     facts: MapFacts | None = None
-    _kept: dict = field(default_factory=dict, init=False, repr=False)
+    _kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 2 or min(self.heights.shape) < 2:
@@ -120,7 +120,8 @@ class HeightMap:
         # Here and below, not at the top: only a map needs them.
         from scipy.ndimage import map_coordinates
 
-        return map_coordinates(coefficients, places, order=self.order, mode=mode, prefilter=False)
+        found: Array = map_coordinates(coefficients, places, order=self.order, mode=mode, prefilter=False)
+        return found
 
     def _whole(self, mode: str) -> tuple[int, Array]:
         """What a small map is interpolated from, made once, and how many samples have been added around it."""
@@ -169,7 +170,8 @@ class HeightMap:
             samples = self.heights[places[0]].astype(float)[:, places[1]]
             self._kept["coefficients"] = spline_filter(samples, self.order, output=float) if self.order > 1 else samples
             self._kept["stripe"] = stripe
-        return self._kept["coefficients"]
+        coefficients: Array = self._kept["coefficients"]
+        return coefficients
 
 
 Stamp = tuple[int, int]

@@ -54,9 +54,9 @@ def critical_points(z: Array, relief: float, periodic: bool = False) -> Critical
     the lowest minimum and of the highest maximum is the height range of all; a plane has no points at all.
     """
     order = np.argsort(z, axis=None, kind="stable")
-    rank = np.empty(z.size, np.int32)
-    rank[order] = np.arange(z.size, dtype=np.int32)
-    rank, height = rank.reshape(z.shape), z.ravel()[order]
+    places = np.empty(z.size, np.int32)
+    places[order] = np.arange(z.size, dtype=np.int32)
+    rank, height = places.reshape(z.shape), z.ravel()[order]
     minima, low, around = _flooded(rank, height, relief, EIGHT, periodic)
     # From above: the same order backwards. The water gets around the cell at the same two saddles.
     last = z.size - 1
@@ -92,7 +92,8 @@ def _basins(rank: Numbers, steps: Steps, periodic: bool) -> tuple[Numbers, Numbe
         lower = there < lowest
         np.copyto(lowest, there, where=lower)
         np.copyto(first, seam, where=lower)
-    to, way = np.empty(rank.size, np.int32), np.empty(rank.size, np.int32)
+    to: Numbers = np.empty(rank.size, np.int32)
+    way: Numbers = np.empty(rank.size, np.int32)
     to[rank.ravel()], way[rank.ravel()] = lowest.ravel(), first.ravel()
     to, way = _followed(to, way)
     minima = np.flatnonzero(to == np.arange(to.size))
@@ -159,7 +160,8 @@ def _joined(count: int, passes: Passes) -> tuple[Numbers, Numbers]:
         ends = np.flatnonzero(first < one.size)
         ends = ends[two[first[ends]] == ends]
         by = first[ends]
-        to, way = still.copy(), np.zeros(count, np.int64)
+        to: Numbers = still.copy()
+        way: Numbers = np.zeros(count, np.int64)
         to[ends], way[ends], end[ends] = one[by], -turn[by], top[by]
         to, way = _followed(to, way)
         turn = turn + way[two] - way[one]

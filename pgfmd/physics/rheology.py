@@ -16,13 +16,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+Array = NDArray[np.float64]
+
 # Two elements whose times differ by a relative epsilon respond like one at the mean time up to epsilon**2, so closer
 # pairs than this are one element in double precision; kept apart they would only cost accuracy in `to_maxwell`.
 MERGE_TOLERANCE = 1e-8
 NORMALISATION_TOLERANCE = 1e-9
 
 
-def _positive_series(weight_name: str, weights: ArrayLike, times: ArrayLike) -> tuple[NDArray, NDArray]:
+def _positive_series(weight_name: str, weights: ArrayLike, times: ArrayLike) -> tuple[Array, Array]:
     """Check, sort (longest time first), merge and freeze the weights and times of a series; both of shape (N,)."""
     weights = np.atleast_1d(np.array(weights, dtype=float))
     times = np.atleast_1d(np.array(times, dtype=float))
@@ -49,7 +51,7 @@ def _positive_series(weight_name: str, weights: ArrayLike, times: ArrayLike) -> 
     return weights, times
 
 
-def _secular_roots(constant: float, strengths: NDArray, poles: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+def _secular_roots(constant: float, strengths: Array, poles: Array) -> tuple[Array, Array, Array]:
     """Zeros t of constant + sum_n strengths_n / (poles_n - t), one above each pole (constant > 0) or between poles (0).
 
     `poles` (M,) ascending, `strengths` (M,) positive. Returns the roots t_k, ascending, shape (K,), K = M or M - 1,
@@ -65,8 +67,9 @@ def _secular_roots(constant: float, strengths: NDArray, poles: NDArray) -> tuple
     # Above the last pole: constant * distance <= sum of strengths.
     reach = np.append(np.diff(poles) / 2, strengths.sum() / constant if constant > 0 else [])
 
-    def value(origin: NDArray, signed: NDArray) -> NDArray:
-        return constant + np.sum(strengths / (separation[origin] - signed[:, None]), axis=1)
+    def value(origin: NDArray[np.intp], signed: Array) -> Array:
+        found: Array = constant + np.sum(strengths / (separation[origin] - signed[:, None]), axis=1)
+        return found
 
     lower_pole = np.arange(count)
     in_upper_half = (value(lower_pole, reach) < 0) & (lower_pole < poles.size - 1)
@@ -90,7 +93,7 @@ def _secular_roots(constant: float, strengths: NDArray, poles: NDArray) -> tuple
     return poles[origin] + signed, separation[origin] - signed[:, None], between_roots
 
 
-def _residues(to_poles: NDArray, to_roots: NDArray) -> NDArray:
+def _residues(to_poles: Array, to_roots: Array) -> Array:
     """|prod_n (poles_n - t_k)| / |prod_{j != k} (t_j - t_k)|, shape (K,): the strengths of the reciprocal function.
 
     Loewner's formula. Unlike the reciprocal slope it belongs exactly to the roots as found: where two of them nearly
@@ -98,7 +101,8 @@ def _residues(to_poles: NDArray, to_roots: NDArray) -> NDArray:
     """
     own = np.abs(np.diagonal(to_poles))
     ratio = np.abs(to_poles) / (np.abs(to_roots) + np.diag(own))
-    return own * np.prod(ratio, axis=1)
+    found: Array = own * np.prod(ratio, axis=1)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +114,8 @@ class PronySeries:
     Raises ValueError for negative, non-finite or mismatched input.
     """
 
-    kappa: NDArray
-    tau: NDArray
+    kappa: Array
+    tau: Array
 
     def __post_init__(self) -> None:
         kappa, tau = _positive_series("kappa", self.kappa, self.tau)
@@ -160,27 +164,29 @@ class PronySeries:
         """E(inf)/E(0) = 1 + sum kappa_n."""
         return 1.0 + float(self.kappa.sum())
 
-    def kappa_of(self, omega: ArrayLike) -> NDArray:
+    def kappa_of(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Complex modulus ratio at angular frequency omega (rad/s), same shape as omega; loss is positive."""
         return self.storage(omega) + 1j * self.loss(omega)
 
-    def storage(self, omega: ArrayLike) -> NDArray:
+    def storage(self, omega: ArrayLike) -> Array:
         """Storage modulus over E(0): 1 + sum kappa_n x^2/(1 + x^2), x = omega tau_n; same shape as omega (rad/s)."""
         x = np.multiply.outer(np.asarray(omega, dtype=float), self.tau)
-        return 1.0 + (x**2 / (1 + x**2)) @ self.kappa
+        found: Array = 1.0 + (x**2 / (1 + x**2)) @ self.kappa
+        return found
 
-    def loss(self, omega: ArrayLike) -> NDArray:
+    def loss(self, omega: ArrayLike) -> Array:
         """Loss modulus over E(0): sum kappa_n x/(1 + x^2), x = omega tau_n; same shape as omega (rad/s)."""
         x = np.multiply.outer(np.asarray(omega, dtype=float), self.tau)
-        return (x / (1 + x**2)) @ self.kappa
+        found: Array = (x / (1 + x**2)) @ self.kappa
+        return found
 
-    def relaxation(self, time: ArrayLike) -> NDArray:
+    def relaxation(self, time: ArrayLike) -> Array:
         """Stress after a strain step at time 0, over the static one: 1 + sum kappa_n exp(-t/tau_n); 0 for t < 0."""
         time = np.asarray(time, dtype=float)
         decay = np.exp(-np.multiply.outer(np.maximum(time, 0), 1 / self.tau))
         return np.where(time < 0, 0.0, 1.0 + decay @ self.kappa)
 
-    def creep(self, time: ArrayLike) -> NDArray:
+    def creep(self, time: ArrayLike) -> Array:
         """Strain after a stress step at time 0 (s), over the static one: `CreepSeries.creep` of `to_creep`."""
         return self.to_creep().creep(time)
 
@@ -207,8 +213,8 @@ class CreepSeries:
     """
 
     J_inf: float
-    J: NDArray
-    retardation_times: NDArray
+    J: Array
+    retardation_times: Array
 
     def __post_init__(self) -> None:
         weights, times = _positive_series("J", self.J, self.retardation_times)
@@ -226,12 +232,13 @@ class CreepSeries:
         """Number N of distinct elements."""
         return self.J.size
 
-    def compliance_of(self, omega: ArrayLike) -> NDArray:
+    def compliance_of(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Complex compliance ratio 1/kappa(i omega) at angular frequency omega (rad/s), same shape as omega."""
         x = np.multiply.outer(np.asarray(omega, dtype=float), self.retardation_times)
-        return self.J_inf + (1 / (1 + 1j * x)) @ self.J
+        found: NDArray[np.complex128] = self.J_inf + (1 / (1 + 1j * x)) @ self.J
+        return found
 
-    def creep(self, time: ArrayLike) -> NDArray:
+    def creep(self, time: ArrayLike) -> Array:
         """Strain after a stress step at time 0, over the static one.
 
         J_inf + sum J_m (1 - exp(-t/lambda_m)) for t >= 0 (s), 0 before; same shape as `time`.
@@ -240,15 +247,15 @@ class CreepSeries:
         growth = -np.expm1(-np.multiply.outer(np.maximum(time, 0), 1 / self.retardation_times))
         return np.where(time < 0, 0.0, self.J_inf + growth @ self.J)
 
-    def relaxation(self, time: ArrayLike) -> NDArray:
+    def relaxation(self, time: ArrayLike) -> Array:
         """Stress after a strain step at time 0 (s), over the static one: `PronySeries.relaxation` of `to_maxwell`."""
         return self.to_maxwell().relaxation(time)
 
-    def storage(self, omega: ArrayLike) -> NDArray:
+    def storage(self, omega: ArrayLike) -> Array:
         """Storage modulus over E(0), as `PronySeries.storage`; same shape as omega (rad/s)."""
         return self.to_maxwell().storage(omega)
 
-    def loss(self, omega: ArrayLike) -> NDArray:
+    def loss(self, omega: ArrayLike) -> Array:
         """Loss modulus over E(0), as `PronySeries.loss`; same shape as omega (rad/s)."""
         return self.to_maxwell().loss(omega)
 

@@ -264,7 +264,7 @@ class Topography:
         z = pattern.heights(self, x, y)
         if math.isfinite(self.curvature_radius) and not pattern.round:
             z = z + (x * x + y * y) / (2 * self.curvature_radius)
-        if self.height_jitter > 0:
+        if self.height_jitter > 0 and pattern.lattice is not None:
             z = z + self.height_jitter * lattice_normals(pattern.lattice(self), self.seed, x, y)
         if self.layer_step > 0:
             z = layered(z, self.layer_step, self.layer_smoothing)

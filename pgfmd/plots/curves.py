@@ -159,13 +159,13 @@ def plot_force(*runs: Run) -> Figure:
         for axis, unit, values in shown:
             for number, (loop, rows, name) in enumerate(zip(loops, values, names_of(results), strict=True)):
                 _branches(axis, loop, loop.indentation / across[0], rows / unit[0], number, len(loops), name)
-        for axis in (upper, close):
-            if axis is not None:
-                axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-                axis.set_ylabel(labelled("force", along[1]))
+        for panel in (upper, close):
+            if panel is not None:
+                panel.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+                panel.set_ylabel(labelled("force", along[1]))
         if len(loops) == 1:
             for text, marker, x, y in _marks(loops[0], measure(loops[0]), along):
-                place = {"color": RED, "markersize": 5, "linestyle": "none", "label": text}
+                place: dict[str, Any] = {"color": RED, "markersize": 5, "linestyle": "none", "label": text}
                 upper.plot(x / across[0], y / along[0], marker, **place)
         else:
             _thin_is_approach(upper)
@@ -177,7 +177,7 @@ def plot_force(*runs: Run) -> Figure:
         lower.set(xlabel=labelled("indentation", across[1]), ylabel=labelled(kinds, beside[1]))
         lower.set_ylim(bottom=0)
         upper.legend(loc="best")
-        figure = upper.get_figure()
+        figure: Any = upper.get_figure()
         figure.align_ylabels([upper, lower])
         at_foot(figure, results)
     return figure

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 P = ParamSpec("P")
+Drawn = TypeVar("Drawn", bound="Figure | None")
 
 STYLE = {
     "font.size": 9.0,
@@ -78,20 +79,21 @@ def drawing(width: str | None = None) -> Iterator[None]:
     try:
         with matplotlib.rc_context():
             matplotlib.rcdefaults()
-            matplotlib.rcParams.update(STYLE)
+            settings: Any = matplotlib.rcParams
+            settings.update(STYLE)
             if _width.get():
-                matplotlib.rcParams.update({name: SMALL_FONT for name in STYLE if name.endswith("size")})
+                settings.update({name: SMALL_FONT for name in STYLE if name.endswith("size")})
             yield
     finally:
         if token:
             _width.reset(token)
 
 
-def picture(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+def picture(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
     """Makes a function that draws a figure do so with the project's settings, whatever those of its caller."""
 
     @functools.wraps(draw)
-    def drawn(*arguments: P.args, **options: P.kwargs) -> Figure:
+    def drawn(*arguments: P.args, **options: P.kwargs) -> Drawn:
         with drawing():
             return draw(*arguments, **options)
 
@@ -134,8 +136,9 @@ def write_picture(figure: Any, path: str | Path, hint: str = "") -> Path:
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure, width and height in inches, that belongs to no window; within `drawing` of a journal's width, it
     has that, and a height in proportion. It is written, and shown in a notebook, with the project's settings."""
-    if _width.get():
-        wide = WIDTHS[_width.get()]
+    journal = _width.get()
+    if journal:
+        wide = WIDTHS[journal]
         # Letters don't shrink in proportion.
         width, height = wide, height * (wide / width) ** 0.7
     return _picture_class()(figsize=(width, height), layout="constrained")
@@ -181,11 +184,13 @@ def footer(figure: Figure, text: str) -> None:
         box = legend.get_window_extent(renderer).transformed(figure.transFigure.inverted())
         legend.set_bbox_to_anchor((0, share, 1, 1 - share), transform=figure.transFigure)
         pad = 2 * legend.borderaxespad * FOOTER_FONT / 72
-        place = legend._outside_loc
+        # What matplotlib keeps to itself, and may call otherwise some day.
+        place = getattr(legend, "_outside_loc", None)
         bottom += (box.height + pad / height) * (place == "lower")
         top -= (box.height + pad / height) * (place == "upper")
         right -= (box.width + pad / width) * (place == "right")
-    figure.get_layout_engine().set(rect=(left, bottom, right - left, top - bottom))
+    layout: Any = figure.get_layout_engine()
+    layout.set(rect=(left, bottom, right - left, top - bottom))
     most = int(width * 72 / (0.5 * FOOTER_FONT))
     text = text if len(text) <= most else text[: most - 1] + "…"
     figure.text(0.05 / width, 0.3 * share, literal(text), fontsize=FOOTER_FONT, color="0.45", va="bottom")

@@ -174,7 +174,7 @@ class Maps:
     def _scale_bar(self, axis: Axes) -> None:
         length = round_length(0.6 * self.half)
         start, height = -self.half, -1.12 * self.half
-        line = {"color": "black", "linewidth": 2, "solid_capstyle": "butt", "clip_on": False}
+        line: dict[str, Any] = {"color": "black", "linewidth": 2, "solid_capstyle": "butt", "clip_on": False}
         axis.plot([start, start + length], [height, height], **line)
         text = f"{length:g} µm" if length < 1000 else f"{length / 1000:g} mm"
         axis.text(start + length / 2, height - 0.06 * self.half, text, ha="center", va="top", fontsize=8)
@@ -211,8 +211,8 @@ def plot_contact_maps(
 
     with opened(run) as results:
         contact_gap = results.contact_gap if contact_gap is None else contact_gap
-        near_gap = results.near_gap if near_gap is None else range_of(results) if near_gap == RANGE else near_gap
-        classes = gap_classes(contact_gap, near_gap, results.counts_overlap, greys)
+        near = results.near_gap if near_gap is None else range_of(results) if near_gap == RANGE else float(near_gap)
+        classes = gap_classes(contact_gap, near, results.counts_overlap, greys)
         shades = [each.grey for each in classes]
         look = {"cmap": ListedColormap(shades), "norm": BoundaryNorm(np.arange(len(shades) + 1) - 0.5, len(shades))}
         maps = Maps(results, page)
@@ -264,7 +264,8 @@ def plot_stress_maps(run: Run, page: int = 1, limit: float | None = None) -> Fig
         limit = own if limit is None else limit
         clipped = any(np.nanmax(np.abs(each), initial=0.0) > 1.001 * limit for each in frames.values())
         factor, unit = (1e6, "MPa") if limit >= 1e6 else (1e3, "kPa") if limit >= 1e3 else (1.0, "Pa")
-        image, any_open = None, False
+        image: Any = None
+        any_open = False
         for axis, (snapshot, traction) in zip(maps.axes, frames.items(), strict=True):
             image = maps.draw(axis, traction / factor, cmap=cm.vik, vmin=-limit / factor, vmax=limit / factor)
             is_open = (maps.values("gap", snapshot) > 0.0) & (np.abs(traction) <= NO_TRACTION * limit)

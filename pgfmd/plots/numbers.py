@@ -49,8 +49,8 @@ def _area(moment: str) -> Callable[[Measures], float | None]:
 
 NUMBERS: dict[str, Number] = {
     "pull-off": Number(
-        "pull-off force", "N", lambda found: found.pull_off and found.pull_off.tension,
-        lambda found: found.pull_off and found.pull_off.uncertainty,
+        "pull-off force", "N", lambda found: found.pull_off.tension if found.pull_off else None,
+        lambda found: found.pull_off.uncertainty if found.pull_off else None,
     ),
     "snap-in": Number(
         "snap-in force", "N", lambda found: found.snap_in.tension, lambda found: found.snap_in.uncertainty
@@ -100,14 +100,17 @@ def plot_numbers(*runs: Run, x: str = "", y: str = "pull-off", log: str = "") ->
             raise ResultError(f"no run has both {x} and {NUMBERS[y].name}")
         figure = new_figure(5.2, 4.0)
         axis = figure.subplots()
-        along = handy([NUMBERS[y].of(measures[k]) for k in kept], NUMBERS[y].unit)
-        texts = sorted({across[k] for k in kept if isinstance(across[k], str)})
-        wide = (1.0, "") if texts else handy([across[k] for k in kept], unit_of(x, scenes))
+        along = handy([_number(y, measures[k]) for k in kept], NUMBERS[y].unit)
+        texts = sorted({place for place in across if isinstance(place, str)})
+        at: dict[int, float] = {
+            k: texts.index(place) if isinstance(place, str) else place
+            for k, place in enumerate(across) if place is not None
+        }  # fmt: skip
+        wide = (1.0, "") if texts else handy([at[k] for k in kept], unit_of(x, scenes))
         for number, (label, members) in enumerate(groups(scenes, x, across, kept)):
-            points = sorted((texts.index(across[k]) if texts else across[k] / wide[0], *_value(y, measures[k], along[0]))
-                            for k in members)  # fmt: skip
+            points = sorted((at[k] / wide[0], *_value(y, measures[k], along[0])) for k in members)
             places, values, spreads = zip(*points, strict=True)
-            look = {"color": PALETTE[number % len(PALETTE)], "linestyle": LINES[number % len(LINES)]}
+            look: dict[str, Any] = {"color": PALETTE[number % len(PALETTE)], "linestyle": LINES[number % len(LINES)]}
             axis.errorbar(
                 places, values, yerr=spreads, marker=MARKERS[number % len(MARKERS)], markersize=4, capsize=2.5,
                 elinewidth=0.8, label=literal(label), **look,
@@ -120,8 +123,8 @@ def plot_numbers(*runs: Run, x: str = "", y: str = "pull-off", log: str = "") ->
             xlabel=labelled(NUMBERS[x].name if x in NUMBERS else x, wide[1]), ylabel=labelled(NUMBERS[y].name, along[1])
         )
         _scale(axis, log if not texts else log.replace("x", ""))
-        if "x" in log and not texts and len({across[k] for k in kept}) <= MOST_TICKS:
-            axis.set_xticks(sorted({across[k] / wide[0] for k in kept}), minor=False)
+        if "x" in log and not texts and len({at[k] for k in kept}) <= MOST_TICKS:
+            axis.set_xticks(sorted({at[k] / wide[0] for k in kept}), minor=False)
             axis.xaxis.set_major_formatter("{x:.4g}")
             axis.set_xticks([], minor=True)
         at_foot(figure, [results[k] for k in kept])
@@ -133,10 +136,17 @@ def _scale(axis: Any, log: str) -> None:
         axis.set(**{f"{letter}scale": "log"})
 
 
+def _number(y: str, found: Measures) -> float:
+    """A number of a run that has it."""
+    value = NUMBERS[y].of(found)
+    assert value is not None, "runs without it are left out"
+    return value
+
+
 def _value(y: str, found: Measures, factor: float) -> tuple[float, float]:
     """A number and its uncertainty, NaN where it is not known, in the unit of the axis."""
     spread = NUMBERS[y].uncertainty(found)
-    return NUMBERS[y].of(found) / factor, np.nan if spread is None else spread / factor
+    return _number(y, found) / factor, np.nan if spread is None else spread / factor
 
 
 def flat(results: Results) -> dict[str, Any]:

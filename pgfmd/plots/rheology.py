@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.characterisation.dma import ABSOLUTE_ZERO
+from pgfmd.characterisation.moduli_columns import ABSOLUTE_ZERO
 from pgfmd.characterisation.prony_fit import moduli_of
+from pgfmd.characterisation.relaxation_fit import RelaxationFit
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference.prony import gfmd_creep
 
@@ -73,7 +74,7 @@ def draw_modulus(axis: Axes, series: PronySeries) -> None:
         label = f"power law $\\omega^{{{exponent}}}$"
         axis.plot(omega[shown], values[shown], color=GREY, linestyle=line, linewidth=1.1, label=label, zorder=1)
     axis.set(xscale="log", yscale="log", xlim=omega[[0, -1]], ylim=(max(bottom, 1e-2), top))
-    axis.set(xlabel="angular frequency ω (rad/s)", ylabel="modulus over static modulus", title="(a) modulus")
+    axis.set(xlabel="angular frequency ω (rad/s)", ylabel="modulus over relaxed modulus", title="(a) modulus")
     axis.legend(loc="upper left")
 
 
@@ -97,14 +98,18 @@ def draw_creep(axis: Axes, series: PronySeries) -> None:
 
 @picture
 def plot_fit(material: Material) -> Figure:
-    """A fit of `fit_prony`: moduli (MPa) against angular frequency, points measured and lines fitted; the relative misfit below."""
+    """A fit of `fit_prony`: moduli (MPa) against angular frequency, or a relaxation against time, points measured and lines
+    fitted; the relative misfit below."""
+    if isinstance(material.fit, RelaxationFit):
+        return _relaxation_figure(material.fit)
     fit, figure = material.fit, new_figure(5.6, 5.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     # The master curve is sorted: its points are told apart by temperature again from the sweeps.
     colours = _colours(len(material.sweeps))
     for sweep, shift, colour in zip(material.sweeps, material.shifts(), colours, strict=True):
         omega = sweep.omega * 10**shift
-        scale = sweep.temperature / material.wlf.reference_temperature if material.vertical else 1.0
+        wlf = material.wlf
+        scale = sweep.kelvin / wlf.reference_temperature if material.vertical and wlf else 1.0
         label = f"{signed(sweep.temperature + ABSOLUTE_ZERO)} °C" if sweep.temperature is not None else "measured"
         upper.plot(omega, sweep.storage / scale / 1e6, "o", color=colour, markersize=3.5, label=label)
         viscous = sweep.loss > 0
@@ -128,6 +133,23 @@ def plot_fit(material: Material) -> Figure:
     if material.wlf is not None:
         celsius = signed(material.wlf.reference_temperature + ABSOLUTE_ZERO)
         lower.set_xlabel(f"angular frequency ω $a_T$ (rad/s) at {celsius} °C")
+    figure.align_ylabels()
+    return figure
+
+
+def _relaxation_figure(fit: RelaxationFit) -> Figure:
+    """The relaxation E(t) [MPa] against time, and the misfit."""
+    figure = new_figure(5.6, 5.2)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    time = np.geomspace(fit.time[0], fit.time[-1], 600)
+    upper.plot(fit.time, fit.modulus / 1e6, "o", color=TURQUOISE, markersize=3.5, label="measured")
+    upper.plot(time, fit.static_modulus * fit.series.relaxation(time) / 1e6, color="black", linewidth=1.0, label="fit")
+    upper.set(xscale="log", yscale="log", ylabel="E(t) (MPa)")
+    upper.set_title(f"{fit.series.elements} elements, misfit {100 * fit.rms:.2g} % rms", loc="left")
+    upper.legend(loc="best")
+    lower.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+    lower.plot(fit.time, 100 * fit.misfit, "o", color="0.35", markersize=2.5)
+    lower.set(xlabel="time since the strain was applied (s)", ylabel="misfit (%)")
     figure.align_ylabels()
     return figure
 

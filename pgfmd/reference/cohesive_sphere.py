@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ellipe, ellipk
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.base import CohesiveLaw
 
 from . import jkr
 
@@ -61,13 +61,15 @@ def equilibrium(
     """
     long = math.sqrt(contact_radius * law.work_of_adhesion / contact_modulus)
     steps = max(0, math.ceil(math.log(law.range / long) / math.log(_SHORTER)))
-    found, last = None, law.range
+    found: Equilibrium | None = None
+    last = law.range
     for reach in np.geomspace(long if steps else law.range, law.range, steps + 1):
         zone = reach**2 * contact_modulus / law.work_of_adhesion
         edges = rings(contact_radius, zone, rings_per_zone)
         sphere = CohesiveSphere(radius, contact_modulus, replace(law, range=float(reach)), edges)
         start = None if found is None else found._replace(gap=_shortened(found.gap, last, reach))
         found, last = sphere.at_ring(sphere.ring_at(contact_radius), gap * reach / law.range, start), reach
+    assert found is not None, "there is at least one range"
     return found
 
 
@@ -161,4 +163,4 @@ class CohesiveSphere:
         hertzian = a**2 / (np.pi * self.radius) * (np.sqrt(ratio**2 - 1) + (ratio**2 - 2) * angle)
         outside = hertzian + 2 / np.pi * np.sqrt(2 * np.pi * work * a / self.contact_modulus) * angle
         pressure = jkr.pressure(np.minimum(r, 0.999 * a), a, self.radius, self.contact_modulus, work)
-        return np.where(r < a, np.minimum(-pressure / self.law.stiffness, gap), gap + outside)
+        return np.where(r < a, np.minimum(-pressure / self.law.overlap_stiffness, gap), gap + outside)

@@ -1,1 +1,1 @@
-"""Runs that survive: checkpoints, resuming from them, the lock on a results folder, signals and limits of time."""
+"""Checkpoints of runs, continuing from them, and what may change in between."""

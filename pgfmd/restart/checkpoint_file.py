@@ -1,7 +1,7 @@
-"""A checkpoint written and read by all ranks together: one file, the same for any number of ranks. Collective.
+"""Writing and reading a checkpoint by all ranks together: one file, the same for any number of ranks. Collective.
 
-Rank 0 makes the file with room for everything, all ranks write their shares (parallel HDF5 where h5py has it, else one
-rank after the other), rank 0 seals it, all bring it to the disk. The file is not a checkpoint before it is sealed.
+Rank 0 creates the file with space for everything. All ranks write their shares, with parallel HDF5 if h5py has it, else
+one after the other. Rank 0 seals the file, and all ranks flush it to the disk. An unsealed file is not a checkpoint.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
 PIECE_BYTES = 2**20
-"""Most that a rank hands to one collective write: MPI-IO keeps copies of what is under way."""
+"""Most bytes in one collective write of a rank, because MPI-IO keeps copies of them."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where this rank's columns are in the whole: the first of them, how many there are, most that a rank has."""
+    """This rank's columns in the whole array: the first one, the total number, and the largest number of any rank."""
 
     first: int
     total: int
@@ -48,16 +48,16 @@ class Place:
 
 
 def write(path: Path, comm: Intracomm, head: dict, arrays: dict[str, np.ndarray], wanted: Path | None = None) -> int:
-    """Writes head and arrays (this rank's shares) to a file that must not be there yet; returns its size [bytes].
+    """Writes head and arrays (this rank's shares) to a new file; returns its size [bytes].
 
-    wanted: the name that the file is going to get, which messages then give.
+    wanted: the final name of the file, for messages.
 
-    RunError on every rank where a number is not finite, naming array and place: nothing is written then. ResultError on
-    every rank if it can't be written; the file is gone then.
+    Raises, on every rank: RunError if a number is not finite, with array and index, before anything is written;
+    ResultError if the file can't be written, which is then deleted.
     """
     shares = {name: lines_of(array) for name, array in sorted(arrays.items())}
     places = {name: Place.of(comm, share.shape[1]) for name, share in shares.items()}
-    # What no rank has a part of needs no dataset.
+    # Arrays that are empty on all ranks need no dataset.
     shares = {name: share for name, share in shares.items() if len(share) and places[name].total}
     _require_finite(comm, shares)
     entries = [_entry(comm, name, share, places[name]) for name, share in shares.items()]
@@ -76,7 +76,7 @@ def write(path: Path, comm: Intracomm, head: dict, arrays: dict[str, np.ndarray]
 
 
 def read_head(path: Path, comm: Intracomm) -> dict:
-    """The head of a file whose structure is whole, on every rank. Damaged on every rank if it is not, or not there."""
+    """The head of a file with a valid seal, on every rank. Raises Damaged on every rank if it is invalid or missing."""
     head, problem = None, None
     if comm.rank == 0:
         try:
@@ -92,8 +92,8 @@ def read_head(path: Path, comm: Intracomm) -> dict:
 
 
 class Reader:
-    """Reads this rank's shares of the arrays of a file, and compares their checksums: `reader(name, share)` fills
-    `share`. Collective. Damaged on every rank where an array is not what was written."""
+    """Reads this rank's shares of the arrays of a file, and checks their checksums: `reader(name, share)` fills
+    `share`. Collective. Raises Damaged on every rank if an array has changed."""
 
     def __init__(self, path: Path, comm: Intracomm, head: dict):
         self.path, self.comm = path, comm
@@ -144,8 +144,8 @@ def _require_finite(comm: Intracomm, shares: dict[str, np.ndarray]) -> None:
 def _write_shares(
     path: Path, comm: Intracomm, shares: dict[str, np.ndarray], places: dict[str, Place], what: str
 ) -> None:
-    """Every rank's shares into the room that is there. ResultError on every rank, beginning with `what`, if one
-    can't."""
+    """Writes every rank's shares into the datasets. Raises ResultError on every rank, with a message that begins with
+    `what`, if one fails."""
     if comm.size > 1 and h5py.get_config().mpi:
         agree(comm, attempt(what, lambda: _write_together(path, comm, shares, places))[1])
         return
@@ -169,7 +169,7 @@ def _write_together(path: Path, comm: Intracomm, shares: dict[str, np.ndarray], 
 
 
 def _calls(file: h5py.File, shares: dict[str, np.ndarray], places: dict[str, Place]) -> Iterator[tuple]:
-    """Dataset, piece of this rank's share and its place, for as many collective writes on every rank."""
+    """Dataset, piece of this rank's share and its position, for the same number of collective writes on every rank."""
     for name, share in shares.items():
         place, most = places[name], PIECE_BYTES // share.itemsize
         lines = max(1, most // place.widest)

@@ -1,9 +1,9 @@
-"""What a checkpoint file looks like inside, and how one process makes, seals and examines it. Serial: no MPI here.
+"""The format of a checkpoint file; creating, sealing and examining it by one process. No MPI.
 
-HDF5 with a user block. Each array of the state is one contiguous dataset, under the name that packing.py gives it,
-beside `head`: everything else, as JSON text. The user block, the first bytes of the file, is the seal. It is written
-last, and holds the file's size and a SHA-256 of every byte that belongs to no array, and of itself. The arrays have
-checksums of their own (files/checksum.py), in the head. So no byte of the file can change unseen.
+The file is HDF5 with a user block. Each array of the state is one contiguous dataset, under the name that packing.py
+gives it. The dataset `head` has everything else as JSON text. The user block, the first bytes of the file, is the seal.
+It is written last. It has the size of the file, and SHA-256 sums of all bytes that belong to no array and of itself.
+The arrays have their own checksums (files/checksum.py) in the head. So a change of any byte is detected.
 """
 
 from __future__ import annotations
@@ -27,19 +27,20 @@ from pgfmd.files.storage import reason, secure_space
 FORMAT = 1
 HEAD = "head"
 SEAL_BYTES = 4096
-"""Size of the user block: room for the places of the bytes that belong to no array."""
+"""Size of the user block, which lists the bytes that belong to no array."""
 BOOKKEEPING = 2**12
-"""Most bytes that HDF5 needs for itself, a dataset."""
+"""Most bytes that HDF5 needs for its own structures, per dataset."""
 PIECE = 2**20
-"""Elements that are read at a time where one process examines a whole array."""
+"""Elements read at a time by a process that examines a whole array."""
 
 
 class Damaged(Exception):
-    """A file that is no valid checkpoint; says what is wrong with it."""
+    """A file is not a valid checkpoint; the message says why."""
 
 
 def none_valid(problems: list[str], further: str = "") -> ResultError:
-    """The error of a folder in which no checkpoint is valid. problems: of each; further: a sentence, with its end."""
+    """The error for a folder without a valid checkpoint. problems: one for each file; further: an additional
+    sentence."""
     return ResultError(
         "no valid checkpoint to go on from:\n  - " + "\n  - ".join(problems) + "\n"
         f"{further}Start anew with --fresh, which keeps the old results"
@@ -48,7 +49,7 @@ def none_valid(problems: list[str], further: str = "") -> ResultError:
 
 @dataclass(frozen=True)
 class Entry:
-    """One array of a checkpoint: name, shape (lines, width) of the whole, type of its elements, checksums of its
+    """One array of a checkpoint: name, shape (lines, width) over all ranks, type of its elements, checksums of its
     blocks."""
 
     name: str
@@ -74,11 +75,11 @@ class Entry:
 
 
 def create(path: Path, head: dict, entries: list[Entry]) -> None:
-    """Makes a file with its head and room for the arrays, for which the disk has space: nothing that comes after can
-    want for it. OSError if there is none."""
+    """Creates a file with its head and reserved space for the arrays, so that later writes can't fill the disk. Raises
+    OSError if there is not enough space."""
     text = json.dumps({**head, "arrays": [entry.as_json() for entry in entries]}, allow_nan=True).encode()
-    # HDF5 does not recover from a full disk. So it begins with a file that has all the room it is going to need, and
-    # gives back the rest when it closes it.
+    # HDF5 does not recover from a full disk. So it starts from a file that has all the space it needs, and releases
+    # the rest when it closes the file.
     with open(path, "xb") as file:
         file.write(_empty_file())
     needed = len(text) + sum(entry.bytes for entry in entries) + BOOKKEEPING * (len(entries) + 2)
@@ -95,7 +96,7 @@ def create(path: Path, head: dict, entries: list[Entry]) -> None:
 
 
 def _empty_file() -> bytes:
-    """An HDF5 file with nothing but room for the seal."""
+    """An HDF5 file with space for the seal and nothing else."""
     image = io.BytesIO()
     with h5py.File(image, "w", userblock_size=SEAL_BYTES):
         pass
@@ -103,7 +104,7 @@ def _empty_file() -> bytes:
 
 
 def seal(path: Path) -> int:
-    """Writes the user block of a file whose arrays are all written; returns the file's size. OSError."""
+    """Writes the user block of a file whose arrays are complete; returns the file's size [bytes]. Raises OSError."""
     size = path.stat().st_size
     with open_serial(path, "r") as file:
         spans = _others(_spans_of_arrays(file), size)
@@ -119,9 +120,9 @@ def seal(path: Path) -> int:
 
 
 def read_head(path: Path) -> dict:
-    """The head of a file whose seal is whole, with its `entries` as Entry; the arrays are not looked at.
+    """The head of a file with a valid seal, with its `entries` as Entry. The arrays are not examined.
 
-    Raises Damaged for a file that is cut short, changed or of another format; FileNotFoundError.
+    Raises Damaged for a file that is truncated, changed or of another format, and FileNotFoundError.
     """
     try:
         with open(path, "rb") as file:
@@ -142,7 +143,7 @@ def read_head(path: Path) -> dict:
 
 
 def examine(path: Path) -> dict:
-    """The head of a file whose every byte has been checked, by one process. Damaged, FileNotFoundError."""
+    """The head of a file, after every byte has been checked. Raises Damaged or FileNotFoundError."""
     head = read_head(path)
     try:
         with open_serial(path, "r") as file:
@@ -154,14 +155,14 @@ def examine(path: Path) -> dict:
 
 
 def compare_sums(entry: Entry, found: np.ndarray) -> None:
-    """Raises Damaged where the checksums of an array are not those that its head holds."""
+    """Raises Damaged if the checksums of an array differ from those in the head."""
     wrong = np.flatnonzero(found != entry.sums)
     if wrong.size:
         raise Damaged(f"its array {entry.name} is changed: wrong checksum of block {wrong[0]} of {entry.sums.size}")
 
 
 def _sums_of_whole(dataset: h5py.Dataset, entry: Entry) -> np.ndarray:
-    """Checksums of an array on disk, read a piece at a time: as one long line, whose places are those in the whole."""
+    """Checksums of an array on disk, read in pieces, as one long line in the order of the whole array."""
     (lines, width), sums = entry.shape, np.zeros_like(entry.sums)
     several = max(1, PIECE // width)
     for line in range(0, lines, several):
@@ -197,7 +198,7 @@ def _spans_of_arrays(file: h5py.File) -> list[tuple[int, int]]:
 
 
 def _others(spans: list[tuple[int, int]], size: int) -> list[tuple[int, int]]:
-    """The (offset, bytes) between the seal and the end of the file that belong to no array."""
+    """(offset, bytes) of everything between the seal and the end of the file that belongs to no array."""
     edges = [SEAL_BYTES]
     for start, length in sorted(spans):
         edges += [start, start + length]

@@ -1,7 +1,7 @@
-"""The checkpoints of a results folder: the newest and the one before, replaced so that one is always there.
+"""The checkpoints of a results folder: the newest and the one before, replaced so that one always exists.
 
-A new one is written beside them. Then the newest gets its second name (a hard link), and the new one takes its first:
-at no moment is there a name without a whole file behind it. Collective.
+A new checkpoint is written to a temporary file. Then the newest gets its second name by a hard link, and the new one
+gets the first name by a rename. So both names refer to a complete file at any moment. Collective.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Saved:
-    """A checkpoint that was written: its size, and the time [s] that it took."""
+    """Size [bytes] and time [s] of writing a checkpoint."""
 
     bytes: int
     seconds: float
@@ -38,20 +38,20 @@ class Saved:
 class Checkpoints:
     """Saves to, and restores from, a folder.
 
-    guard: called on rank 0 before anything there is changed; raises if the folder is no longer the one that it was.
+    guard: called on rank 0 before a change; raises if the folder is no longer the one that was locked.
     """
 
     def __init__(self, folder: Path, comm: Intracomm, guard: Callable[[], None] = lambda: None):
         self.comm, self.guard = comm, guard
         self.newest, self.previous = folder / CHECKPOINT_FILE, folder / PREVIOUS_CHECKPOINT_FILE
-        # A file that could not be restored from must not take the place of the one that could.
+        # A damaged file must not replace the one from which the run was restored.
         self._newest_is_whole = False
 
     def save(self, head: dict, arrays: dict[str, np.ndarray]) -> Saved:
-        """Makes head (rank 0's) and arrays (this rank's shares) the newest checkpoint.
+        """Writes head (of rank 0) and arrays (this rank's shares) as the newest checkpoint.
 
-        RunError on every rank where a number is not finite, ResultError on every rank where it can't be written; the
-        checkpoints of before are unharmed.
+        Raises, on every rank: RunError if a number is not finite; ResultError if the file can't be written. The earlier
+        checkpoints then remain.
         """
         began = time.perf_counter()
         on_root(self.comm, f"{self.newest}: could not be written", self.guard)
@@ -62,7 +62,7 @@ class Checkpoints:
         return Saved(size, time.perf_counter() - began)
 
     def drop_previous(self) -> None:
-        """Deletes the checkpoint before the newest: a run that is finished needs it no more. Collective."""
+        """Deletes the checkpoint before the newest, which a finished run does not need. Collective."""
         on_root(self.comm, f"{self.previous}: could not be deleted", self._drop_previous)
 
     def _drop_previous(self) -> None:
@@ -70,11 +70,10 @@ class Checkpoints:
         self.previous.unlink(missing_ok=True)
 
     def restore(self, apply: Callable[[dict, checkpoint_file.Reader], Any], warn: Callable[[str], None]) -> Path:
-        """Has `apply` take the state from the newest valid checkpoint, by its head and a reader of its arrays; returns
-        its path.
+        """Calls `apply` with the head and a reader of the newest valid checkpoint; returns its path.
 
-        A damaged one is told of (`warn`, on rank 0) and passed over: `apply` may be called twice. ResultError on every
-        rank if there is no valid one.
+        A damaged checkpoint is reported (`warn`, on rank 0) and skipped, so `apply` may be called twice. Raises
+        ResultError on every rank if there is no valid one.
         """
         problems = []
         for path in (self.newest, self.previous):
@@ -110,7 +109,7 @@ class Checkpoints:
             try:
                 os.link(self.newest, second)
                 second.replace(self.previous)
-                # A rename of one name of a file to another of its names does nothing.
+                # If both names belong to the same file, a rename does nothing.
                 second.unlink(missing_ok=True)
             except OSError:
                 # No hard links on this file system: for a moment there is only the previous one.

@@ -1,4 +1,4 @@
-"""Whether the disk has room for what a run is going to write. No MPI."""
+"""Whether the disk has enough space for a run. No MPI."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from pathlib import Path
 from pgfmd.errors import ResultError
 
 COPIES = 3
-"""Checkpoints that are there at once: the newest, the one before, and the one being written."""
+"""Number of checkpoints that exist at the same time: the newest, the one before, and the one being written."""
 
 
 def require_space(folder: Path, checkpoint_bytes: int, snapshot_bytes: int) -> None:
-    """Raises ResultError if the disk lacks room for checkpoints of one size and snapshots of a size in all; what the
-    folder holds of a run that goes on is counted as room."""
+    """Raises ResultError if there is not enough space for checkpoints (of this size each) and snapshots (in total).
+    Files that already exist in the folder of a continued run count as space."""
     about = shutil.disk_usage(folder)
     if about.total == 0:
-        # A file system that does not tell, as some in user space don't. A disk that is full is noticed when it is.
+        # Some file systems in user space do not report their free space. A full disk is then detected when it is full.
         return
     free = about.free + sum(file.stat().st_size for file in folder.iterdir() if file.suffix == ".h5")
     needed = COPIES * checkpoint_bytes + snapshot_bytes

@@ -1,6 +1,6 @@
-"""When to write a checkpoint, and when to stop for one: between steps, all ranks together.
+"""When to write a checkpoint, and when to stop with one: decided between steps by all ranks together.
 
-Rank 0's clock decides about times; signals count on whatever rank they reach.
+Times are those of rank 0's clock. Signals count on any rank.
 """
 
 from __future__ import annotations
@@ -27,22 +27,27 @@ if TYPE_CHECKING:
     from pgfmd.solver.simulation import Simulation
 
 OUT_OF_TIME = -1
-"""In the place of the number of a signal: the limit of time is near."""
-RESERVE, RESERVE_SHARE, MOST_RESERVE = 1.0, 0.03, 60.0
-"""Time [s] kept free before a limit: at least the first, a share of what there was, at most the last; and what is
-needed."""
-STEPS_KEPT, SAVES_KEPT = 3.0, 3.0
-"""So many of the longest steps, and of the longest checkpoints, must fit into the time that is left."""
+"""Used like the number of a signal: the time limit is near."""
+RESERVE_SHARE = 0.03
+"""Time reserved before the limit, as a fraction of the time that was available at the start."""
+RESERVE = 1.0
+"""Least time reserved in this way [s]."""
+MOST_RESERVE = 60.0
+"""Most time reserved in this way [s]."""
+STEPS_KEPT = 3.0
+"""Time reserved in addition for steps, in units of the longest step so far."""
+SAVES_KEPT = 3.0
+"""Time reserved in addition for checkpoints, in units of the longest checkpoint so far."""
 STEPS_OF_PATIENCE = 4.0
-"""So many of the longest steps ranks may take to hear of a signal, before one of them gives up."""
+"""Time, in units of the longest step, within which all ranks must have noticed a signal before one of them gives up."""
 SLOW_DISK = 50e6
-"""Speed [bytes/s] at which a checkpoint is supposed to be written, before one has been."""
+"""Speed [bytes/s] of the disk that is assumed until a checkpoint has been written."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Time [s] between checkpoints, infinite for none but the last; limit: when (time.time()) the run has to be over,
-    and whose limit that is."""
+    """every: time [s] between checkpoints, infinite for only the last one. limit: when (time.time()) the run must have
+    ended. whose: what sets this limit, for messages."""
 
     every: float = 600.0
     limit: float = math.inf
@@ -50,19 +55,20 @@ class Timing:
 
 
 class Keeper:
-    """Looks after a run: `attend` at the start, between steps, and when it is finished.
+    """Writes the checkpoints of a run and decides when it stops. `attend` is called at the start, between steps, and at
+    the end.
 
     Attributes:
-        why: what the run has stopped for, such as "USR1"; empty as long as it goes on. out_of_time: whether that is the
-            limit of time.
+        why: the reason for stopping, such as "USR1"; empty while the run continues.
+        out_of_time: whether the reason is the time limit.
     """
 
     def __init__(
         self, comm: Intracomm, checkpoints: Checkpoints, outputs: Outputs, signals: StopSignals, timing: Timing,
         about: dict[str, Any], history: History, bytes_expected: int, say: Callable[[str], None],
     ):  # fmt: skip
-        """about: what the head of every checkpoint says of the run (scene, files, versions); bytes_expected: about how
-        large a checkpoint is going to be."""
+        """about: data on the run for the head of every checkpoint (scene, files, versions); bytes_expected: approximate
+        size of a checkpoint."""
         self.comm, self.checkpoints, self.outputs, self.signals = comm, checkpoints, outputs, signals
         self.timing, self.about, self.history = timing, about, history
         self.say = say if comm.rank == 0 else (lambda line: None)
@@ -73,10 +79,10 @@ class Keeper:
         self._phase: int | None = None
 
     def attend(self, simulation: Simulation) -> bool:
-        """Writes a checkpoint if it is time to; returns whether to stop, which `why` then explains. Collective."""
+        """Writes a checkpoint if one is due; returns whether to stop, with the reason in `why`. Collective."""
         state = simulation.state
         if state.finished:
-            # Before the last rows are written: a run that ended for want of steps may go on from here.
+            # Before the last rows are written: a run that ended at solver.max_steps may continue from here.
             self._save(simulation)
             return False
         now = time.perf_counter()
@@ -100,8 +106,8 @@ class Keeper:
         return bool(stop)
 
     def has_to_stop(self) -> bool:
-        """Whether the run has to stop now, before a step of its own, as `why` then explains. Collective."""
-        # OUT_OF_TIME is below zero, for a signal to count more.
+        """Whether the run has to stop now, before its first step, with the reason in `why`. Collective."""
+        # OUT_OF_TIME is negative, so that signals take precedence.
         mine = self.signals.stop if self.signals.asked else OUT_OF_TIME if self.interrupts() else 0
         stops = self.comm.allgather(mine)
         stop = max(stops) or min(stops)
@@ -110,7 +116,7 @@ class Keeper:
         return bool(stop)
 
     def interrupts(self) -> bool:
-        """Whether this rank wants a step given up that has begun. One that may end in time is waited for."""
+        """Whether this rank requests that the present step is abandoned. A step that may end in time is not."""
         return self.signals.asked or (self.comm.rank == 0 and self._time_is_up(steps_kept=0.0))
 
     def _why(self, stop: int) -> str:
@@ -119,7 +125,7 @@ class Keeper:
         return f"{LIMIT_OF_TIME} ({self.timing.whose})" if self.timing.whose else LIMIT_OF_TIME
 
     def go_on(self, simulation: Simulation) -> None:
-        """The simulation has come from a checkpoint: it needs no new one, and knows how long one takes."""
+        """To be called after a restart: no checkpoint is due, and the time that one takes is known."""
         self._phase = simulation.state.phase
         self._last_save = self._last_step = time.perf_counter()
         known = [link["checkpoint_s"] / link["checkpoints"] for link in self.history.earlier if link["checkpoints"]]
@@ -146,7 +152,7 @@ class Keeper:
         return time.time() >= self.timing.limit - kept
 
     def _save(self, simulation: Simulation) -> Saved:
-        # A signal that comes now must not end a process while it writes.
+        # A signal that arrives now must not end a process while it writes.
         self.signals.heard()
         state, snapshots = simulation.state, self.outputs.snapshots
         began = time.perf_counter()
@@ -158,7 +164,7 @@ class Keeper:
         saved = self.checkpoints.save(head, arrays)
         self._last_save = time.perf_counter()
         took = self._last_save - began
-        # The first one takes the place of the guess.
+        # The first measured time replaces the estimate.
         self._longest_save = max(self._longest_save, took) if self.history.now.checkpoints else took
         self._phase = state.phase
         self.history.now.checkpoints += 1

@@ -1,6 +1,6 @@
-"""What to do in a results folder: begin a run, go on with the one that is there, or nothing, as it is finished.
+"""What to do in a results folder: start a run, continue the one in it, or nothing if that is finished.
 
-One process decides, before anything is computed; no MPI. A run is never begun anew silently where there was one.
+One process decides before anything is computed. No MPI. A run never silently starts again where there was one.
 """
 
 from __future__ import annotations
@@ -23,19 +23,24 @@ if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
 OF_EARLIER = (
-    "holds a run of version 0.1 of pgfmd, which counts as contact only what overlaps: this version can't go on with it. "
-    "Go on with that version, or start anew with --fresh, which keeps the old results"
+    "holds a run of version 0.1 of pgfmd, which took a negative gap for contact. This version counts contact in another way "
+    "and can't go on with it: finish it with version 0.1, or start anew with --fresh, which keeps the old results"
 )
-"""What is wrong with a folder whose contact is counted in another way than its next rows would be."""
+"""Why a run of 0.1 can't be continued: its next rows would define contact differently."""
 FAILED = "failed"
-"""What `run.json` calls a run that could not go on; it has a checkpoint from before."""
+"""State in `run.json` of a run that ended with an error; it has an earlier checkpoint."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What to do: `go_on` from a checkpoint, or begin; or nothing, where `record` is that of a finished run. `told`:
-    lines for the user. precision: that of the run that goes on, where the scene leaves it open. mirror: of the points
-    that the checkpoint holds (grid.PunchPoints); None where there is none."""
+    """What to do.
+
+    go_on: continue from a checkpoint, else start.
+    mirror: symmetry of the points in the checkpoint (grid.PunchPoints); None without a checkpoint.
+    record: `run.json` of a finished run, for which there is nothing to do.
+    told: lines for the user.
+    precision: that of a continued run whose scene leaves it open.
+    """
 
     go_on: bool = False
     mirror: str | None = None
@@ -44,17 +49,17 @@ class Plan:
     precision: str | None = None
 
     def scene_of(self, scene: Scene):
-        """The scene to run: with the precision that the run began with."""
+        """The scene to run, with the precision that the run began with."""
         if self.precision is None:
             return scene
         return scene.model_copy(update={"solver": scene.solver.chosen(self.precision)})
 
 
 def plan(folder: Path, scene: Scene, fresh: bool, allow: Sequence[str]) -> Plan:
-    """The plan for a folder whose lock is held. Moves away what is there if `fresh`.
+    """The plan for a folder whose lock is held. If `fresh`, moves old results away.
 
-    Raises SceneError where the scene is not the one that the run began with, or `allow` names no key; ResultError where
-    there are results, but nothing to go on from, with what differs in the scene.
+    Raises SceneError if the scene is not the one that the run began with, or if `allow` has an unknown key; ResultError
+    if there are results that can't be continued, with the differences of the scene.
     """
     require_known(allow)
     if fresh:
@@ -69,7 +74,7 @@ def plan(folder: Path, scene: Scene, fresh: bool, allow: Sequence[str]) -> Plan:
         return found
     done = _of_finished(folder, finished_record(folder), scene)
     if done:
-        # Its checkpoint was deleted, which is fine.
+        # The user may delete the checkpoint of a finished run.
         return done
     if curve.exists() and count_ends(curve) > 2:
         raise ResultError(
@@ -77,13 +82,13 @@ def plan(folder: Path, scene: Scene, fresh: bool, allow: Sequence[str]) -> Plan:
             "start anew with --fresh, which keeps them"
         )
     for name in storage.RESULTS:
-        # Of a run that was ended before its first step.
+        # Left by a run that ended before its first step.
         (folder / name).unlink(missing_ok=True)
     return Plan()
 
 
 def finished_record(folder: Path) -> dict | None:
-    """The record of a run that has ended, from `run.json`. ResultError if that is damaged."""
+    """The record of an ended run, from `run.json`; None if there is none. Raises ResultError if it is damaged."""
     path = folder / storage.RUN_FILE
     try:
         found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
@@ -93,7 +98,7 @@ def finished_record(folder: Path) -> dict | None:
 
 
 def _of_finished(folder: Path, record: dict | None, scene: Scene) -> Plan | None:
-    """The plan for a finished run of the same scene without a checkpoint; None if there is no such."""
+    """The plan for a finished run of the same scene without a checkpoint; None if it is not one."""
     if not record or record["finished"] == FAILED:
         return None
     text = (folder / storage.SCENE_FILE).read_text(encoding="utf-8")
@@ -102,7 +107,7 @@ def _of_finished(folder: Path, record: dict | None, scene: Scene) -> Plan | None
 
 
 def _plan_from(folder: Path, checkpoints: list[Path], scene: Scene, allow: Sequence[str]) -> Plan:
-    """The plan where there are checkpoints; whether their arrays are whole turns out when they are read."""
+    """The plan if there are checkpoints. Their arrays are checked later, when they are read."""
     head, problems = None, []
     for path in checkpoints:
         try:
@@ -114,7 +119,7 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene: Scene, allow: Seque
             problems.append(f"{path}: missing")
     record = finished_record(folder)
     if head is None:
-        # A finished run needs none.
+        # A finished run needs no checkpoint.
         done = _of_finished(folder, record, scene)
         if done:
             return done
@@ -123,19 +128,19 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene: Scene, allow: Seque
         changed = review(head, scene, allow, folder)
         finished = head["state"]["finished"]
     except (KeyError, TypeError):
-        # Of another version: likewise.
+        # A head of another version: reading the state will fail with a message.
         return Plan(go_on=True, mirror=head.get("mirror", ""))
     if finished and record and not (finished == STOPPED_STEPS and "solver.max_steps" in changed):
         return Plan(record=record)
     kept = precision_kept(head["scene"], scene)
-    changed = kept is not None and kept != scene.solver.precision
-    told = [f"solver.precision stays {kept!r}, with which this run began"] if changed else []
-    # Runs of 0.1 knew no symmetry, and go on without.
+    stays = kept is not None and kept != scene.solver.precision
+    told = [f"solver.precision stays {kept!r}, with which this run began"] if stays else []
+    # A head without this key is of a run on all points.
     return Plan(go_on=True, mirror=head.get("mirror", ""), told=told, precision=kept)
 
 
 def _told_of_scene(folder: Path, scene: Scene) -> str:
-    """A line with the keys in which a scene differs from that of the run in a folder; empty if none is known to."""
+    """A line with the keys in which a scene differs from that of the run in a folder; empty if there are none."""
     try:
         text = (folder / storage.SCENE_FILE).read_text(encoding="utf-8")
         found = {key: f"{key} = {now!r}, the run's is {before!r}" for key, before, now in differing(text, scene)}

@@ -1,4 +1,4 @@
-"""Whether two results folders hold the same numbers, to the last bit: what an interrupted run must leave. No MPI."""
+"""Comparison of two results folders bit by bit, as for an interrupted and an uninterrupted run. No MPI."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .checkpoint_layout import HEAD, examine
 
 
 def differences(one: Path, other: Path) -> list[str]:
-    """What differs between the tables, the snapshots and the last states of two runs; empty if nothing does.
+    """Names of tables, snapshots and state variables that differ between two runs; empty if all are equal.
 
-    What depends on the clock, such as the time that a run has taken, is left out. OSError, or Damaged, where something
-    can't be read.
+    Everything that depends on the clock, such as run times, is ignored. Raises OSError or Damaged if a file can't be
+    read.
     """
     tables = (
         storage.CURVE_FILE, storage.ENERGY_FILE, storage.EVENTS_FILE, storage.PATCHES_FILE, storage.SITES_FILE,
@@ -35,11 +35,11 @@ def _content(path: Path) -> bytes | None:
 
 
 def _different_arrays(one: Path, other: Path) -> list[str]:
-    """The datasets of two HDF5 files that differ in type, shape or contents, or are in one of them alone."""
+    """The datasets of two HDF5 files that differ in type, shape or contents, or exist in only one of them."""
     if not (one.exists() and other.exists()):
         return [] if one.exists() == other.exists() else [f"{one.name}: only in one of the two"]
     with open_serial(one, "r") as first, open_serial(other, "r") as second:
-        names = [set(), set()]
+        names: list[set[str]] = [set(), set()]
         for found, file in zip(names, (first, second), strict=True):
             file.visititems(lambda name, item, found=found: found.add(name) if _is_data(name, item) else None)
         both = names[0] & names[1]
@@ -48,7 +48,7 @@ def _different_arrays(one: Path, other: Path) -> list[str]:
 
 
 def _is_data(name: str, item: object) -> bool:
-    # The head holds times of day.
+    # The head contains times of day.
     return isinstance(item, h5py.Dataset) and name != HEAD
 
 

@@ -1,7 +1,7 @@
-"""Whether a run may go on with a scene that is not quite the one it began with. No MPI.
+"""Whether a run may continue with a scene that differs from the one it began with. No MPI.
 
-What has been computed must stay what the scene describes. So only this can change, and only where it is asked for: what
-is written, the phases of the programme that are still to come, and how finely time is stepped.
+The scene has to describe all results. So only output, future phases of the programme, and the accuracy of time steps
+may change, and only if the user allows it.
 """
 
 from __future__ import annotations
@@ -15,28 +15,30 @@ from typing import TYPE_CHECKING
 
 from pgfmd.errors import Problem, SceneError
 from pgfmd.parts import drive_of
+from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import PRELOAD, automatic_turn
 from pgfmd.scene import parse_scene
+from pgfmd.scene.given import PATHS
 from pgfmd.scene.model import SECTIONS
-from pgfmd.scene.path_checks import FILE_KEYS
 
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
-UNIMPORTANT = ("title", "output.directory")
+UNIMPORTANT = ("title", "output.directory", "rheology.reference")
+"""Keys that change nothing of a run; weights of a resolved scene are shares of the relaxed modulus, said or not."""
 PRECISION = "solver.precision"
-"""The key that a scene may leave open ("auto"): then a run that goes on keeps the one that it began with."""
+"""The key that a scene may leave open ("auto"). A continued run then keeps the precision that it began with."""
 PEAKS = "punch.file_peaks"
 CHANGEABLE = ("output.every", "output.snapshots", "solver.accuracy", "solver.max_steps")
-"""Keys that may change at any time; those of [drive] may where their phases are still to come."""
+"""Keys that may change at any time. Keys of [drive] may change before their phase begins."""
 DERIVED = ("adhesion.q_ref", "adhesion.range", "drive.clearance", "drive.turn_time")
 """Keys that are usually automatic."""
 NOT_THERE = "not there"
 
 
 def contents_of(scene: Scene) -> dict[str, str]:
-    """Key -> SHA-256 of the file that it names, for the scene's files. OSError if one can't be read."""
-    named = {dotted: getattr(scene.section(dotted.split(".")[0]), dotted.split(".")[1]) for dotted in FILE_KEYS}
+    """SHA-256 of each file that the scene names, by key. Raises OSError if one can't be read."""
+    named = {dotted: getattr(scene.section(dotted.split(".")[0]), dotted.split(".")[1]) for dotted in PATHS}
     return {key: _digest_of(path) for key, path in named.items() if path}
 
 
@@ -46,7 +48,7 @@ def _digest_of(path: str) -> str:
 
 
 def require_known(allow: Sequence[str]) -> None:
-    """Raises SceneError for what can't be allowed to change, or is no key at all."""
+    """Raises SceneError for keys that can't be allowed to change, or do not exist."""
     known = [*CHANGEABLE, *(f"drive.{name}" for name in SECTIONS["drive"].model_fields), "drive", "output", "solver"]
     problems = [Problem("--allow", key, ", ".join(known)) for key in allow if key not in known]
     if problems:
@@ -54,9 +56,9 @@ def require_known(allow: Sequence[str]) -> None:
 
 
 def review(head: dict, scene: Scene, allow: Sequence[str], folder: Path) -> list[str]:
-    """The keys that have changed since a checkpoint with this head was written, all of them allowed.
+    """The keys that have changed since a checkpoint with this head was written.
 
-    allow: keys, or whole sections, that may change. Raises SceneError with every key that must not have changed.
+    allow: keys or sections that may change. Raises SceneError with all keys that must not have changed.
     """
     changed, problems = [], []
     for key, before, now in differing(head["scene"], scene, head["files"]):
@@ -72,18 +74,18 @@ def review(head: dict, scene: Scene, allow: Sequence[str], folder: Path) -> list
 
 
 def differing(text: str, scene: Scene, known: dict[str, str] | None = None) -> Iterator[tuple[str, object, object]]:
-    """Key, old value and new one where a scene differs from the one in `text`, as TOML.
+    """Key, old value and new value for all differences between a scene and the one in `text`, which is TOML.
 
-    known: SHA-256 of the contents of the old scene's files; without it they count by name. A precision that the scene
-    leaves open differs from none. ValueError if the text is no TOML.
+    known: SHA-256 of the files of the old scene; without it, files are compared by name. A precision that the scene
+    leaves open is not a difference. Raises ValueError if the text is not TOML.
     """
     old, new = _flat(_rewritten(text)), _flat(scene.to_toml())
     files = contents_of(scene) if known is not None else {}
-    # What follows from other keys comes last.
+    # Keys that follow from others come last.
     for key in sorted(old.keys() | new.keys(), key=lambda key: (key in DERIVED, key)):
         before, now = old.get(key, NOT_THERE), new.get(key, NOT_THERE)
-        if known is not None and key in FILE_KEYS:
-            # Their contents count, not where they are.
+        if known is not None and key in PATHS:
+            # Files are compared by contents, not by path.
             if files.get(key) == known.get(key):
                 continue
             now = f"{now} with other contents" if before == now else now
@@ -96,12 +98,12 @@ def differing(text: str, scene: Scene, known: dict[str, str] | None = None) -> I
 
 
 def precision_kept(text: str, scene: Scene) -> str | None:
-    """The precision of a run that goes on, by the text of its scene; None where the scene itself names one."""
-    return _flat(text).get(PRECISION, "double") if scene.solver.automatic_precision else None
+    """The precision of a continued run, from the text of its scene; None if the new scene names one."""
+    return str(_flat(text).get(PRECISION, "double")) if scene.solver.automatic_precision else None
 
 
 def _refusal(key: str, head: dict, scene: Scene, allow: Sequence[str]) -> str | None:
-    """Why a key must not have changed, or how it may; None if it may."""
+    """Why a key must not change, or how to allow it; None if it may."""
     section = key.partition(".")[0]
     if key in ("drive.control", "drive.machine_stiffness"):
         return "the punch hangs on the old spring"
@@ -117,13 +119,13 @@ def _refusal(key: str, head: dict, scene: Scene, allow: Sequence[str]) -> str | 
 
 
 def _turn_follows(key: str, scene: Scene) -> bool:
-    """Whether a key is the time of the turn, with the value that follows from the speeds."""
+    """Whether a key is the turn time, and has the automatic value for the speeds."""
     speeds = scene.drive.speed, scene.drive.retract_speed
-    return key == "drive.turn_time" and scene.drive.turn_time == automatic_turn(scene.adhesion.range, *speeds)
+    return key == "drive.turn_time" and scene.drive.turn_time == automatic_turn(length_of(scene.adhesion), *speeds)
 
 
 def _drive_refusal(head: dict, scene: Scene) -> str:
-    """Why the programme can't go on as the scene now has it; nothing if only what is to come has changed."""
+    """Why the programme of the scene can't be used; empty if only future phases have changed."""
     if "state" not in head:
         return "the run is over"
     before = parse_scene(head["scene"], source="the scene of the checkpoint", require_files=False)
@@ -143,7 +145,7 @@ def _drive_refusal(head: dict, scene: Scene) -> str:
 
 
 def _rewritten(text: str) -> str:
-    """A resolved scene of any version as this one would write it; as it is where it can't be read any more.
+    """A resolved scene of any version as this version would write it; unchanged if it can't be read any more.
 
     Its files may have moved.
     """

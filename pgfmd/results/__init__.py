@@ -1,4 +1,4 @@
-"""Results folders: read back, listed, checked, and how a run stands. No MPI; works while the run goes on."""
+"""Results folders: reading, state of a run, numbers, verification. No MPI; works while the run is going on."""
 
 from .reading import Results, load
 

@@ -1,11 +1,11 @@
-"""The curve of a tack test, simulated or measured, and what it measures: the loop, its branches, works and landmarks.
+"""The curve of a tack test, simulated or measured, and its numbers: loop, branches, works and landmarks.
 
-All commands and pictures take their numbers from here (docs: reference, "Numbers"). A run that has ended says its
-forces and works itself, in `run.json`: it knows what happened within its steps. What has to be read off rows (of a run
-that goes on, a measured or a filtered curve) is found here by the same definitions.
+All commands and pictures use these functions (docs: reference, "Numbers"). For a finished run, forces and works are
+read from `run.json`, because they were integrated within the steps. For an unfinished run, and a measured or filtered
+curve, they are computed from rows by the same definitions.
 
-Works from rows take forces between two rows to be linear in the displacement; a row at which the surface jumped is met
-with the force of the row before where the punch goes up to a jump against that.
+For works from rows, the force between two rows is linear in the displacement. At a row with a jump, the force is that
+of the row before if the punch moved against it up to the jump.
 """
 
 from __future__ import annotations
@@ -31,35 +31,38 @@ TOLD = (
     "preload_N", "largest_force_N", "pull_off_force_N", "snap_in_force_N", "pull_off_force_uncertainty_N",
     "snap_in_force_uncertainty_N", "time_to_preload_s", "work_of_separation_uncertainty_J", "work_uncertainty_J",
 )  # fmt: skip
-"""Keys of `run.json` whose numbers a loop takes over."""
+"""Keys of `run.json` that a loop uses."""
 KINDS_OF_AREA = ("contact", "overlap", "near")
 SAME_STEP = ("time [s]", "displacement [m]", "force [N]")
-"""Columns that curve and events write from the same numbers of a step."""
+"""Columns with the same numbers in curve and events."""
 UNEVEN = 4.0
-"""A parabola through three rows is trusted if neither step is so many times longer than the other."""
+"""A parabola through three rows is used only if the ratio of the two steps is below this."""
 OVERSHOOT = 0.25
-"""It is trusted if its vertex lies beyond the lowest row by no more than this share of the larger rise beside it."""
+"""It is used only if its minimum is below the lowest row by at most this fraction of the larger difference to its
+neighbours."""
 LEAST_TENSION = 1e-3
-"""A tension is marked in a picture from this share of the largest force on."""
+"""Smallest tension that is marked in a picture, as a fraction of the largest force."""
 BETWEEN_ROWS = 0.5
-"""Uncertainty of a force that is read off rows, as a share of the larger rise beside the lowest one."""
+"""Uncertainty of a force from rows, as a fraction of the larger difference between the lowest row and its
+neighbours."""
 
 
 @dataclass(frozen=True, eq=False)
 class Loop:
     """Rows of a tack test in the order of time; SI units; all arrays of shape (rows,).
 
-    name: what a legend calls it. time [s]; displacement [m], negative when the punch is pushed in; force [N], positive
-    in compression; area [m^2] of contact and u_inf [m], NaN where they are not known; overlap and near [m^2]: areas of
-    the points with a negative gap, and below the near gap, None where they are not known; phase: part of the programme;
-    jump: rows at whose end the surface jumped; held: whether the punch goes up to a jump against the force before it
-    (in runs with time the jump comes at the end of its step, in quasi-static ones anywhere within it). offset [m]: k of
-    indentation = -displacement - k.
+    name: for legends. time [s]. displacement [m]: of the punch, negative when it is pushed in. force [N]: positive in
+    compression. area [m^2]: of contact, and u_inf [m]; NaN if unknown. overlap, near [m^2]: areas with a negative gap,
+    and with a gap below the near gap; None if unknown. phase: of the programme. jump: rows at whose end the surface
+    jumped. held: whether the punch moves against the old force up to a jump (in time-dependent runs a jump is at the
+    end of its step, in quasi-static runs anywhere within it). offset [m]: k of indentation = -displacement - k.
 
-    Of a run, what it knows better than its rows: work [J] of the loop and separation [J], the work of separation, None
-    before the retraction, whatever filter the rows have gone through; told: other numbers of `run.json`, by their keys
-    (TOLD). share: how far off forces may be for the errors of its steps (uncertainty.py). A measured loop has none of
-    these.
+    For runs only: work [J] of the loop, and separation [J], the work of separation (None before the retraction); both
+    are independent of filters. told: other numbers of `run.json`, by key (TOLD). share: relative uncertainty of forces
+    due to the errors of steps (uncertainty.py).
+
+    For measured loops only: closed: whether the rows hold both ways. treated: what was done to the curve when it was read,
+    in words. remarks: what else is to be known of it.
     """
 
     name: str
@@ -78,6 +81,9 @@ class Loop:
     share: float = 0.0
     overlap: Array | None = None
     near: Array | None = None
+    closed: bool = True
+    treated: str = ""
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, results: Results, name: str = "") -> Self:
@@ -108,7 +114,7 @@ class Loop:
         return loop._told_by(results)
 
     def _told_by(self, results: Results) -> Self:
-        """The same loop with what the run knows: from `run.json`, the work else from `energy.csv`, works else from
+        """The same loop with numbers of the run: from `run.json`, else the work from `energy.csv`, else works from
         rows."""
         record, energy = results.run, results.energy
         told = {key: record[key] for key in TOLD if record.get(key) is not None}
@@ -124,44 +130,44 @@ class Loop:
 
     @property
     def indentation(self) -> Array:
-        """How far the punch is pushed in [m]."""
+        """Indentation [m]."""
         return -self.displacement - self.offset
 
     @property
     def areas(self) -> dict[str, Array]:
-        """The areas [m^2] that are known, in the order of KINDS_OF_AREA; none of a measured loop."""
+        """The known areas [m^2], in the order of KINDS_OF_AREA; none for a measured loop."""
         found = {"contact": self.area, "overlap": self.overlap, "near": self.near}
         return {kind: area for kind, area in found.items() if area is not None and not np.isnan(area).all()}
 
     @property
     def branches(self) -> dict[str, slice]:
-        """Rows of the "approach" and of the "retraction"; both hold the row where the punch turns round."""
+        """Rows of the "approach" and of the "retraction"; both include the turning row."""
         return branches(self.displacement, self.phase)
 
     @property
     def met_preload(self) -> bool:
-        """Whether the approach has come to its end."""
+        """Whether the approach has ended."""
         return "preload_N" in self.told or bool(np.any(self.phase != "approach"))
 
     @property
     def preload_row(self) -> int:
-        """The last row of the approach; that of the largest force where the approach still goes on."""
+        """The last row of the approach; that of the largest force if the approach has not ended."""
         return end_of_approach(self.phase) if self.met_preload else int(np.argmax(self.force))
 
     @property
     def preload(self) -> float:
-        """The force [N] at which the approach ended; the largest force where it still goes on."""
+        """The force [N] at the end of the approach; the largest force if it has not ended."""
         return self.told.get("preload_N", float(self.force[self.preload_row]))
 
     @property
     def turning_row(self) -> int:
-        """The row at which the punch turns round, see `turning_row`; the last one where it has not yet."""
+        """The row at which the punch turns, see `turning_row`; the last one if it has not yet."""
         return min(turning_row(self.displacement, self.phase), len(self.force) - 1)
 
     @property
     def retracted(self) -> bool:
-        """Whether the punch has begun to go up again."""
-        # The step in which it turns may end deeper than it began.
+        """Whether the retraction has begun."""
+        # The step in which the punch turns may end deeper than it began.
         return "pull_off_force_N" in self.told or (self.met_preload and self.turning_row < len(self.force) - 1)
 
     def pushed_in_by(self, extra: Array | float) -> Self:
@@ -169,7 +175,7 @@ class Loop:
         moved = dataclasses.replace(self, displacement=self.displacement - extra)
         if self.work is None or np.ndim(extra) == 0:
             return moved
-        # What the rows say of the difference is added to what the run knows of the whole.
+        # The difference of the works from rows is added to the work of the run.
         work = self.work + net_work_of_rows(moved) - net_work_of_rows(self)
         separation = self.separation
         if separation is not None:
@@ -177,14 +183,14 @@ class Loop:
         return dataclasses.replace(moved, work=work, separation=separation)
 
     def with_force(self, force: Array) -> Self:
-        """Another loop with the same displacements and these forces [N], of shape (rows,), and without jumps."""
+        """A loop with the same displacements, these forces [N] (rows,), and no jumps."""
         jump = np.zeros_like(self.jump)
         return dataclasses.replace(self, force=force, jump=jump, work=None, separation=None, told={})
 
 
 def areas_of(results: Results) -> dict[str, Array]:
-    """The areas [m^2] of the rows of a run by what they are, "contact" first: all of KINDS_OF_AREA, or "overlap" alone
-    of a run that counted nothing else and called that its contact area."""
+    """The areas [m^2] of the rows of a run by kind, "contact" first: all of KINDS_OF_AREA, or only "overlap" for a run
+    that recorded overlap as its contact area."""
     if results.counts_overlap:
         return {"overlap": column(results.curve, "contact_area [m^2]")}
     return {kind: column(results.curve, f"{kind}_area [m^2]") for kind in KINDS_OF_AREA}
@@ -196,14 +202,15 @@ def column(table: Any, name: str) -> NDArray[Any]:
 
 
 def end_of_approach(phase: NDArray[np.str_]) -> int:
-    """The last row of the approach, the last of all where nothing comes after it."""
+    """The last row of the approach, or of the whole curve if there is no other phase."""
     later = np.flatnonzero(phase != "approach")
     return max(int(later[0]) - 1, 0) if later.size else len(phase) - 1
 
 
 def turning_row(displacement: Array, phase: NDArray[np.str_]) -> int:
-    """The row at which the punch turns round: the last of the deepest ones between the end of the approach and the
-    retraction at constant speed, which is within the turn or at the end of a dwell. len(phase) during the approach."""
+    """The row at which the punch turns: the last of the rows with the largest indentation between the end of the
+    approach and the retraction at constant speed; within the turn, or at the end of a dwell. len(phase) during the
+    approach."""
     first, out = end_of_approach(phase), np.flatnonzero(phase == "retract")
     if not np.any(phase != "approach"):
         return len(phase)
@@ -212,7 +219,7 @@ def turning_row(displacement: Array, phase: NDArray[np.str_]) -> int:
 
 
 def branches(displacement: Array, phase: NDArray[np.str_]) -> dict[str, slice]:
-    """Rows of the way in and of the way out; both hold the row where one becomes the other."""
+    """Rows of approach and retraction; both include the turning row."""
     turn = turning_row(displacement, phase)
     return {"approach": slice(0, turn + 1), "retraction": slice(turn, len(phase))}
 
@@ -220,10 +227,9 @@ def branches(displacement: Array, phase: NDArray[np.str_]) -> dict[str, slice]:
 def rows_of_jumps(results: Results) -> NDArray[np.intp]:
     """The numbers of the curve's rows at whose end the surface jumped, in order.
 
-    A jump has a row of its own, whatever `output.every` leaves out, and both tables have the step's numbers with all
-    their digits (files/tables.py): its row is that with the same ones in SAME_STEP. Where steps are so short that
-    several rows have the same time, force and displacement tell them apart. Jumps after the last row are left out: a run
-    that goes on may have made them since the curve was read.
+    Every jump has a row, independent of `output.every`, and both tables have all digits (files/tables.py): its row has
+    the same numbers in SAME_STEP. If steps are so short that several rows have the same time, force and displacement
+    distinguish them. Jumps after the last row are ignored: they may have happened after the curve was read.
 
     Raises:
         ResultError: for a jump that has no row, or if a table can't be read.
@@ -237,7 +243,7 @@ def rows_of_jumps(results: Results) -> NDArray[np.intp]:
     found, end = (np.searchsorted(times, when, side) for side in ("left", "right"))
 
     def others() -> NDArray[np.bool_]:
-        """Which jumps are not those of the rows where they are looked for, and may be those of the next."""
+        """Which jumps do not match their present rows, and may match the next ones."""
         at = np.minimum(found, len(times) - 1)
         same = [values[at] == of_jump[jumped] for values, of_jump in zip(rows, wanted, strict=True)]
         return ~np.logical_and.reduce(same) & (found < end)
@@ -255,7 +261,7 @@ def rows_of_jumps(results: Results) -> NDArray[np.intp]:
 
 
 def forces_met(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
-    """Forces [N] at the start and at the end of each step between rows, (rows - 1,), as the punch meets them."""
+    """Forces [N] at the start and at the end of each interval between rows, (rows - 1,), with regard to jumps."""
     before = loop.force[:-1]
     return before, np.where(loop.jump[1:] & loop.held, before, loop.force[1:])
 
@@ -267,8 +273,8 @@ def net_work_of_rows(loop: Loop) -> float:
 
 
 def separation_of_rows(loop: Loop) -> float:
-    """Work [J] that the punch does while it goes up against a tensile force; of a step through zero force the part
-    under tension."""
+    """Work [J] of the punch while it moves up against a tensile force; of a step through zero force, the part under
+    tension."""
     before, after = forces_met(loop)
     start, end = np.maximum(-before, 0.0), np.maximum(-after, 0.0)
     mean = 0.5 * (start + end)
@@ -281,8 +287,8 @@ def separation_of_rows(loop: Loop) -> float:
 
 @dataclass(frozen=True)
 class Dip:
-    """The lowest force of a branch: tension [N], positive, or 0 where it is a compression; displacement [m] of the
-    punch and time [s]; uncertainty [N] of the tension, None where it is not known."""
+    """The lowest force of a branch: tension [N], positive, or 0 if there is none; displacement [m] of the punch and
+    time [s]; uncertainty [N] of the tension, None if unknown."""
 
     tension: float
     displacement: float
@@ -292,8 +298,8 @@ class Dip:
 
 @dataclass(frozen=True)
 class Areas:
-    """An area [m^2] at the end of the approach, at its largest, and in the row nearest to the pull-off; None where the
-    loop does not get there."""
+    """An area [m^2] at the end of the approach, its maximum, and in the row nearest to the pull-off; None if the loop
+    does not get there."""
 
     at_preload: float | None
     largest: float
@@ -302,13 +308,13 @@ class Areas:
 
 @dataclass(frozen=True)
 class Measures:
-    """Numbers of one loop; None where the loop has no such thing, or does not get there.
+    """Numbers of one loop; None if the loop does not have them, or does not get there.
 
-    preload [N]: force at the end of the approach. largest_force [N]: at any row, what the turn adds included; None
-    without compression. time_to_preload [s], from the first contact. pull_off: lowest force of the retraction, from
-    where the punch turns round; snap_in: that of the approach. work_of_separation [J]: that the punch does while it
-    goes up against a tensile force. hysteresis [J]: net work of the punch over all rows. areas: by what they are, of
-    "contact", "overlap" and "near" those that are known. *_uncertainty: of a work [J].
+    preload [N]: force at the end of the approach. largest_force [N]: at any row, including the overshoot in the turn;
+    None without compression. time_to_preload [s]: from the first contact. pull_off: lowest force of the retraction,
+    from the turning point on; snap_in: that of the approach. work_of_separation [J]: of the punch while it moves up
+    against a tensile force. hysteresis [J]: net work of the punch over all rows, None of one way alone. areas: the known ones of "contact",
+    "overlap" and "near". *_uncertainty: of a work [J].
     """
 
     preload: float | None
@@ -317,24 +323,24 @@ class Measures:
     pull_off: Dip | None
     snap_in: Dip
     work_of_separation: float | None
-    hysteresis: float
+    hysteresis: float | None
     areas: Mapping[str, Areas]
     work_of_separation_uncertainty: float | None = None
     hysteresis_uncertainty: float | None = None
 
     @property
     def largest_area(self) -> float | None:
-        """The largest contact area [m^2]; None where contact is not known."""
+        """The largest contact area [m^2]; None if unknown."""
         return self.areas["contact"].largest if "contact" in self.areas else None
 
     @property
     def area_at_pull_off(self) -> float | None:
-        """The contact area [m^2] in the row nearest to the pull-off; None where contact is not known."""
+        """The contact area [m^2] in the row nearest to the pull-off; None if unknown."""
         return self.areas["contact"].at_pull_off if "contact" in self.areas else None
 
     @property
     def landmarks(self) -> dict[str, Dip]:
-        """What a picture marks: "pull-off" and "snap-in", each if it is a tension worth the name."""
+        """The marks of a picture: "pull-off" and "snap-in", each if its tension is not negligible."""
         size = max(self.largest_force or 0.0, self.pull_off.tension if self.pull_off else 0.0, self.snap_in.tension)
         found = {"pull-off": self.pull_off, "snap-in": self.snap_in}
         return {name: dip for name, dip in found.items() if dip and dip.tension > LEAST_TENSION * size}
@@ -355,7 +361,7 @@ def measure(loop: Loop) -> Measures:
         pull_off=pull_off,
         snap_in=_tension(loop, snap, "snap_in_force"),
         work_of_separation=work_of_separation(loop) if loop.retracted else None,
-        hysteresis=net_work(loop),
+        hysteresis=net_work(loop) if loop.closed else None,
         areas={kind: _areas(area, loop, row) for kind, area in loop.areas.items()},
         work_of_separation_uncertainty=loop.told.get("work_of_separation_uncertainty_J"),
         hysteresis_uncertainty=loop.told.get("work_uncertainty_J"),
@@ -368,7 +374,7 @@ def _areas(area: Array, loop: Loop, pull_off_row: int | None) -> Areas:
 
 
 def _tension(loop: Loop, row: int, key: str) -> Dip:
-    """The tension at the lowest row of a branch: what the run says (by its key, without unit), or else by rows."""
+    """The tension at the lowest row of a branch: from the run (by its key, without unit), else from rows."""
     found = dip(loop, row)
     told = loop.told.get(f"{key}_N")
     if told is not None:
@@ -377,26 +383,26 @@ def _tension(loop: Loop, row: int, key: str) -> Dip:
         known = loop.told.get(f"{key}_uncertainty_N", _known(spread))
         return dataclasses.replace(found, tension=told, uncertainty=known)
     spread = loop.share * abs(found.tension) + BETWEEN_ROWS * _rise_beside(loop, row)
-    # Of a compression only what goes below zero is a tension.
+    # Only a negative force is a tension.
     spread = max(0.0, spread + min(found.tension, 0.0)) if not math.isnan(spread) else spread
     if row == len(loop.force) - 1:
-        # Nobody knows yet how far down it goes.
+        # The minimum may not have been reached yet.
         spread = math.nan
     return dataclasses.replace(found, tension=max(found.tension, 0.0) + 0.0, uncertainty=_known(spread))
 
 
 def _rise_beside(loop: Loop, row: int) -> float:
-    """The larger rise [N] from a row to its neighbours, jumps left out."""
+    """The larger difference [N] between a row and its neighbours, excluding jumps."""
     sides = [(row - 1, loop.jump[row]), *([(row + 1, loop.jump[row + 1])] if row + 1 < len(loop.force) else [])]
     rises = [loop.force[other] - loop.force[row] for other, jumped in sides if other >= 0 and not jumped]
     return float(max(rises, default=0.0))
 
 
 def _time_to_preload(loop: Loop) -> float | None:
-    """Time [s] from the first contact to the end of the approach; None before, and where contact is not known."""
+    """Time [s] from the first contact to the end of the approach; None before, and if contact is unknown."""
     if "time_to_preload_s" in loop.told:
         return loop.told["time_to_preload_s"]
-    # Of a run that counted overlap alone, from the first overlap.
+    # For a run that only recorded overlap, from the first overlap.
     touching = np.flatnonzero(next(iter(loop.areas.values()), loop.area) > 0.0)
     if not (loop.met_preload and touching.size):
         return None
@@ -410,8 +416,8 @@ def _known(value: float) -> float | None:
 def dip(loop: Loop, row: int) -> Dip:
     """The lowest force near its lowest row, by the parabola in the displacement through that row and its neighbours.
 
-    The row itself where it has a jump beside it, is at an end, or the punch turns round there: no parabola belongs to
-    these. Negative tension where it is a compression.
+    The row itself if it is next to a jump, at an end, or at the turning point, where a parabola makes no sense. The
+    tension is negative in compression.
     """
     alone = Dip(-float(loop.force[row]), float(loop.displacement[row]), float(loop.time[row]))
     if not 0 < row < len(loop.force) - 1 or loop.jump[row] or loop.jump[row + 1]:
@@ -433,7 +439,7 @@ def dip(loop: Loop, row: int) -> Dip:
 
 
 def net_work(loop: Loop) -> float:
-    """Work of the punch [J] over the loop: as the run integrated it, or else from the rows."""
+    """Work of the punch [J] over the loop: as integrated by the run, else from rows."""
     return net_work_of_rows(loop) if loop.work is None else loop.work
 
 

@@ -1,10 +1,11 @@
-"""What is in a results folder: the lock, the heads of the checkpoints, the end of the curve, the record. No MPI."""
+"""The contents of a results folder: lock, heads of checkpoints, end of the curve, record. No MPI."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
@@ -16,40 +17,40 @@ from pgfmd.restart.checkpoint_layout import Damaged, read_head
 from .reading import require_folder
 
 _HARMLESS = re.compile(r"previous-\d+|.*\.png")
-"""What a folder may hold besides, and still have no run."""
+"""Other files that may be in a folder without a run."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A checkpoint file and its head. written [s since 1970], bytes: of the file; problem: why it is not valid, then
-    there is no head."""
+    """A checkpoint file and its head. written [s since 1970], bytes: of the file; problem: why it is invalid, in which
+    case there is no head."""
 
     path: Path
     written: float
     bytes: int
-    head: dict | None = None
+    head: dict[str, Any] = field(default_factory=dict)
     problem: str = ""
 
     @property
     def state(self) -> dict:
-        """Numbers of the State then."""
+        """Numbers of the State in the checkpoint."""
         return self.head["state"]
 
     @property
     def steps(self) -> int:
-        """Steps of the run until then."""
+        """Number of steps in the checkpoint."""
         return self.state["counters"]["steps"]
 
     @property
     def curve_bytes(self) -> int:
-        """Size of the curve then."""
+        """Size of the curve at the checkpoint."""
         return self.head["outputs"]["curve"]["bytes"]
 
 
 @dataclass(frozen=True)
 class Inventory:
-    """checkpoints: those that are there, newest first. began [s since 1970]: when the lock was taken, 0 without one.
-    tail: of the whole curve, None without one. record: of a run that ended; `problem` is what is wrong with it."""
+    """checkpoints: existing ones, newest first. began [s since 1970]: time of the lock, 0 without one. tail: of the
+    curve, None without one. record: of an ended run; `problem` is what is wrong with it."""
 
     folder: Path
     holder: run_lock.Holder | None
@@ -61,12 +62,12 @@ class Inventory:
 
     @property
     def valid(self) -> Checkpoint | None:
-        """The newest valid checkpoint: from it the run goes on."""
+        """The newest valid checkpoint, from which the run would continue."""
         return next((checkpoint for checkpoint in self.checkpoints if checkpoint.head), None)
 
     @property
     def in_use(self) -> bool:
-        """Whether a live process holds the lock, or one that may be alive."""
+        """Whether the lock belongs to a process that is or may be alive."""
         return self.holder is not None and self.holder.alive is not False
 
     @property
@@ -76,24 +77,24 @@ class Inventory:
 
     @property
     def finished(self) -> str:
-        """How the run finished, as its record says; empty if it has none, or failed."""
+        """How the run finished, from its record; empty without a record, or if it failed."""
         return self.record["finished"] if self.record and not self.failure else ""
 
     @property
     def why_stopped(self) -> str:
-        """What the newest valid checkpoint was written for at last: a signal, a limit of time; empty if the run was to
-        go on."""
+        """Why the run stopped at the newest valid checkpoint: a signal, or the time limit; empty if it was to
+        continue."""
         return self.valid.head.get("why") or "" if self.valid else ""
 
     def rows_from(self, start: int) -> int:
-        """Lines of the curve from an offset on."""
+        """Number of lines of the curve from an offset on."""
         return count_ends(self.tail.path, start) if self.tail else 0
 
 
 def take_inventory(folder: Path) -> Inventory | None:
-    """What is in a folder; None if there is no run in it, nor anything else that does not belong there.
+    """The contents of a folder; None if it has neither a run nor foreign files.
 
-    Raises ResultError if it is no results folder, or can't be read.
+    Raises ResultError if it is not a results folder, or can't be read.
     """
     found, error = storage.attempt(f"{folder}: can't be read", lambda: _take(folder))
     if error is not None:
@@ -123,7 +124,7 @@ def _take(folder: Path) -> Inventory | None:
 
 
 def _checkpoint(path: Path) -> Checkpoint | None:
-    """The checkpoint of a name; None if there is none. One that is being replaced is read as it was, or as it is."""
+    """The checkpoint of this name; None if there is none. While it is being replaced, either version is read."""
     try:
         about = path.stat()
         head = require_known(read_head(path))
@@ -135,7 +136,7 @@ def _checkpoint(path: Path) -> Checkpoint | None:
 
 
 def require_known(head: dict) -> dict:
-    """The head, if it has what is used here. Damaged if another version of pgfmd has written it otherwise."""
+    """The head, if it has everything that is used here. Raises Damaged for a head of an incompatible version."""
     try:
         _ = (head["scene"], head["state"]["counters"]["steps"], head["outputs"]["fields"]["frames"],
              head["outputs"]["curve"]["bytes"], head["links"][-1]["first_step"])  # fmt: skip

@@ -1,4 +1,4 @@
-"""Results read back: table, snapshots, record and scene of a run. No MPI; works while the run is going on."""
+"""Reading tables, snapshots, record and scene of a run. No MPI; works while the run is going on."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,11 @@ from pgfmd.files.storage import (
 )
 from pgfmd.files.table_reading import NUMPY_TYPES, is_earlier, read_columns
 from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES, Table
-from pgfmd.physics.cohesion import LAWS, CohesiveLaw
+from pgfmd.physics.adhesion.registry import DEFAULT_LAW, LAWS
 from pgfmd.units import parse_quantity
+
+QUANTITIES = {"work_of_adhesion": "energy per area", "range": "length", "overlap_stiffness": "stiffness per area"}
+"""Keys of [adhesion] that a law is made from, with their dimensions."""
 
 
 def load(directory: str | Path) -> Results:
@@ -82,13 +86,13 @@ def runs_in(path: str | Path) -> list[Path]:
 
 
 def require_folder(path: Path) -> None:
-    """ResultError if a path is no folder."""
+    """Raises ResultError if a path is not a folder."""
     if not path.is_dir():
         raise ResultError(f"{path}: {'a file, not a results folder' if path.exists() else 'no such folder'}")
 
 
 class Results:
-    """One run's results, each part read when it is first asked for. SI units.
+    """The results of one run. Each part is read at its first use. SI units.
 
     Snapshots stay open until `close()`; also a context manager. To see what a live run has added, `load` again.
     """
@@ -109,41 +113,50 @@ class Results:
     def curve(self) -> Any:
         """`curve.csv`: a pandas DataFrame, or without pandas a structured array; columns as in the file's header.
 
-        Those that a run of version 0.1 does not have, `overlap_area` and `near_area`, are there and NaN.
+        For runs of version 0.1, `overlap_area` and `near_area` are NaN.
         """
         return _table(self.directory, CURVE)
 
     @cached_property
     def counts_overlap(self) -> bool:
-        """Whether contact was counted as version 0.1 did, by gaps below zero, and means overlap alone.
+        """Whether contact means overlap (a negative gap), as in runs of version 0.1.
 
-        contact_area, patches, sites and the time to the preload of such a run leave out what is held under tension.
-        False where nothing attracts: contact is then the same.
+        contact_area, patches, sites and the time to the preload of such a run do not include points under tension.
+        False for a purely repulsive law, for which both definitions are the same.
         """
         path = self.directory / CURVE_FILE
         try:
             earlier = is_earlier(path)
         except OSError as problem:
             raise ResultError(f"{path}: could not be read: {reason(problem)}") from problem
-        return earlier and LAWS.get(self._adhesion.get("law"), True)
+        law = LAWS.get(str(self._adhesion.get("law")))
+        return earlier and (law is None or law.attractive)
 
     @property
     def contact_gap(self) -> float:
-        """The gap [m] below which this run has counted a point as in contact; 0 where it `counts_overlap`."""
+        """The gap [m] below which a point is in contact in this run; 0 if it `counts_overlap`."""
         if self.counts_overlap:
             return 0.0
         if "contact_gap_m" in self.run:
             return float(self.run["contact_gap_m"])
-        # Of a run that goes on: there is no record before its end.
-        attractive = LAWS.get(self._adhesion.get("law"), True)
-        if not (attractive and "range" in self._adhesion):
+        # A run that is going on has no record yet.
+        law = LAWS.get(str(self._adhesion.get("law", DEFAULT_LAW)))
+        if law is None or "range" not in self._adhesion:
             return 0.0
-        energy, reach = self._adhesion["work_of_adhesion"], self._adhesion["range"]
-        return CohesiveLaw(parse_quantity(energy, "energy per area"), parse_quantity(reach, "length")).contact_gap
+        given: dict[str, Any] = {name: self._adhesion.get(name) for name in ("smoothing", "file")}
+        for name, dimension in QUANTITIES.items():
+            text = self._adhesion.get(name)
+            given[name] = None if text is None else parse_quantity(text, dimension)
+        try:
+            return law.of(SimpleNamespace(**given)).contact_gap
+        except (OSError, ValueError) as problem:
+            raise ResultError(
+                f"{self.directory / SCENE_FILE}: its law of adhesion can't be told: {problem}"
+            ) from problem
 
     @property
     def near_gap(self) -> float:
-        """The gap [m] below which a point is near, as an optical image sees it."""
+        """The gap [m] below which a point is near, that is, looks closed in an optical image."""
         from pgfmd.scene.output_section import NEAR_GAP
 
         given = self.scene.get("output", {}).get("near_gap")
@@ -155,7 +168,7 @@ class Results:
 
     @cached_property
     def energy(self) -> Any | None:
-        """`energy.csv`, like `curve`; None if the run kept no energy audit."""
+        """`energy.csv`, like `curve`; None without an energy audit."""
         return self._table_if_there(ENERGY)
 
     @cached_property
@@ -165,13 +178,13 @@ class Results:
 
     @cached_property
     def patches(self) -> Any | None:
-        """`patches.csv`: the contact patches of every snapshot, like `curve`; None if the run kept none."""
+        """`patches.csv`: the contact patches of every snapshot, like `curve`; None if there are none."""
         return self._table_if_there(PATCHES)
 
     @cached_property
     def sites(self) -> Any | None:
-        """`sites.csv`: summits, saddles and valleys that join the contact or leave it, like `curve`; None if the run
-        kept none."""
+        """`sites.csv`: summits, saddles and valleys that join or leave the contact, like `curve`; None if there is
+        none."""
         return self._table_if_there(SITES)
 
     def _table_if_there(self, table: Table) -> Any | None:
@@ -240,7 +253,7 @@ class Results:
         return np.asarray(fields[name][snapshot % count])
 
     def close(self) -> None:
-        """Close the snapshots' file, if it was opened; asking for `fields` opens it again."""
+        """Closes the file of snapshots; using `fields` opens it again."""
         fields = self.__dict__.pop("fields", None)
         if fields is not None:
             fields.close()
@@ -296,7 +309,7 @@ def _open_fields(path: Path) -> Any:
 
 
 def _table(directory: Path, table: Table) -> Any:
-    """A table of the run. A last line without its end, which a live run has just begun, is left out."""
+    """A table of the run, without an incomplete last line of a live run."""
     return table_of(read_columns(directory / table.file, table), table)
 
 

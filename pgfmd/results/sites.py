@@ -1,6 +1,6 @@
-"""Summits, saddles and valleys of the punch along a run: how many are in contact, and at which loads that changes.
+"""Summits, saddles and valleys of the punch during a run: numbers in contact, and the forces at which they change.
 
-Of a run that counted overlap alone, contact is overlap throughout.
+For a run that only recorded overlap, contact means overlap throughout.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class SiteHistory:
 class SiteLoads:
     """Of one kind of site: how many there are, how many were in contact at most, and forces [N] on the punch.
 
-    first_joins, last_joins: on the way in, until the punch turns round. first_leaves, last_leaves: on the way out. None
-    where none did.
+    first_joins, last_joins: in the approach, until the punch turns. first_leaves, last_leaves: in the retraction. None
+    if there is none.
     """
 
     kind: str
@@ -51,7 +51,7 @@ class SiteLoads:
 
 
 def site_histories(results: Results, loop: Loop) -> list[SiteHistory]:
-    """The history of each kind of site that ever touched; empty where the run kept no `sites.csv`.
+    """The history of each kind of site that ever touched; empty without `sites.csv`.
 
     loop: of the run, with the rows that it has. ResultError if a table can't be read.
     """
@@ -71,7 +71,7 @@ def _history(results: Results, loop: Loop, kind: str) -> SiteHistory:
         "indentation": np.concatenate([np.repeat(place, 2), loop.indentation]),
         "force": np.concatenate([np.repeat(column(sites, "force [N]")[own], 2), loop.force]),
     }
-    # A row of the curve at the time of a change, which is the same number there, shows what there is after it.
+    # A row of the curve at exactly the time of a change has the state after it.
     order = np.argsort(values["time"], kind="stable")
     values = {name: numbers[order] for name, numbers in values.items()}
     turn = int(np.searchsorted(values["time"], loop.time[loop.turning_row], side="right"))
@@ -79,7 +79,7 @@ def _history(results: Results, loop: Loop, kind: str) -> SiteHistory:
 
 
 def site_loads(results: Results, loop: Loop) -> list[SiteLoads]:
-    """The loads of each kind of site that ever touched; empty where the run kept no `sites.csv`.
+    """The forces for each kind of site that ever touched; empty without `sites.csv`.
 
     loop: of the run, with the rows that it has. ResultError if a table can't be read.
     """

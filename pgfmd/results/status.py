@@ -1,7 +1,7 @@
-"""How the run in a results folder stands, at a glance: its state, how it ended, what is left. No MPI, no fields.
+"""The state of the run in a results folder: running, finished, resumable, ..., and what is left. No MPI, no fields.
 
 Only heads of checkpoints and the end of the curve are read, so that a hundred folders of large runs take seconds. Ages
-and rates come from the times of files, which one server gives to all of them: the clocks of nodes may differ.
+and rates are from modification times of files, which have one clock; clocks of nodes may differ.
 """
 
 from __future__ import annotations
@@ -25,21 +25,23 @@ from pgfmd.schemes import registry
 from .inventory import Checkpoint, Inventory, take_inventory
 
 RUNNING, FINISHED, RESUMABLE, DAMAGED, EMPTY = "running", "finished", "resumable", "damaged", "empty"
-GOOD_SPAN, LEAST_SPAN = 10.0, 1.0
-"""Time [s] over which a rate is taken, where there is as much of it, and at least."""
+GOOD_SPAN = 10.0
+"""Time [s] over which a rate is averaged, if available."""
+LEAST_SPAN = 1.0
+"""Least time [s] over which a rate is averaged."""
 LOST_AFTER = 3600.0
-"""Time [s] without a sign of life after which a run on another host is doubted."""
+"""Time [s] without new data after which a run on another host may be dead."""
 
 
 @dataclass
 class Status:
-    """How a run stands. What is not known, or does not apply, is None.
+    """The state of a run. Unknown or inapplicable values are None.
 
-    why: how it finished, why it ended, what is wrong. time_s [s], steps, displacement_m [m], force_N [N], phase: while
-    it is running, those of now, else those from which it would go on. row_age_s [s]: how long ago the curve's last row
-    was written. checkpoint: the newest valid one. wall_s [s]: of all links, up to the checkpoint. steps_per_s and
-    punch_m_per_s [m/s]: per second of wall time. progress: share of the punch's way. left_s [s]: wall time, guessed as
-    progress.py says; left_remark: what it leaves out, or why there is none.
+    why: how it finished, why it ended, or what is wrong. time_s [s], steps, displacement_m [m], force_N [N], phase: the
+    present ones of a running run, else those from which it would continue. row_age_s [s]: age of the last row of the
+    curve. checkpoint: the newest valid one. wall_s [s]: of all links, up to the checkpoint. steps_per_s, punch_m_per_s
+    [m/s]: per second of wall time. progress: completed fraction of the punch's travel. left_s [s]: estimated remaining
+    wall time (progress.py); left_remark: what it does not include, or why it is unknown.
     """
 
     folder: str
@@ -66,12 +68,13 @@ class Status:
     left_remark: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """The status as JSON can hold it."""
-        return storage.plain(asdict(self))
+        """The status as plain data for JSON."""
+        plain: dict[str, Any] = storage.plain(asdict(self))
+        return plain
 
 
 def status_of(folder: str | Path) -> Status:
-    """The status of a results folder. ResultError if it is none, or can't be read."""
+    """The status of a results folder. Raises ResultError if it is not one, or can't be read."""
     found = take_inventory(Path(folder))
     if found is None:
         return Status(str(folder), EMPTY, "no run yet")
@@ -89,22 +92,22 @@ def status_of(folder: str | Path) -> Status:
 
 
 def _state_of(found: Inventory) -> tuple[str, str]:
-    """State, and why."""
+    """State and reason."""
     valid, finished = found.valid, found.finished
     over = valid.state["finished"] if valid else ""
     if over and finished and not (found.holder and found.holder.alive):
-        # Even if its lock is still there: the record comes last.
+        # Even if the lock still exists, because the record is written last.
         return FINISHED, over
     if found.in_use:
-        return RUNNING, "" if found.holder.alive else _doubt(found)
+        return RUNNING, "" if found.holder and found.holder.alive else _doubt(found)
     if valid is not None:
-        ending = f"{over}, only its record is missing" if over else _ending(found)
+        ending = f"{over}, only its record is missing" if over else _ending(found, valid)
         return RESUMABLE, f"failed: {found.failure}" if found.failure else ending
     if found.checkpoints:
         wrong = "; ".join(f"{one.path.name}: {one.problem}" for one in found.checkpoints)
         return DAMAGED, f"{f'finished ({finished}), but ' if finished else ''}no checkpoint is valid: {wrong}"
     if finished:
-        # Its checkpoints were deleted, which is fine.
+        # The user may delete the checkpoints of a finished run.
         return FINISHED, finished
     failed = f"; failed: {found.failure}" if found.failure else ""
     if found.rows_from(0) > 2:
@@ -113,24 +116,24 @@ def _state_of(found: Inventory) -> tuple[str, str]:
 
 
 def _doubt(found: Inventory) -> str:
-    """What is known of a run on another host."""
+    """Information about a run on another host."""
     files = [found.began, *(checkpoint.written for checkpoint in found.checkpoints)]
     silent = time.time() - max([*files, found.tail.written] if found.tail else files)
     sign = f", no sign of life for {silent / 3600:.1f} h: perhaps it is lost" if silent > LOST_AFTER else ""
     return f"whether it is alive can't be told from here{sign}"
 
 
-def _ending(found: Inventory) -> str:
-    """Why a run ended that has a checkpoint."""
+def _ending(found: Inventory, valid: Checkpoint) -> str:
+    """Why a run with a checkpoint ended."""
     if found.holder is not None:
         return f"killed or lost: {found.holder}"
-    if found.rows_from(found.valid.curve_bytes):
+    if found.rows_from(valid.curve_bytes):
         return "ended by an error after its last checkpoint: see its output"
     return f"stopped by {found.why_stopped or 'a signal or a limit of time'}"
 
 
 def _describe(status: Status, found: Inventory) -> None:
-    """What needs no guess."""
+    """Sets everything that needs no estimate."""
     valid, holder, record = found.valid, found.holder if found.in_use else None, found.record or {}
     links = valid.head["links"] if valid else record.get("links", [])
     status.title = _title_of(found)
@@ -139,7 +142,7 @@ def _describe(status: Status, found: Inventory) -> None:
     status.steps, status.preload_N = record.get("steps"), record.get("preload_N")
     if holder is not None:
         status.holder, status.ranks = asdict(holder), holder.ranks
-        # The present process is one that the checkpoint does not know, until it has written its first.
+        # The checkpoint does not contain the present process until it has written its first one.
         status.links = len(links) + (valid is None or valid.written < found.began)
     if valid is not None:
         state = valid.state
@@ -163,11 +166,11 @@ def _title_of(found: Inventory) -> str | None:
 
 def _scene_text(found: Inventory) -> str:
     path = found.folder / storage.SCENE_FILE
-    return found.valid.head["scene"] if found.valid else path.read_text(encoding="utf-8")
+    return str(found.valid.head["scene"]) if found.valid else path.read_text(encoding="utf-8")
 
 
 def _look_ahead(status: Status, found: Inventory) -> None:
-    """Where the run is, how fast, and what is left."""
+    """Sets present state, speed and remaining time."""
     try:
         scene = parse_scene(_scene_text(found), require_files=False)
     except FileNotFoundError:
@@ -178,7 +181,7 @@ def _look_ahead(status: Status, found: Inventory) -> None:
         return
     status.preload_N = scene.drive.preload
     valid, tail, names = found.valid, found.tail, [phase.name for phase in drive_of(scene).phases]
-    if tail is not None and status.state == RESUMABLE:
+    if tail is not None and valid is not None and status.state == RESUMABLE:
         tail = CurveTail(tail.path, valid.curve_bytes)
     row = _row_of(valid, tail, names)
     if row is None:
@@ -188,7 +191,7 @@ def _look_ahead(status: Status, found: Inventory) -> None:
     status.force_N, status.displacement_m = row.force, row.displacement
     if status.state == RUNNING:
         _look_at_present(status, found, scene.output.every, row, names)
-    else:
+    elif valid is not None:
         link = valid.head["links"][-1]
         status.steps_per_s = link["steps"] / link["wall_s"] if link["steps"] else None
     ahead = outlook(scene, _moment(status, found, scene, tail, row))
@@ -200,7 +203,7 @@ def _look_ahead(status: Status, found: Inventory) -> None:
 
 
 def _look_at_present(status: Status, found: Inventory, every: int, row: CurveRow, names: list[str]) -> None:
-    """Steps and pace of a run that is running."""
+    """Sets steps and speed of a running run."""
     valid, tail = found.valid, found.tail
     # Without a checkpoint, the header and the start come before the first step.
     new = found.rows_from(valid.curve_bytes) if valid else max(0, found.rows_from(0) - 2)
@@ -212,7 +215,7 @@ def _look_at_present(status: Status, found: Inventory, every: int, row: CurveRow
 
 
 def _row_of(valid: Checkpoint | None, tail: CurveTail | None, names: list[str]) -> CurveRow | None:
-    """The last that is known of a run; its curve may lag behind a checkpoint where `output.every` leaves rows out."""
+    """The last known state of a run; its curve may be older than the checkpoint if `output.every` leaves out rows."""
     row = tail.rows[-1] if tail and tail.rows else None
     if valid is None or (row is not None and row.time > valid.state["time"]):
         return row
@@ -224,14 +227,14 @@ def _row_of(valid: Checkpoint | None, tail: CurveTail | None, names: list[str]) 
 
 
 def _moment(status: Status, found: Inventory, scene: Scene, tail: CurveTail | None, row: CurveRow) -> Moment:
-    state, dwelt = found.valid.state if found.valid else None, 0
-    met = state is not None and state["phase"] > 0
-    # Explicit steps have one length, whatever the phase.
+    state: dict[str, Any] = found.valid.state if found.valid else {}
+    dwelt, met = 0, state.get("phase", 0) > 0
+    # Explicit steps have the same length in all phases.
     counts = scene.drive.dwell > 0.0 and not registry.scheme_of(scene).explicit
     if tail is not None and counts and row.phase != "approach":
         dwelt = scene.output.every * count_ends(tail.path, ending=",dwell")
     return Moment(
-        row.phase, row.time, row.displacement, row.force, row.step, status.steps,
+        row.phase, row.time, row.displacement, row.force, row.step, status.steps or 0,
         stiffness=tail.stiffness if tail else None, dwell_steps=dwelt,
         preload_time=state["preload_time"] if met else None,
         depth=-state.get("preload_place", state["phase_start"]) if met else None,
@@ -239,13 +242,13 @@ def _moment(status: Status, found: Inventory, scene: Scene, tail: CurveTail | No
 
 
 def _place(state: dict) -> float:
-    """Where the punch is [m]; checkpoints of before there were springs know the position alone."""
+    """Displacement of the punch [m]; old checkpoints only have the position of the drive."""
     return state.get("place", state["position"])
 
 
 @dataclass(frozen=True)
 class Mark:
-    """Where a run was at a time of the wall clock [s since 1970]. displacement [m], None if not known."""
+    """State of a run at a wall-clock time [s since 1970]. displacement [m], None if unknown."""
 
     wall: float
     steps: int
@@ -254,9 +257,9 @@ class Mark:
 
 
 def _marks(found: Inventory, names: list[str]) -> list[Mark]:
-    """What is known of the present process, newest first."""
+    """Known states of the present process, newest first."""
     marks = [_mark(one.written, one, names) for one in found.checkpoints if one.head and one.written >= found.began]
-    if marks:
+    if marks and found.valid:
         return [*marks, Mark(found.began, found.valid.head["links"][-1]["first_step"])]
     return [_mark(found.began, found.valid, names) if found.valid else Mark(found.began, 0)]
 
@@ -266,16 +269,16 @@ def _mark(wall: float, one: Checkpoint, names: list[str]) -> Mark:
 
 
 def _pace(marks: list[Mark], now: Mark) -> tuple[float | None, float | None]:
-    """Steps and metres a second, over the shortest time that is long enough; None where that can't be told."""
+    """Steps and metres per second, averaged over the shortest sufficient time; None if unknown."""
     long_ago = [mark for mark in marks if now.wall - mark.wall >= LEAST_SPAN and now.steps > mark.steps]
-    # A punch that turned round in between has moved further than it seems.
+    # If the punch turned in between, it has moved further than the difference.
     on_course = [mark for mark in long_ago if mark.displacement is not None and mark.phase == now.phase]
     steps = way = None
     if long_ago:
         since = _since(long_ago, now)
         steps = (now.steps - since.steps) / (now.wall - since.wall)
-    if on_course:
-        since = _since(on_course, now)
+    since = _since(on_course, now) if on_course else now
+    if since.displacement is not None and now.displacement is not None and since is not now:
         way = abs(now.displacement - since.displacement) / (now.wall - since.wall)
     return steps, way
 

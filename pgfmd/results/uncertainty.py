@@ -1,10 +1,10 @@
-"""How far off the numbers of a run may be for its `solver.accuracy` (docs: reference, "Numbers"), and how far its
-energy audit closes, measured by what is at stake. No MPI.
+"""Uncertainties of a run's numbers due to `solver.accuracy` (docs: reference, "Numbers"), and the relative residual of
+its energy audit. No MPI.
 
-A step may be off by `accuracy`, of forces as a share of the largest so far. Errors of steps add up: of second order
-hardly, of first order more, as all of them have one sign. What happened within a step is known by its dense output
-alone, and that is trusted no better than by what it adds to the step's ends. These are estimates, no bounds. The
-factors were found by runs at accuracies 10 to 100 times finer.
+The error of a step may be `accuracy`, for forces relative to the largest so far. Errors of steps of second order hardly
+accumulate; those of first order do, because they have the same sign. The force within a step is only known from the
+dense output, whose uncertainty is taken to be its difference from the ends of the step. These are estimates, not
+bounds. The factors were determined with runs at accuracies 10 to 100 times finer.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from pgfmd.schemes import registry
 from .reading import Results
 
 SECOND_ORDER = 2.0
-"""Errors of a run's forces and works over `accuracy`, for steps of second order, and for equilibria."""
+"""Ratio of errors of forces and works to `accuracy`, for steps of second order, and for equilibria."""
 FIRST_ORDER = 4.0
 """The same for steps of first order."""
 LEAST_LOOP = 0.1
-"""A loop counts as this share of the largest work that the punch has done, if it is smaller."""
+"""A smaller loop is replaced by this fraction of the largest work of the punch."""
 UNBALANCED = 0.05
-"""Residual of the energy audit, as a share of what is at stake, from which on a run is said not to be balanced."""
+"""Relative residual of the energy audit from which on there is a warning."""
 
 
 def share_of(solver: Mapping[str, Any]) -> float:
-    """By which share forces and works of a run may be off for the errors of its steps. NaN where nothing is known of
-    them, as explicit steps have no accuracy.
+    """Relative uncertainty of forces and works of a run due to the errors of its steps. NaN if unknown, as for explicit
+    steps, which have no accuracy.
 
     solver: `scheme`, `accuracy` and `order`, of the section `solver` of a scene, or of `run.json`.
     """
@@ -48,14 +48,14 @@ def of_force(force: float, at_ends: float, share: float) -> float:
 
 
 def of_work(work: float, separation: float, residual: float, share: float) -> float:
-    """Uncertainty [J] of a work; separation: the work of separation, the energy that comes and goes where the loop is
-    small beside it; residual: largest one of the energy audit, all [J]."""
+    """Uncertainty [J] of a work. separation [J]: the work of separation, which is stored and returned in a small loop.
+    residual [J]: the largest one of the energy audit."""
     return share * max(abs(work), abs(separation)) + abs(residual)
 
 
 def largest_residual(results: Results) -> float:
-    """The largest residual [J] of the audit at any step: as the run tells it, or of the rows that there are. 0 without
-    an audit. ResultError if `energy.csv` can't be read."""
+    """The largest residual [J] of the audit at any step: from the record, else from the rows. 0 without an audit.
+    Raises ResultError if `energy.csv` can't be read."""
     record = results.run
     if record.get("energy_residual") is not None and record.get("work_J") is not None:
         return record["energy_residual"] * abs(record["work_J"])
@@ -64,8 +64,8 @@ def largest_residual(results: Results) -> float:
 
 
 def at_stake(results: Results, work: float) -> float:
-    """The energy [J] by which a residual is judged: net work of the loop [J], or a part of the work of the way in where
-    little is lost. ResultError if `energy.csv` can't be read."""
+    """The energy [J] to which a residual is relative: net work of the loop [J], or a fraction of the largest work if
+    that is more. Raises ResultError if `energy.csv` can't be read."""
     energy = results.energy
     most = float(np.max(np.abs(energy["work [J]"]))) if energy is not None and len(energy) else 0.0
     return max(abs(work), LEAST_LOOP * most)

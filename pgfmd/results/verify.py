@@ -1,6 +1,6 @@
-"""Whether every byte of a results folder that has a checksum is what was written. No MPI; memory for a piece at a time.
+"""Verification of all bytes of a results folder that have a checksum. No MPI; needs memory for a small piece only.
 
-A folder in use is examined as far as it is safe: checkpoints are replaced and tables grow meanwhile.
+In a folder in use, only completed data are examined, because checkpoints are replaced and tables grow.
 """
 
 from __future__ import annotations
@@ -9,9 +9,10 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -40,17 +41,17 @@ from .inventory import Inventory, require_known, take_inventory
 from .reading import Results
 
 PAUSE = 1.0
-"""Time [s] after which a file that a run may just be writing to is looked at again."""
+"""Time [s] after which a file that a run may be writing is examined again."""
 PIECE = 2**20
-"""Elements of a snapshot that are read at a time."""
+"""Elements of a snapshot read at a time."""
 UNREADABLE = (OSError, RuntimeError, LookupError, ValueError, TypeError, MemoryError)
-"""What reading a damaged file may end in."""
+"""Exceptions when reading a damaged file."""
 ANEW = "start anew with --fresh, which keeps the old results"
 
 
 @dataclass(frozen=True)
 class Part:
-    """A file that was examined: whether it is fine, what was found, and what to do if it is not."""
+    """The result for a file: whether it is fine, what was found, and what to do if it is not."""
 
     path: Path
     fine: bool
@@ -63,7 +64,8 @@ class Part:
 
 
 def verify(folder: str | Path) -> Iterator[Part]:
-    """Examines the parts of a results folder one after the other. ResultError if it is none, or can't be read."""
+    """Examines the files of a results folder one after the other. Raises ResultError if it is not one, or can't be
+    read."""
     folder = Path(folder)
     inventory = take_inventory(folder)
     if inventory is None:
@@ -85,7 +87,7 @@ def verify(folder: str | Path) -> Iterator[Part]:
 
 
 def _guarded(path: Path, examine_part: Callable[[Path], Part | None]) -> Part | None:
-    """What an examination finds, also if the file can't be read."""
+    """The result of an examination, also if the file can't be read."""
     try:
         return examine_part(path)
     except UNREADABLE as problem:
@@ -98,10 +100,10 @@ def _unreadable(path: Path, problem: Exception) -> Part:
 
 @dataclass(frozen=True)
 class _Examined:
-    """A checkpoint: its head if it is valid, else what is wrong with it; neither if it is not there."""
+    """A checkpoint: its head if it is valid, else the problem; neither if it does not exist."""
 
     path: Path
-    head: dict | None = None
+    head: dict[str, Any] = field(default_factory=dict)
     problem: str = ""
 
     def __str__(self) -> str:
@@ -111,7 +113,7 @@ class _Examined:
 
 
 def _examined(path: Path) -> _Examined:
-    """A checkpoint, every byte of which was read. A run may replace it meanwhile: then it is read once more."""
+    """Reads every byte of a checkpoint, again if a run has replaced it meanwhile."""
     problem = ""
     for _ in range(2):
         try:
@@ -154,13 +156,14 @@ def _about_previous(newest: _Examined, previous: _Examined, inventory: Inventory
 
 
 def _marks(head: dict | None, inventory: Inventory) -> tuple[dict, str]:
-    """What the tables and snapshots should hold, and who knows that: the record of a finished run, or a checkpoint."""
+    """The expected contents of tables and snapshots, and their source: the record of a finished run, or a
+    checkpoint."""
     done = inventory.record.get("outputs") if inventory.finished and inventory.record and not inventory.in_use else None
     return (done, "record") if done else (head["outputs"] if head else {}, "checkpoint")
 
 
 def _table(path: Path, table: Table, head: dict | None, inventory: Inventory) -> Part | None:
-    """A table, compared with what it should hold; without a witness of that, with what its columns can."""
+    """Compares a table with its expected contents, or, if these are unknown, with the allowed values of its columns."""
     marks, witness = _marks(head, inventory)
     mark = marks.get(table.name)
     if mark is None:
@@ -178,7 +181,7 @@ def _table(path: Path, table: Table, head: dict | None, inventory: Inventory) ->
 
 
 def _unmarked(path: Path, table: Table) -> Part:
-    """A table of which no checkpoint tells what it should be."""
+    """Examines a table that no checkpoint covers."""
     untold, rows = "no checkpoint tells what it should be", max(count_ends(path) - 1, 0)
     fault: object = None
     try:
@@ -191,7 +194,7 @@ def _unmarked(path: Path, table: Table) -> Part:
 
 
 def _fields(path: Path, head: dict | None, inventory: Inventory) -> Iterator[Part]:
-    """The snapshots, and an addition to them that did not end."""
+    """Examines the snapshots, and an incomplete addition to them."""
     undo, marked = undo_path(path), _marks(head, inventory)[0].get("fields", {}).get("frames")
     if undo.exists():
         if inventory.in_use:
@@ -205,7 +208,7 @@ def _fields(path: Path, head: dict | None, inventory: Inventory) -> Iterator[Par
             yield Part(path, False, f"missing, {marked} snapshots were in it", f"put it back, or {ANEW}")
         return
     for pause in (PAUSE, 0.0):
-        # What is being added can't be trusted; what was added before the checkpoint can.
+        # An incomplete addition is not examined; everything before the checkpoint is.
         try:
             part = _snapshots(path, marked, inventory.in_use or undo.exists())
         except UNREADABLE as problem:
@@ -227,7 +230,7 @@ def _is_whole(undo: Path) -> bool:
 
 
 def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
-    """Compares the arrays of all snapshots with their checksums, or only of those that a checkpoint knows.
+    """Compares the arrays of all snapshots, or only of those in a checkpoint, with their checksums.
 
     Raises ValueError, or others of UNREADABLE, if the file is no file of snapshots.
     """
@@ -245,8 +248,8 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
         count = min(frames, marked or 0) if only_marked else frames
         wrong = [f"{name} of snapshot {frame}" for frame in range(count) for name in names
                  if _sum_of(file[name], frame) != file[checksum_of(name)][frame]]  # fmt: skip
-        strange = [frame for frame in range(count) if not _numbers_are_right(file, frame)]
-        wrong += [f"numbers or label of snapshot {frame}" for frame in strange]
+        strange_frames = [frame for frame in range(count) if not _numbers_are_right(file, frame)]
+        wrong += [f"numbers or label of snapshot {frame}" for frame in strange_frames]
         wrong += _other_gaps(path.parent, file.attrs)
     if wrong:
         return Part(path, False, f"changed: {', '.join(wrong)}", "don't use that; put the file back if there is a copy")
@@ -255,22 +258,33 @@ def _snapshots(path: Path, marked: int | None, only_marked: bool) -> Part:
 
 
 def _strange(file: h5py.File, layout: Layout, frames: int) -> list[str]:
-    """Variables that are not what the file's own attributes and number of snapshots make them."""
-    shapes = {name: (frames, side, side) for name, (_, _, side, _) in layout.arrays.items()}
-    shapes |= dict.fromkeys((*SNAPSHOT_NUMBERS, *map(checksum_of, (*layout.arrays, NUMBERS))), (frames,))
-    # Of an earlier version: one text a snapshot.
+    """Variables that do not agree with the file's own attributes and number of snapshots."""
+    shapes: dict[str, tuple[int, ...]] = {name: (frames, side, side) for name, (_, _, side, _) in layout.arrays.items()}
+    for name in (*SNAPSHOT_NUMBERS, *map(checksum_of, (*layout.arrays, NUMBERS))):
+        shapes[name] = (frames,)
+    # In files of 0.1: one text per snapshot.
     shapes["label"] = (frames, LABEL_BYTES) if file["label"].ndim == 2 else (frames,)
     found = [name for name, shape in shapes.items() if file[name].shape != shape]
-    return found + [name for name, axis in layout.axes.items() if not np.array_equal(file[name], axis)]
+    return found + [name for name, axis in layout.axes.items() if not _is_axis(file[name], axis, layout)]
+
+
+def _is_axis(found: h5py.Dataset, axis: np.ndarray, layout: Layout) -> bool:
+    """Whether positions are those of the grid, to the last bit, or to rounding where version 0.1 has written the
+    file."""
+    if found.shape != axis.shape:
+        return False
+    error = float(np.abs(found[:] - axis).max())
+    rounding = layout.length * float(np.finfo(np.float64).eps)
+    return error == 0.0 or (found.file["label"].ndim == 1 and error <= rounding)
 
 
 def _other_gaps(folder: Path, attributes: Mapping) -> list[str]:
-    """What the snapshots say of contact, where it is not what record and scene say."""
+    """Attributes about contact that disagree with record and scene."""
     try:
         results = Results(folder)
         known = {"contact_gap_m": results.contact_gap, "near_gap_m": results.near_gap}
     except (ResultError, UnitError):
-        # The part of the file that can't be read tells of that.
+        # This is reported for the file that can't be read.
         return []
     return [f"attribute {name}" for name, gap in known.items() if attributes.get(name, gap) != gap]
 
@@ -289,7 +303,7 @@ def _sum_of(array: h5py.Dataset, frame: int) -> np.uint64:
 
 
 def _texts(inventory: Inventory) -> Iterator[Part]:
-    """Scene and record: whether they can be read, as no checksum is kept of them."""
+    """Whether scene and record can be read; they have no checksum."""
     path = inventory.folder / storage.SCENE_FILE
     try:
         _ = Results(inventory.folder).scene

@@ -1,7 +1,7 @@
-"""The rules of a scene that look at several keys at once.
+"""The rules of a scene that involve several keys.
 
-Each rule is a generator of Problems over a `Draft`: the values that could be read so far. A rule that asks for a value
-which is missing or wrong ends there, because that value has been reported already; so all problems of a scene come out
+Each rule is a generator of Problems for a `Draft`, which has all values that could be read. A rule that uses a missing
+or wrong value ends there, because that value has already been reported. So all problems of a scene are reported
 together.
 """
 
@@ -9,35 +9,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 
 from pgfmd.errors import Problem
 from pgfmd.maps.raw import unit_of
+from pgfmd.physics.adhesion.registry import LAWS
 from pgfmd.physics.random_surface import MOST_WAVES, automatic_period
 from pgfmd.schemes import registry
 from pgfmd.units import format_quantity
 
 from .draft import MISSING, Draft, Unread, example
-from .fields import expectation
-from .model import LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from .fields import expectation, extra_of
+from .model import ADHESION, LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
 from .path_checks import paths_can_be_used
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
 ROUNDING = 1.0 + 1e-9
 LONGEST_TIME = 1e15
-SINGLE_ROUNDING, SINGLE_SHARE, FINEST_SINGLE = 6e-8, 0.02, 1e-3
-"""Single precision: its rounding, which the traction f = (w - w_hist)/J carries times E(inf)/E(0); what share of the
-accuracy that may be; and the finest accuracy."""
+SINGLE_ROUNDING = 6e-8
+"""Rounding error of single precision. The traction f = (w - w_hist)/J has this error times E(inf)/E(0)."""
+SINGLE_SHARE = 0.02
+"""Largest allowed error of the traction in single precision, as a fraction of the accuracy."""
+FINEST_SINGLE = 1e-3
+"""Finest accuracy in single precision."""
 _MIXED = 'set solver.precision = "mixed"'
 
 
 def _keys_of_choice(draft: Draft, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
-    """Demand the keys that a choice (such as the pattern "flat") needs; refuse those it has no use for."""
+    """Requires the keys that a choice (such as the pattern "flat") needs, and refuses unused ones."""
     choice = draft[f"{section}.{selector}"]
     required, optional = table[choice]
     for name, model_field in SECTIONS[section].model_fields.items():
         dotted = f"{section}.{name}"
         if name in required and not draft.given(dotted):
-            extra = model_field.json_schema_extra
+            extra = extra_of(model_field)
             expected = f"{expectation(extra)}, for the {selector} '{choice}'" if extra else f"a value for '{choice}'"
             yield Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")
         elif draft.given(dotted) and name != selector and name not in required | optional:
@@ -52,6 +57,20 @@ def punch_keys(draft: Draft) -> Iterator[Problem]:
 
 def rheology_keys(draft: Draft) -> Iterator[Problem]:
     yield from _keys_of_choice(draft, "rheology", "model", RHEOLOGIES)
+
+
+def adhesion_keys(draft: Draft) -> Iterator[Problem]:
+    yield from _keys_of_choice(draft, "adhesion", "law", ADHESION)
+
+
+def law_can_be_read(draft: Draft) -> Iterator[Problem]:
+    """The file of a law; whether it is there is another rule's."""
+    law, path = LAWS[draft["adhesion.law"]], draft.path("adhesion.file")
+    if "file" in law.required and path is not None and path.is_file():
+        try:
+            law.own_values(SimpleNamespace(file=str(path)))
+        except (OSError, ValueError) as error:
+            yield draft.problem("adhesion.file", "a law of adhesion", str(error))
 
 
 def punch_fits_the_cell(draft: Draft) -> Iterator[Problem]:
@@ -226,6 +245,35 @@ def substrate_is_of_one_kind(draft: Draft) -> Iterator[Problem]:
         yield draft.problem("substrate.boundary", '"periodic" with a compliance file', "delete one of the two")
 
 
+def refer_to_relaxed(draft: Draft) -> list[Problem]:
+    """Turns shares of the instantaneous modulus in a draft, and that modulus, into weights of the relaxed one, and it:
+    E(0) = E(infinity) (1 - sum g), kappa_n = g_n/(1 - sum g). What can't be is told."""
+    try:
+        if draft["rheology.model"] != "prony" or draft["rheology.reference"] != "instantaneous":
+            return []
+        shares, modulus = draft["rheology.kappa"], draft["substrate.youngs_modulus"]
+        if shares is None:
+            return []
+        if draft["substrate.compliance_file"] is not None:
+            cure = "delete it: the file holds the static compliance, so kappa are shares of the relaxed modulus"
+            return [draft.problem("rheology.reference", '"relaxed" with a compliance file', cure)]
+    except Unread:
+        return []
+    rest = 1.0 - math.fsum(shares)
+    if not rest >= 1.0 / LARGEST_MODULUS_RATIO:
+        total = math.fsum(shares)
+        cure = (
+            'leave out reference, or set it to "relaxed", if these are E_n/E(0)'
+            if total > 1.0
+            else "look at the shares"
+        )
+        expected = f"shares of the instantaneous modulus with a sum below 1, what relaxes at last; it is {total:.6g}"
+        return [draft.problem("rheology.kappa", expected, cure)]
+    draft.values["rheology"] |= {"kappa": tuple(share / rest for share in shares), "reference": "relaxed"}
+    draft.values["substrate"]["youngs_modulus"] = modulus * rest
+    return []
+
+
 def prony_series_is_sound(draft: Draft) -> Iterator[Problem]:
     if draft["rheology.model"] != "prony":
         return
@@ -266,7 +314,7 @@ def inertia_is_given(draft: Draft) -> Iterator[Problem]:
             cure = 'add both, such as omega = "15700 rad/s" and dt = "20 us", to [solver.gfmd]'
             yield draft.problem(f"solver.gfmd.{name}", f"both omega and dt, because of {why}", cure)
     for name in INSTEAD_OF_OMEGA_AND_DT:
-        # Resolved scenes of old runs have their defaults there.
+        # Resolved scenes of old runs contain these keys with their defaults.
         if all(given) and draft[f"solver.gfmd.{name}"] != GfmdKeys.model_fields[name].default:
             yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
 
@@ -304,7 +352,7 @@ def scheme_has_the_machine(draft: Draft) -> Iterator[Problem]:
 
 
 def _only(names: list[str]) -> tuple[str, str]:
-    """Which schemes alone have something, and how to have it, or do without."""
+    """Which schemes support a feature, and how to use one of them, or do without."""
     cure = "delete it, or set solver.scheme = " + " or ".join(f'"{name}"' for name in names)
     return f"only the scheme {' or '.join(names)}", cure
 
@@ -328,7 +376,7 @@ def springs_are_not_single(draft: Draft) -> Iterator[Problem]:
     if not registry.named(draft["solver.scheme"]).has_machine or precision in ("auto", "double"):
         return
     if draft["drive.control"] == "load":
-        # The soft spring is a thousand times longer than the punch goes.
+        # The elongation of the soft spring is a thousand times the travel of the punch.
         yield draft.problem("solver.precision", "'double' under load control", "delete it")
     elif precision == "single" and math.isfinite(draft["drive.machine_stiffness"]):
         yield draft.problem("solver.precision", "'double' or 'mixed' where the machine has a spring", _MIXED)
@@ -344,6 +392,8 @@ def _modulus_ratio(draft: Draft) -> float:
 RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
     punch_keys,
     rheology_keys,
+    adhesion_keys,
+    law_can_be_read,
     punch_fits_the_cell,
     free_punch_has_room,
     curvature_has_an_axis,
@@ -367,7 +417,7 @@ RULES: tuple[Callable[[Draft], Iterator[Problem]], ...] = (
 
 
 def check(draft: Draft, require_files: bool = True) -> list[Problem]:
-    """All problems that the rules find in what could be read of a scene; those about its files only if asked for."""
+    """All problems that the rules find in a draft; those about files only if `require_files`."""
     problems: list[Problem] = []
     for rule in (*RULES, paths_can_be_used) if require_files else RULES:
         try:

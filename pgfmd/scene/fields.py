@@ -1,8 +1,8 @@
-"""What a key of a scene is made of: its meaning, dimension and allowed range, and how its value is read.
+"""Fields for the keys of a scene: meaning, dimension, allowed range, and reading of values.
 
-Every key is a pydantic field whose `json_schema_extra` holds its dimension and range. The models, the messages about
-wrong values, the resolved TOML and the reference page are all made from these. A section is read in one pass: values
-that are fine are collected even where others are not, so that the checks across keys can still look at them.
+Every key is a pydantic field whose `json_schema_extra` has its dimension and range. The models, the messages about
+wrong values, the resolved TOML and the reference page are generated from these. A section is read in one pass: valid
+values are collected even if others are wrong, so that rules for several keys can use them.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, PydanticUndefined, core_schema
 
 from pgfmd.units import DIMENSIONS, UnitError, decimal_comma, format_quantity, parse_quantity
 
 REQUIRED = PydanticUndefined
 LARGEST = 1e30
-"""Largest magnitude, in SI units, of any number of a scene. Nothing real lies beyond, and what follows from such
-numbers does not overflow."""
+"""Largest magnitude, in SI units, of any number of a scene. No physical value is larger, and derived numbers do not
+overflow."""
 SMALLEST = 1e-30
-"""Smallest magnitude besides 0, likewise: what follows from it does not vanish."""
+"""Smallest magnitude except 0; derived numbers do not underflow."""
 
 
 def number(
@@ -38,33 +39,33 @@ def number(
     infinite: bool = False,
     count: int | None = None,
 ) -> Any:
-    """A field that holds a float, or a list of them.
+    """A field for a float, or a list of floats.
 
-    meaning: the sentence of the reference page. default: an SI float, a word, or None for a key without a value unless
-    it is given. dimension: a key of `units.DIMENSIONS`, or "number". above, at_least, at_most: the allowed range in SI.
-    words: texts allowed instead. infinite: whether "inf" is allowed. count: 0 for a list of any length but 0, else the
-    length wanted; None for a single value.
+    meaning: the sentence in the reference page. default: an SI float, a word, or None for no value. dimension: a key of
+    `units.DIMENSIONS`, or "number". above, at_least, at_most: the allowed range in SI. words: texts allowed instead.
+    infinite: whether "inf" is allowed. count: 0 for a list of any length except 0, else its length; None for a single
+    value.
     """
-    extra = {"dimension": dimension, "above": above, "at_least": at_least, "at_most": at_most}
+    extra: dict[str, Any] = {"dimension": dimension, "above": above, "at_least": at_least, "at_most": at_most}
     extra |= {"words": list(words), "infinite": infinite, "count": count}
     return Field(default, description=meaning, json_schema_extra=extra)
 
 
 def quantity(dimension: str, meaning: str, default: Any = REQUIRED, **limits: Any) -> Any:
-    """A field with a dimension; positive unless `above=None` or `at_least` says otherwise."""
+    """A field with a dimension; positive unless changed by `above=None` or `at_least`."""
     if "at_least" not in limits:
         limits.setdefault("above", 0.0)
     return number(meaning, default, dimension=dimension, **limits)
 
 
 def key(meaning: str, default: Any = REQUIRED, **limits: Any) -> Any:
-    """A field that is a word, a whole number, a text or a truth value; pydantic's own limits apply."""
+    """A field for a word, an integer, a text or a boolean; pydantic's own limits apply."""
     return Field(default, description=meaning, **limits)
 
 
 @dataclass(frozen=True)
 class OneOf:
-    """Marks a text as one of those that `words` gives when it is read: `Annotated[str, OneOf(names)]`."""
+    """Restricts a text to those returned by `words` at the time of reading: `Annotated[str, OneOf(names)]`."""
 
     words: Callable[[], tuple[str, ...]]
 
@@ -79,6 +80,12 @@ class OneOf:
         raise PydanticKnownError("literal_error", {"expected": " or ".join([", ".join(others), last][not others :])})
 
 
+def extra_of(field: FieldInfo) -> dict[str, Any]:
+    """What `number` knows of a field: dimension and range; empty for one made by `key`."""
+    found = field.json_schema_extra
+    return found if isinstance(found, dict) else {}
+
+
 def limits_text(extra: dict[str, Any]) -> str:
     """The range of a field in words, such as "above 0 and at most 0.5", empty if there is none."""
     limits = (("above", extra["above"]), ("at least", extra["at_least"]), ("at most", extra["at_most"]))
@@ -86,7 +93,7 @@ def limits_text(extra: dict[str, Any]) -> str:
 
 
 def expectation(extra: dict[str, Any]) -> str:
-    """What a field expects, in words: 'a length above 0, such as "375 um", or "auto"'."""
+    """The expected value of a field in words: 'a length above 0, such as "375 um", or "auto"'."""
     if extra["count"] is None:
         return _expected_entry(extra)
     return f"a list of {extra['count'] or 'any number of'} entries, each {_expected_entry(extra)}"
@@ -115,8 +122,9 @@ def _read_one(value: object, extra: dict[str, Any]) -> float | str:
         except UnitError as error:
             raise refuse(value, _expected_entry(extra), error.cure) from None
     elif isinstance(value, bool) or not isinstance(value, (int, float)):
-        bare = isinstance(value, str) and value.strip()
-        cure = decimal_comma(value) or "write a bare number, without quotes or unit" if bare else ""
+        cure = ""
+        if isinstance(value, str) and value.strip():
+            cure = decimal_comma(value) or "write a bare number, without quotes or unit"
         raise refuse(value, _expected_entry(extra), cure)
     else:
         try:
@@ -136,19 +144,19 @@ def _read_one(value: object, extra: dict[str, Any]) -> float | str:
 
 
 def within_limits(value: float, extra: dict[str, Any]) -> bool:
-    """Whether a field allows an SI value: finite, within its range, and of a magnitude that can be computed with."""
+    """Whether a field allows an SI value: finite, within its range, and of an allowed magnitude."""
     above, least, most = extra["above"], extra["at_least"], extra["at_most"]
     inside = (above is None or value > above) and (least is None or value >= least) and (most is None or value <= most)
     return inside and (value == 0 or _least_magnitude(extra) <= abs(value) <= LARGEST)
 
 
 def _least_magnitude(extra: dict[str, Any]) -> float:
-    """The smallest magnitude besides 0 of a field; none where 0 is a number like any other."""
+    """The smallest magnitude of a field except 0; no limit if 0 is not special."""
     return SMALLEST if 0 in (extra["above"], extra["at_least"]) else 0.0
 
 
 def _read_number(value: object, extra: dict[str, Any]) -> object:
-    """The SI value of what the scene says for a field made by `number` or `quantity`."""
+    """The SI value of the entry for a field made by `number` or `quantity`."""
     if extra["count"] is None:
         return _read_one(value, extra)
     if not isinstance(value, (list, tuple)):
@@ -160,7 +168,7 @@ def _read_number(value: object, extra: dict[str, Any]) -> object:
         try:
             results.append(_read_one(entry, extra))
         except PydanticCustomError as error:
-            (_, expected, cure) = error.context["problems"][0]
+            (_, expected, cure) = (error.context or {})["problems"][0]
             problems.append((entry, f"{expected} (entry {index + 1} of the list)", cure))
     if problems:
         raise PydanticCustomError("scene", "expected something else", {"problems": problems})
@@ -168,7 +176,7 @@ def _read_number(value: object, extra: dict[str, Any]) -> object:
 
 
 class Section(BaseModel):
-    """Base of the sections of a scene: unknown keys refused, no silent conversions, values in SI."""
+    """Base class of the sections of a scene: unknown keys are refused, no implicit conversions, values in SI."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -185,10 +193,11 @@ class Section(BaseModel):
     @field_validator("*", mode="wrap")
     @classmethod
     def _read(cls, value: object, handler: Any, info: ValidationInfo) -> object:
-        extra = cls.model_fields[info.field_name].json_schema_extra or {}
+        name = str(info.field_name)
+        extra = extra_of(cls.model_fields[name])
         result = handler(_read_number(value, extra) if "dimension" in extra else value)
         if info.context is not None:
-            info.context[info.field_name] = result
+            info.context[name] = result
         return result
 
 
@@ -212,7 +221,7 @@ def snapshot_time(text: str) -> tuple[float, bool]:
 
 
 def written(value: object, extra: dict[str, Any] | None) -> object:
-    """A resolved value of a field as TOML would hold it: quantities as texts with SI units, tuples as lists."""
+    """A resolved value of a field for TOML: quantities as texts with SI units, tuples as lists."""
     if isinstance(value, (list, tuple)):
         return [written(entry, extra) for entry in value]
     if extra and extra.get("dimension") in DIMENSIONS and isinstance(value, float):

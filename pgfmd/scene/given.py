@@ -1,4 +1,4 @@
-"""What a scene says before it is checked: nested tables from a TOML file, a shipped name or Python, and changes of them."""
+"""A scene before validation: nested tables from a TOML file, a shipped name or Python, and changes of them."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.files.text import read_text
 from pgfmd.units import DIMENSIONS
 
-from .fields import written
-from .model import PATTERNS, RHEOLOGIES, SECTIONS, toml_text
+from .fields import extra_of, written
+from .model import ADHESION, PATTERNS, RHEOLOGIES, SECTIONS, toml_of
 
-SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES))
-"""Keys whose choice decides which other keys their section may have, with those keys."""
+SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES), ("adhesion", "law", ADHESION))
+"""Keys that determine which other keys their section may have, with those keys."""
 
 
-PATHS = ("punch.file", "substrate.compliance_file")
+PATHS = ("punch.file", "substrate.compliance_file", "adhesion.file")
 """Keys that name files: relative ones start at the folder of the scene."""
 
 
 @dataclass(frozen=True)
 class Given:
-    """A scene as it was given. mapping: tables by section ("solver.gfmd" is one of its own), and the title; source: what
-    messages call it; folder: where relative paths start."""
+    """A scene as given. mapping: tables by section ("solver.gfmd" is a section of its own), and the title; source: its
+    name in messages; folder: the start of relative paths."""
 
     mapping: Mapping[str, Any]
     source: str = "scene"
@@ -39,14 +39,15 @@ class Given:
 
     @classmethod
     def of(cls, tables: Mapping[str, Any], source: str = "scene", folder: str | Path = ".") -> Given:
-        """Of nested tables, which are copied; numbers and arrays of NumPy, paths and tuples become plain values."""
+        """From nested tables, which are copied; NumPy numbers and arrays, paths and tuples become plain values."""
         mapping = {str(name): plain(value) for name, value in tables.items()}
         _flatten(mapping)
         return cls(mapping, source, Path(folder).absolute())
 
     @classmethod
     def read(cls, source: str | Path) -> Given:
-        """Of a TOML file, or of a shipped name; a file of that name wins. SceneError where there is none, or no TOML.
+        """From a TOML file, or a shipped name; a file takes precedence. Raises SceneError if there is none, or if it is
+        not TOML.
 
         Paths in a file's scene start at its folder, those in a shipped scene at the working folder.
         """
@@ -65,7 +66,7 @@ class Given:
 
     @classmethod
     def parse(cls, text: str, source: str = "scene", folder: str | Path = ".") -> Given:
-        """Of a TOML text. SceneError where it is none."""
+        """From a TOML text. Raises SceneError if it is not TOML."""
         try:
             return cls.of(parse_toml(text), source, folder)
         except ValueError as error:
@@ -73,14 +74,14 @@ class Given:
             raise SceneError(source, [Problem("scene", source, f"valid TOML, but: {error}", cure)]) from None
 
     def overridden(self, overrides: Sequence[str]) -> tuple[Given, list[Problem]]:
-        """With texts such as "drive.speed=10 um/s" in it, and what is wrong with these."""
+        """The scene with overrides such as "drive.speed=10 um/s", and the problems of these."""
         changes, problems = changes_of(overrides)
         return self.changed(changes), problems
 
     def changed(self, changes: Mapping[str, Any]) -> Given:
-        """With other values of keys, by section; None stands for a key's default.
+        """The scene with changed keys, by section; None resets a key to its default.
 
-        A new pattern or model drops the keys of its section that it has no use for, unless they are named as well.
+        A new pattern, model or law drops unused keys of its section, unless they are changed as well.
         """
         mapping = {name: dict(value) if isinstance(value, dict) else value for name, value in self.mapping.items()}
         changes = {name: plain(value) for name, value in changes.items()}
@@ -89,7 +90,7 @@ class Given:
             if not isinstance(values, dict):
                 mapping[section] = values
             elif isinstance(mapping.setdefault(section, {}), dict):
-                # What is no section is told of as such.
+                # Something that is not a section is reported as such.
                 both = mapping[section] | values
                 mapping[section] = {name: value for name, value in both.items() if value is not None}
         for section, selector, table in SELECTORS:
@@ -101,15 +102,14 @@ class Given:
         return Given(mapping, self.source, self.folder)
 
     def to_toml(self) -> str:
-        """The same as a TOML text, which may be read anywhere: with absolute paths, and with what is automatic left so."""
-        lines = [f"title = {toml_text(self.mapping['title'])}"] if self.mapping.get("title") else []
-        for section, values in self.mapping.items():
-            if isinstance(values, dict):
-                lines += ["", f"[{section}]"]
-                lines += [
-                    f"{key} = {toml_text(self._at_home(f'{section}.{key}', value))}" for key, value in values.items()
-                ]
-        return "\n".join(lines) + "\n"
+        """The same as a TOML text, which may be read anywhere: with absolute paths, and with what is automatic left
+        so."""
+        tables = {
+            section: {key: self._at_home(f"{section}.{key}", value) for key, value in values.items()}
+            for section, values in self.mapping.items()
+            if isinstance(values, dict)
+        }
+        return toml_of(self.mapping.get("title", ""), tables)
 
     def _at_home(self, key: str, value: Any) -> Any:
         named = key in PATHS and isinstance(value, str)
@@ -127,7 +127,8 @@ def shipped_text(name: str) -> str:
         known = ", ".join(shipped_scenes())
         problem = Problem("scene", name, f"a shipped scene: {known}", did_you_mean(name, shipped_scenes()))
         raise SceneError(name, [problem])
-    return (_shelf() / f"{name}.toml").read_text(encoding="utf-8")
+    text: str = (_shelf() / f"{name}.toml").read_text(encoding="utf-8")
+    return text
 
 
 def _shelf() -> Any:
@@ -135,13 +136,13 @@ def _shelf() -> Any:
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """A question after the known word that is nearest to this one; empty where none is near."""
+    """A question with the most similar known word; empty if none is similar."""
     near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"did you mean {near[0]}?" if near else ""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The tables of a TOML text. Raises ValueError for whatever is wrong with it."""
+    """The tables of a TOML text. Raises ValueError for every kind of error."""
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -149,7 +150,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def changes_of(overrides: Sequence[str]) -> tuple[dict[str, Any], list[Problem]]:
-    """Values by section of texts such as "drive.speed=10 um/s", and what is wrong with the texts."""
+    """Values by section from overrides such as "drive.speed=10 um/s", and the problems of these."""
     changes: dict[str, Any] = {}
     problems = []
     for override in overrides:
@@ -168,7 +169,7 @@ def changes_of(overrides: Sequence[str]) -> tuple[dict[str, Any], list[Problem]]
 
 
 def override_value(text: str) -> Any:
-    """The value of an override: a number, a list, a truth value as TOML has it, else a text."""
+    """The value of an override: a number, list or boolean in TOML, else a text."""
     try:
         parsed = parse_toml(f"value = {text}")
     except ValueError:
@@ -177,7 +178,7 @@ def override_value(text: str) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """A value of Python as TOML would give it: nothing of NumPy, no paths, lists instead of tuples."""
+    """A Python value as from TOML: no NumPy types, no paths, lists instead of tuples."""
     if isinstance(value, Mapping):
         return {str(name): plain(entry) for name, entry in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):
@@ -188,27 +189,27 @@ def plain(value: Any) -> Any:
 
 
 def with_units(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables of a Python program, as TOML would give them: its numbers, which are in SI units, become texts with these."""
+    """Tables of a Python program as from TOML: numbers, which are in SI units, become texts with units."""
     found = {str(name): plain(value) for name, value in tables.items()}
     _flatten(found)
     for section, model in SECTIONS.items():
         if isinstance(found.get(section), dict):
             for key, field in model.model_fields.items():
-                extra = field.json_schema_extra or {}
+                extra = extra_of(field)
                 if key in found[section] and extra.get("dimension") in DIMENSIONS:
                     found[section][key] = written(_floats(found[section][key]), extra)
     return found
 
 
 def _floats(value: Any) -> Any:
-    """Whole numbers as the floats that quantities are; anything else as it is."""
+    """Integers as floats, because quantities are floats; anything else unchanged."""
     if isinstance(value, list):
         return [_floats(entry) for entry in value]
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
 def _flatten(mapping: dict[str, Any]) -> None:
-    """Gives a table within a table, such as [solver.gfmd], its full name."""
+    """Moves nested tables, such as [solver.gfmd], to the top level under their full names."""
     for name in SECTIONS:
         outer, dot, inner = name.rpartition(".")
         if dot and isinstance(mapping.get(outer), dict) and inner in mapping[outer]:

@@ -1,7 +1,7 @@
 """The models of a scene: every section, every key, its meaning and its default. SI floats throughout.
 
-A `Scene` comes from `pgfmd.scene.load_scene`, which also makes the checks that look at several keys and resolves what
-"auto" stands for. Keys that a scene does not use (such as `punch.wavelength` of a flat punch) are None.
+A `Scene` comes from `pgfmd.scene.load_scene`, which also applies the rules for several keys and resolves "auto". Keys
+that a scene does not use (such as `punch.wavelength` of a flat punch) are None.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import PrivateAttr
 
+from pgfmd.physics.adhesion.registry import DEFAULT_LAW, LAWS, LawName, meanings
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity
 
-from .fields import Section, key, number, quantity, written
+from .fields import Section, extra_of, key, number, quantity, written
 from .output_section import Output
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys, Solver
 
@@ -59,9 +60,12 @@ RHEOLOGIES: dict[str, Keys] = {
     "elastic": _keys(),
     "single": _keys("modulus_ratio relaxation_time"),
     "geometric": _keys("modulus_ratio relaxation_time elements time_ratio exponent"),
-    "prony": _keys("kappa tau"),
+    "prony": _keys("kappa tau", "reference"),
 }
 """For every `rheology.model` the keys of [rheology] it needs and those it may have."""
+
+ADHESION: dict[str, Keys] = {name: (law.required, law.optional) for name, law in LAWS.items()}
+"""For every `adhesion.law` the keys of [adhesion] it needs and those it may have."""
 
 LARGEST_MODULUS_RATIO = 1e6
 
@@ -69,12 +73,19 @@ LARGEST_MODULUS_RATIO = 1e6
 if TYPE_CHECKING:
     # A scene is resolved: whoever reads one finds numbers in the place of words; and keys that its pattern or model has no
     # use for are None, which nobody reads who has looked at these.
-    Automatic = OfGrid = LikeAnother = IfUsed = float
-    CountIfUsed, NumbersIfUsed = int, tuple[float, ...]
+    Automatic = float
+    OfGrid = float
+    LikeAnother = float
+    OfLaw = float
+    IfUsed = float
+    CountIfUsed = int
+    NumbersIfUsed = tuple[float, ...]
 else:
-    Automatic, OfGrid = float | Literal["auto"], float | Literal["grid"]
-    LikeAnother = IfUsed = float | None
-    CountIfUsed, NumbersIfUsed = int | None, tuple[float, ...] | None
+    Automatic = float | Literal["auto"]
+    OfGrid = float | Literal["grid"]
+    LikeAnother = OfLaw = IfUsed = float | None
+    CountIfUsed = int | None
+    NumbersIfUsed = tuple[float, ...] | None
 
 
 class Punch(Section):
@@ -163,11 +174,21 @@ class Punch(Section):
         None,
     )
 
+    @property
+    def outline(self) -> float:
+        """The radius [m], of a punch that has one: any but those that may fill the cell."""
+        assert self.radius is not None, "a punch that fills the cell has no radius"
+        return self.radius
+
 
 class Substrate(Section):
     """The elastomer's static elasticity and how it is held."""
 
-    youngs_modulus: float = quantity("modulus", "static Young's modulus E(0)")
+    youngs_modulus: float = quantity(
+        "modulus",
+        "relaxed (static) Young's modulus E(0), that of very slow loading; the instantaneous one with "
+        '`rheology.reference = "instantaneous"`',
+    )
     poisson_ratio: float = number("Poisson's ratio", above=-1.0, at_most=0.5)
     thickness: float = quantity("length", "thickness of the film", math.inf, infinite=True)
     base: Literal["bonded", "sliding"] | None = key(
@@ -192,38 +213,72 @@ class Substrate(Section):
 
 
 class Rheology(Section):
-    """The relaxation spectrum kappa(s) = 1 + sum kappa_n s tau_n / (1 + s tau_n); it multiplies the static modulus."""
+    """The relaxation spectrum kappa(s) = 1 + sum kappa_n s tau_n / (1 + s tau_n); it multiplies the relaxed (static) modulus."""
 
     model: Literal["elastic", "single", "geometric", "prony"] = key(
         "`elastic`, a `single` Maxwell element, a `geometric` series of them, or your own `prony` series"
     )
-    modulus_ratio: IfUsed = number("E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO)
+    modulus_ratio: IfUsed = number(
+        "instantaneous over relaxed modulus, E(infinity)/E(0)", None, above=1.0, at_most=LARGEST_MODULUS_RATIO
+    )
     relaxation_time: IfUsed = quantity("time", "relaxation time; of `geometric` the shortest", None)
     elements: CountIfUsed = key("number N of Maxwell elements", None, ge=1, le=200)
     time_ratio: IfUsed = number("ratio s of successive relaxation times: tau_{n+1} = tau_n / s", None, above=1.0)
     exponent: IfUsed = number(
         "exponent beta of the weights: kappa_{n+1} = s^beta kappa_n", None, at_least=0.0, at_most=2.0
     )
-    kappa: NumbersIfUsed = number("weights kappa_n = k_n/k_0", None, at_least=0.0, count=0)
+    kappa: NumbersIfUsed = number(
+        'weights of the elements, E_n/E(0); shares of the instantaneous modulus with `reference = "instantaneous"`',
+        None,
+        at_least=0.0,
+        count=0,
+    )
     tau: NumbersIfUsed = quantity("time", "relaxation times tau_n, as many as weights", None, count=0)
+    reference: Literal["relaxed", "instantaneous"] | None = key(
+        "modulus of which `kappa` are shares, and which `substrate.youngs_modulus` is: the `relaxed` one of long times, as "
+        "in papers and unless said otherwise, or the `instantaneous` one, as in Prony tables of finite-element programs "
+        "(g_i of Abaqus, alpha_i of Ansys); kept as the relaxed one in a resolved scene",
+        None,
+    )
 
 
 class Adhesion(Section):
     """The cohesive law between punch and elastomer."""
 
-    law: Literal["cosine", "repulsive"] = key(
-        "`cosine`: the paper's law; `repulsive`: its harmonic overlap alone", "cosine"
-    )
-    work_of_adhesion: float = quantity(
-        "energy per area", "work of adhesion gamma; of `repulsive` it only sets the overlap's stiffness"
+    law: LawName = key(meanings(), DEFAULT_LAW)
+    work_of_adhesion: OfLaw = quantity(
+        "energy per area",
+        "work of adhesion gamma; of `repulsive` it only sets the overlap's stiffness; of `table` the area under the traction "
+        "of the file unless said otherwise",
+        None,
     )
     range: Automatic = quantity(
-        "length", "range rho; `auto` solves gamma pi^2/(2 rho^2) = range_factor q_ref E*", "auto", words=("auto",)
+        "length",
+        "range rho; `auto` makes the largest stiffness of the law range_factor q_ref E*: gamma pi^2/(2 rho^2) with `cosine`. "
+        "Of `table` the reach of the file unless said otherwise",
+        "auto",
+        words=("auto",),
     )
     range_factor: float = number("factor of the automatic range; 0.156 gives the paper's ranges", 0.156, above=0.0)
     q_ref: OfGrid = quantity(
         "wavenumber", "reference wavenumber of the automatic range; `grid` is 2 pi n/L", "grid", words=("grid",)
     )
+    smoothing: float | None = number(
+        "width of the smooth ends of the traction, in ranges; 0.2 unless said otherwise", None, above=0.0, at_most=0.8
+    )
+    overlap_stiffness: float | None = quantity(
+        "stiffness per area", "stiffness of overlaps; the largest one of the law unless said otherwise", None
+    )
+    file: str | None = key(
+        "file with gaps and tractions, relative to the scene's folder; see [](../explanation/adhesion.md#your-own-law)",
+        None,
+        min_length=1,
+    )
+
+    @property
+    def attractive(self) -> bool:
+        """Whether the law attracts."""
+        return LAWS[self.law].attractive
 
 
 class Drive(Section):
@@ -268,14 +323,14 @@ class Grid(Section):
 
 
 class Scene(Section):
-    """A whole scene, checked and resolved: every number in SI, nothing left automatic. It can't be changed.
+    """A complete scene, validated and resolved: all numbers in SI, all automatic values computed. It is immutable.
 
         scene = pgfmd.Scene("tri-tack", grid={"n": 48}, drive={"speed": "50 um/s", "preload": 2e-3})
         scene.replace(grid={"n": 32})
 
     source: the name of a shipped scene, a TOML file, nested tables, another scene, or nothing. Each section takes the
-    keys that are to differ from it: SI numbers, or texts with units; None stands for a key's default. Raises SceneError
-    with every problem found. Scenes are equal where they run alike: keys without a use don't count.
+    keys to change: SI numbers, or texts with units; None resets a key to its default. Raises SceneError with all
+    problems. Scenes are equal if they describe the same run: unused keys do not matter.
     """
 
     title: str = key("a line that names the scene in plots and reports", "")
@@ -321,37 +376,38 @@ class Scene(Section):
         }  # fmt: skip
         changes = {name: value for name, value in named.items() if value is not None}
         found = scene_of(given.changed(with_units(changes)))
-        # What pydantic keeps of a model. It is not validated anew: resolved values need not be ones that may be given.
+        # The state of a pydantic model. It is not validated again, because resolved values need not be valid input.
         for name in ("__dict__", "__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
             object.__setattr__(self, name, getattr(found, name))
 
     @property
     def given(self) -> Given:
-        """What the scene says itself, before it was resolved (given.py); all of it where that is not known."""
+        """The scene as given, before it was resolved (given.py); the complete scene if that is unknown."""
         from .given import Given, parse_toml
 
         return self._given or Given.of(parse_toml(self.to_toml()))
 
-    def remembering(self, given: Given) -> Self:
-        """The same scene, which knows what it was made from."""
+    def remembering(self, given: Given | None) -> Self:
+        """The same scene with the record of how it was given."""
         self._given = given
         return self
 
-    def replace(self, **changes: Keywords | str) -> Scene:
-        """Another scene with other keys, such as `replace(grid={"n": 1024}, title="finer")`; what is automatic follows.
+    def replace(self, **changes: Any) -> Scene:
+        """A new scene with changed keys, such as `replace(grid={"n": 1024}, title="finer")`; automatic values are
+        updated.
 
-        Takes what the constructor takes. Raises SceneError with every problem found.
+        Takes the same arguments as the constructor. Raises SceneError with all problems.
         """
         return Scene(self, **changes)
 
     def check(self, ranks: int = 1) -> Report:
-        """What can be said before the scene is run, on so many ranks: scales, memory, cost, warnings; as `pgfmd check`."""
+        """The report of `pgfmd check` for this number of ranks: scales, memory, cost, warnings."""
         from pgfmd import check
 
         return check(self, ranks)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Scene:
-        """A copy with other resolved values, which are not checked; for use within pgfmd, see `replace`."""
+        """A copy with other resolved values, which are not validated; for internal use, see `replace`."""
         other = super().model_copy(update=update, deep=deep)
         return other.remembering(None if update else self._given)
 
@@ -362,7 +418,7 @@ class Scene(Section):
         return f"<Scene {title}{self.punch.pattern} punch, {speed} to {preload}, n = {self.grid.n}, {solver.scheme}>"
 
     def _repr_html_(self) -> str:
-        """A table of the sections and keys that have a use, for notebooks."""
+        """A table of all sections and used keys, for notebooks."""
         rows = [f"<caption>{html.escape(self.title)}</caption>"] if self.title else []
         for name, values in self.tables().items():
             rows.append(f'<tr><th colspan="2" style="text-align:left">{name}</th></tr>')
@@ -374,8 +430,9 @@ class Scene(Section):
     __str__ = __repr__
 
     def section(self, name: str) -> Section:
-        """The section that a scene calls by this name, such as "solver.gfmd"."""
-        return getattr(self, name.replace(".", "_"))
+        """The section of this name, such as "solver.gfmd"."""
+        section: Section = getattr(self, name.replace(".", "_"))
+        return section
 
     def __eq__(self, other: object) -> bool:
         return self.to_toml() == other.to_toml() if isinstance(other, Scene) else NotImplemented
@@ -384,22 +441,18 @@ class Scene(Section):
         return hash(self.to_toml())
 
     def to_toml(self) -> str:
-        """The complete scene as TOML in SI units; loading it gives an equal scene. Keys without a use are left out."""
-        lines = [f"title = {toml_text(self.title)}"] if self.title else []
-        for name, values in self.tables().items():
-            lines += [""] * bool(lines) + [f"[{name}]"]
-            lines += [f"{key} = {toml_text(value)}" for key, value in values.items()]
-        return "\n".join(lines) + "\n"
+        """The complete scene as TOML in SI units; loading it gives an equal scene. Unused keys are left out."""
+        return toml_of(self.title, self.tables())
 
     def tables(self) -> dict[str, dict[str, Any]]:
-        """The sections and their keys that have a use, quantities as texts with SI units."""
+        """All sections with their used keys, quantities as texts with SI units."""
         found: dict[str, dict[str, Any]] = {}
         for name, model in SECTIONS.items():
             unused, section = unused_keys(self, name), self.section(name)
             if unused.issuperset(model.model_fields):
                 continue
             found[name] = {
-                key: written(getattr(section, key), field.json_schema_extra)
+                key: written(getattr(section, key), extra_of(field))
                 for key, field in model.model_fields.items()
                 if key not in unused and getattr(section, key) is not None
             }
@@ -409,16 +462,19 @@ class Scene(Section):
 SECTIONS: dict[str, type[Section]] = {
     "solver.gfmd" if name == "solver_gfmd" else name: field.annotation
     for name, field in Scene.model_fields.items()
-    if field.annotation is not str
+    if isinstance(field.annotation, type) and issubclass(field.annotation, Section)
 }
-"""The sections by the names that a scene gives them, in the order of the resolved scene."""
+"""The sections by name, in the order of the resolved scene."""
 
 
 def unused_keys(scene: Scene, section: str) -> frozenset[str]:
-    """The keys of a section that this scene must not name, because its pattern or model has no use for them."""
+    """The keys of a section that this scene must not have, because its pattern or model does not use them."""
     if section == "punch":
         required, optional = PATTERNS[scene.punch.pattern]
         return frozenset(Punch.model_fields) - required - optional - {"pattern"}
+    if section == "adhesion":
+        required, optional = ADHESION[scene.adhesion.law]
+        return frozenset(Adhesion.model_fields) - required - optional - {"law"}
     if section == "rheology":
         required, optional = RHEOLOGIES[scene.rheology.model]
         return frozenset(Rheology.model_fields) - required - optional - {"model"}
@@ -429,8 +485,17 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     return frozenset()
 
 
+def toml_of(title: str, tables: Mapping[str, Mapping[str, Any]]) -> str:
+    """A scene as TOML: its title, if it has one, and its sections, in their order."""
+    lines = [f"title = {toml_text(title)}"] if title else []
+    for name, values in tables.items():
+        lines += [""] * bool(lines) + [f"[{name}]"]
+        lines += [f"{key} = {toml_text(value)}" for key, value in values.items()]
+    return "\n".join(lines) + "\n"
+
+
 def toml_text(value: Any) -> str:
-    """A text, number, truth value or list as TOML writes it."""
+    """A text, number, boolean or list in TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

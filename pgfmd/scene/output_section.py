@@ -10,7 +10,7 @@ from pgfmd.units import UnitError, format_quantity
 from .fields import Section, key, quantity, refuse, snapshot_time
 
 NEAR_GAP = 500e-9
-"""Gap [m] below which a point looks as if in contact in an optical image: about the wavelength of light."""
+"""Gap [m] below which a point looks closed in an optical image: about the wavelength of light."""
 
 
 class Output(Section):

@@ -8,28 +8,27 @@ from collections.abc import Iterator
 from pgfmd.errors import Problem
 
 from .draft import Draft, Unread, is_unicode
-
-FILE_KEYS = ("punch.file", "substrate.compliance_file")
+from .given import PATHS
 
 
 def paths_can_be_used(draft: Draft) -> Iterator[Problem]:
-    """Files that are there; and paths that can be written into the resolved scene, for others to read."""
-    for dotted in (*FILE_KEYS, "output.directory"):
+    """Files must exist, and it must be possible to write paths into the resolved scene."""
+    for dotted in (*PATHS, "output.directory"):
         try:
             text, path = draft[dotted], draft.path(dotted)
         except Unread:
             continue
-        if text is None:
+        if text is None or path is None:
             continue
         if "\0" in text:
             yield draft.problem(dotted, "a path", "take out the character of code 0")
-        elif dotted in FILE_KEYS and not is_unicode(str(path)):
+        elif dotted in PATHS and not is_unicode(str(path)):
             yield draft.problem(dotted, "a path in UTF-8", f"rename what is not in {str(path)!r}")
         elif text.startswith("~") and os.path.expanduser(text) == text:
             user = text.partition("/")[0]
             yield draft.problem(dotted, "a path", f"there is no home folder {user}; write ./{text} for a name with ~")
-        elif dotted in FILE_KEYS and os.path.isdir(path):
+        elif dotted in PATHS and os.path.isdir(path):
             yield draft.problem(dotted, "a file", f"{path} is a folder")
-        elif dotted in FILE_KEYS and not os.path.isfile(path):
+        elif dotted in PATHS and not os.path.isfile(path):
             cure = f"there is none at {path}; paths start at the scene's folder"
             yield draft.problem(dotted, "a file that exists", cure)

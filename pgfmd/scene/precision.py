@@ -1,6 +1,6 @@
-"""The precision that a scene with `solver.precision = "auto"` is computed in, and why. No MPI.
+"""The choice of precision for `solver.precision = "auto"`, with its reason. No MPI.
 
-It follows from measurements: scripts/studies/precision/run.py, docs/evidence/work_precision.md.
+It is based on measurements: scripts/studies/precision/run.py, docs/evidence/work_precision.md.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ if TYPE_CHECKING:
 from pgfmd.schemes import registry
 
 FINEST_MIXED = 1e-5
-"""The finest accuracy at which mixed precision was found to have the error of double."""
+"""The finest accuracy at which mixed precision has the same error as double."""
 LEAST_SIDE = 256
-"""Points a side of the transform from which on mixed precision is clearly cheaper: by a tenth at 256, a sixth at 512, a
-quarter at 1024. The two cost the same between 128 and 192; smaller scenes keep the bits of double."""
+"""Smallest number of points per side of the transform for mixed precision. It saves a tenth of the time at 256, a sixth
+at 512, and a quarter at 1024; between 128 and 192 both cost the same."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A precision, and the reason for it as an end of the sentence "..., because"."""
+    """A precision and its reason, as the end of the sentence "..., because"."""
 
     precision: str
     reason: str
 
 
 def best_precision(scene: Scene) -> Choice:
-    """The precision that is best for a scene: mixed where that has the error of double and costs less, else double.
+    """The best precision for a scene: mixed if it is as accurate as double and costs less, else double.
 
-    A pure function of the resolved scene, whatever its own precision is.
+    Depends only on the resolved scene, not on its own precision.
     """
     solver, side, scheme = scene.solver, transform_side_about(scene), registry.scheme_of(scene)
     if scene.drive.control == "load":
@@ -46,7 +46,8 @@ def best_precision(scene: Scene) -> Choice:
 
 
 def transform_side_about(scene: Scene) -> int:
-    """About how many points a side the transforms have: those of the cell, or twice those across a punch alone."""
+    """Approximate number of points per side of the transforms: those of the cell, or twice those across a free
+    punch."""
     n, radius = scene.grid.n, scene.punch.radius
     if scene.substrate.boundary == "periodic" or radius is None:
         return n

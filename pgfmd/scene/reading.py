@@ -15,14 +15,15 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from pgfmd.errors import Problem, SceneError
+from pgfmd.physics.adhesion.registry import LAWS, clearance_of, length_of, range_by_rule
 from pgfmd.physics.drive import automatic_turn
 from pgfmd.physics.random_surface import automatic_period
 
-from .checks import check
+from .checks import check, refer_to_relaxed
 from .draft import MISSING, Draft, example, is_unicode
-from .fields import expectation, within_limits, written
+from .fields import expectation, extra_of, within_limits, written
 from .given import Given, did_you_mean, shipped_scenes, shipped_text
-from .model import SECTIONS, Scene
+from .model import SECTIONS, Adhesion, Scene
 from .precision import best_precision
 
 __all__ = ["Scene", "load_scene", "parse_scene", "scene_from_mapping", "shipped_scenes", "shipped_text"]
@@ -74,6 +75,7 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
     given, problems = given.overridden(overrides)
     mapping, draft = given.mapping, Draft(given.folder)
     problems += _read_sections(mapping, draft)
+    problems += refer_to_relaxed(draft)
     problems += check(draft, require_files)
     title = mapping.get("title", "")
     if not isinstance(title, str):
@@ -82,7 +84,12 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
         problems.append(Problem("title", title, "a text in Unicode", "correct what was not UTF-8 in it"))
     if problems:
         raise SceneError(given.source, problems)
-    scene = _resolve(title, draft)
+    try:
+        scene = _resolve(title, draft)
+    except OSError as error:
+        # Of a law whose file is asked for, though files need not be there.
+        problem = Problem("adhesion.file", error.filename, "a file that can be read", error.strerror or "")
+        raise SceneError(given.source, [problem]) from None
     problems = list(_automatic_problems(scene))
     if problems:
         raise SceneError(given.source, problems)
@@ -127,39 +134,42 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
         field = model.model_fields[name]
         choices = getattr(field.annotation, "__args__", ())
         words = " or ".join(f"'{choice}'" for choice in choices if isinstance(choice, str)) or "a whole number"
-        expected = expectation(field.json_schema_extra) if field.json_schema_extra else words
+        expected = expectation(extra_of(field)) if extra_of(field) else words
         return [Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")]
     if error["type"] == "string_unicode":
         return [Problem(dotted, error["input"], "a text in UTF-8", "correct, or rename, what is not UTF-8 in it")]
     expected = error["msg"].removeprefix("Input should be ")
     if error["type"] == "literal_error":
-        words = [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]
-        return [Problem(dotted, error["input"], context["expected"], did_you_mean(str(error["input"]), words))]
+        choices = [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]
+        return [Problem(dotted, error["input"], context["expected"], did_you_mean(str(error["input"]), choices))]
     return [Problem(dotted, error["input"], expected)]
 
 
 def _resolve(title: str, draft: Draft) -> Scene:
     """The scene with defaults, automatic values and absolute paths filled in; the draft is free of problems."""
-    from pgfmd.physics.cohesion import range_of_adhesion
-
-    parts = {name: model.model_construct(**draft.values[name]) for name, model in SECTIONS.items()}
-    adhesion, drive, substrate = parts["adhesion"], parts["drive"], parts["substrate"]
+    # Of these, words are still words.
+    parts: dict[str, Any] = {name: model.model_construct(**draft.values[name]) for name, model in SECTIONS.items()}
+    drive, substrate = parts["drive"], parts["substrate"]
+    # As the others.
+    adhesion: Any = _with_own_values(draft, parts["adhesion"])
     q_ref = adhesion.q_ref
     if q_ref == "grid":
         q_ref = 2.0 * math.pi * parts["grid"].n / parts["grid"].length
     reach = adhesion.range
     if reach == "auto":
         modulus = substrate.contact_modulus
-        reach = range_of_adhesion(adhesion.work_of_adhesion, modulus, adhesion.range_factor, q_ref)
+        reach = range_by_rule(adhesion, modulus, adhesion.range_factor, q_ref)
+    adhesion = adhesion.model_copy(update={"q_ref": q_ref, "range": reach})
     retract_speed = drive.retract_speed or drive.speed
     automatic: dict[str, dict[str, Any]] = {
-        "adhesion": {"q_ref": q_ref, "range": reach},
         "drive": {
             "retract_speed": retract_speed,
             "turn_time": (
-                automatic_turn(reach, drive.speed, retract_speed) if drive.turn_time == "auto" else drive.turn_time
+                automatic_turn(length_of(adhesion), drive.speed, retract_speed)
+                if drive.turn_time == "auto"
+                else drive.turn_time
             ),
-            "clearance": reach if drive.clearance == "auto" else drive.clearance,
+            "clearance": clearance_of(adhesion) if drive.clearance == "auto" else drive.clearance,
         },
         "punch": {"file": _text(draft.path("punch.file")), **_of_random_face(parts["punch"], parts["grid"].length)},
         "substrate": {
@@ -167,6 +177,7 @@ def _resolve(title: str, draft: Draft) -> Scene:
             "base": (substrate.base or "bonded") if math.isfinite(substrate.thickness) else None,
         },
     }
+    parts["adhesion"] = adhesion
     resolved = {name.replace(".", "_"): part.model_copy(update=automatic.get(name, {})) for name, part in parts.items()}
     scene = Scene.model_construct(title=title, **resolved)
     if scene.solver.precision != "auto":
@@ -174,14 +185,23 @@ def _resolve(title: str, draft: Draft) -> Scene:
     return scene.model_copy(update={"solver": scene.solver.chosen(best_precision(scene).precision)})
 
 
+def _with_own_values(draft: Draft, adhesion: Adhesion) -> Adhesion:
+    """The section with the path of its file, and with what its law knows by itself of keys that are not given."""
+    law = LAWS[adhesion.law]
+    adhesion = adhesion.model_copy(update={"file": _text(draft.path("adhesion.file"))})
+    left = [name for name in law.known if not draft.given(f"adhesion.{name}")]
+    found = law.own_values(adhesion) if left else {}
+    return adhesion.model_copy(update={name: found[name] for name in left})
+
+
 def _automatic_problems(scene: Scene) -> Iterator[Problem]:
     """Automatic values that a scene could not give by itself: then what they follow from makes no sense together."""
     for dotted in AUTOMATIC:
         section, _, name = dotted.rpartition(".")
         value, field = getattr(scene.section(section), name), SECTIONS[section].model_fields[name]
-        if not within_limits(value, field.json_schema_extra):
-            expected = f"{expectation(field.json_schema_extra)}; it follows from other keys, which do not fit together"
-            yield Problem(dotted, written(value, field.json_schema_extra), expected, "look at their units")
+        if not within_limits(value, extra_of(field)):
+            expected = f"{expectation(extra_of(field))}; it follows from other keys, which do not fit together"
+            yield Problem(dotted, written(value, extra_of(field)), expected, "look at their units")
 
 
 def _of_random_face(punch: Any, side: float) -> dict[str, float]:

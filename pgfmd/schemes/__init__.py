@@ -1,6 +1,6 @@
-"""Schemes: what a step is, and which steps are taken. Each is a folder with its kernels, controller and audit.
+"""Time-stepping schemes. Each is a folder with its scheme, controller, kernels and audit.
 
-`base` has what is asked of a scheme and of its controller, `registry` the schemes there are, with what each can do
-(`entry`), and `path_following` what those share that go from one equilibrium to the next. In a scheme's folder `plugin` alone
-knows of scenes; nothing else imports it but by its entry.
+`base` has the protocols of schemes and controllers. `registry` lists the schemes with their capabilities (`entry`).
+`path_following` is shared by the implicit schemes. In a scheme's folder only `plugin` depends on scenes; it is imported
+only through the entry.
 """

@@ -1,7 +1,7 @@
-"""What the loop, its observers and the controllers ask of a scheme; what the loop asks of a controller.
+"""Protocols of schemes and of step controllers, as the loop, observers and controllers use them.
 
-A scheme knows how a state moves on by one step of a given length; its controller decides how long that is, and whether
-the step is taken. Implicit schemes leave the state alone until a trial has been accepted; explicit ones move it on at once.
+A scheme advances a state by one step of a given length. Its controller chooses the length, and accepts or rejects the
+step. Implicit schemes do not change the state until a trial step is accepted; explicit ones change it immediately.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.base import CohesiveLaw
 from pgfmd.physics.drive import Phase
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.solver.state import State
@@ -24,25 +24,25 @@ Vector = NDArray[np.floating[Any]]
 
 
 class Polled(Protocol):
-    """Iterations that ask now and then whether they are to be given up (interruption.py)."""
+    """Iterations that poll whether they are to be abandoned (interruption.py)."""
 
     poll: Callable[[], None]
 
 
 class Solves(Protocol):
-    """The static problems of a scheme (newton.py), as far as the loop has to know them."""
+    """The solver of a scheme's static problems (newton.py), as far as the loop needs it."""
 
     @property
     def cg(self) -> Polled:
-        """What takes long in them."""
+        """Its long iterations, which can be interrupted."""
 
 
 class Scheme(Protocol):
-    """What every scheme has. Methods are collective.
+    """The interface of every scheme. Methods are collective.
 
     points: under the punch, of this rank. height: z [m] of the punch's face at them. law: between punch and elastomer.
-    audit: whether energies are followed. machine_compliance [m/N]: of the spring between the machine and the punch, 0
-    for a rigid machine. cure: what to do where numbers run away. solver: of its static problems, None where it has none.
+    audit: whether there is an energy audit. machine_compliance [m/N]: of the spring between machine and punch, 0 for a
+    rigid machine. cure: advice if numbers diverge. solver: of static problems, None if there are none.
     """
 
     points: PunchPoints
@@ -54,11 +54,11 @@ class Scheme(Protocol):
 
     @property
     def solver(self) -> Solves | None:
-        """Of its static problems; None for explicit steps, which solve nothing and never take long."""
+        """The solver of static problems; None for explicit schemes, whose steps are short."""
 
     @property
     def pairs(self) -> int:
-        """Pairs of transforms so far."""
+        """Number of pairs of transforms so far."""
 
     @property
     def transform_seconds(self) -> float:
@@ -68,53 +68,55 @@ class Scheme(Protocol):
         """A state with the surface at rest, the machine at `position` [m]; call `start` before stepping."""
 
     def start(self, state: State) -> float:
-        """Brings the surface into balance with the punch at its first position; returns the force on it [N]."""
+        """Computes the equilibrium of the surface with the punch at its first position; returns the force on the punch
+        [N]."""
 
     def place(self, state: State) -> float:
-        """Position d of the punch [m]: the machine's, or that at the end of its spring."""
+        """Displacement d of the punch [m]: the position of the drive, corrected for a machine's spring."""
 
     def measure(self, state: State) -> None:
-        """Derives from the fields what the curve holds of them: contact, overlap, near points, smallest gap, far
+        """Computes from the fields the values of the curve: contact, overlap and near points, smallest gap, far
         displacement, adhesive energy."""
 
     def surface_of(self, state: State) -> Vector:
-        """What the surface of the whole cell is made of: this rank's share, good until the next step."""
+        """The field from which the surface of the whole cell can be computed: this rank's share, valid until the next
+        step."""
 
     def whole_cell(self, kept: Vector) -> tuple[Vector, int]:
-        """The surface [m] of a periodic cell from what `surface_of` gave: rows of this rank, (rows, n), and the first
-        one's index."""
+        """The surface [m] of a periodic cell from the result of `surface_of`: rows of this rank, (rows, n), and the
+        index of the first one."""
 
 
 class ImplicitScheme(Scheme, Protocol):
-    """A scheme whose steps are tried. order: of its steps in time."""
+    """A scheme with trial steps. order: of its steps in time."""
 
     @property
     def order(self) -> int:
         """Order of the method in time."""
 
     def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> Trial:
-        """Solves a step of `step` [s] from the state, which stays as it is. sharp: for finding an event; jump: follow an
-        instability to its end."""
+        """Solves a step of `step` [s] without changing the state. sharp: with a smaller tolerance, to locate an event;
+        jump: follow an instability to its end."""
 
     def accept(self, state: State, trial: Any) -> None:
-        """Moves the state to the end of the last trial."""
+        """Advances the state to the end of the last trial."""
 
     def advice(self, state: State, trial: Any) -> str:
-        """What to do about a step that can't be solved, by its last trial."""
+        """Advice for a step that can't be solved, from its last trial."""
 
     def require_preload(self, state: State, trial: Any, slack: float) -> None:
-        """RunError where a trial that is to end the approach misses the preload by more than `slack` [N]."""
+        """Raises RunError if a trial that should end the approach misses the preload by more than `slack` [N]."""
 
 
 class ExplicitScheme(Scheme, Protocol):
-    """A scheme whose steps are taken as they come."""
+    """A scheme without trial steps."""
 
     def step(self, state: State, phase: Phase, step: float) -> None:
-        """Moves the state on by `step` [s] within the phase."""
+        """Advances the state by `step` [s] within the phase."""
 
 
 class Taken(Protocol):
-    """A step that has been taken, as the loop sees it. is_jump: whether the surface jumped in it."""
+    """An accepted step, as the loop uses it. is_jump: whether the surface jumped in it."""
 
     @property
     def is_jump(self) -> bool:
@@ -122,12 +124,12 @@ class Taken(Protocol):
 
 
 class Trial(Protocol):
-    """A step that was tried, as a controller judges it; solver.trial.Trial is one.
+    """A trial step, as a controller uses it; solver.trial.Trial is one.
 
-    step [s]; position [m] of the machine, force [N] on the punch at its end. converged: whether it could be solved.
-    error: in ranges of adhesion, or as a share of the largest force. is_jump: whether the surface jumps in it, to
-    which potential_drop [J] is what it releases. energy_error: as a share of what is allowed, 0 where nothing is.
-    change: from the start of the step, where it is known.
+    step [s]; position [m] of the machine and force [N] on the punch at its end. converged: whether it was solved.
+    error: in ranges of adhesion, or relative to the largest force. is_jump: whether the surface jumps in it, which
+    releases potential_drop [J]. energy_error: relative to the allowed one, 0 if there is no limit. change: from the
+    start of the step, if known.
     """
 
     step: float
@@ -144,11 +146,11 @@ class Trial(Protocol):
 
 
 class StepController(Protocol):
-    """Decides which steps are tried, and which are taken: the same on all ranks."""
+    """Chooses the lengths of steps, and accepts or rejects them, in the same way on all ranks."""
 
     def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Taken, str]:
-        """Takes one step of the phase, at most to the time `until` [s] from now; returns it, and why it ended there.
+        """Performs one step of the phase, at most to the time `until` [s] from now; returns it, and why it ended there.
 
-        The second is "preload" where the preload has been met, "duration" at the end of the phase, "time" at `until`,
-        else "". Raises RunError where no step, however short, can be taken. Collective.
+        The reason is "preload" if the preload has been met, "duration" at the end of the phase, "time" at `until`, else
+        "". Raises RunError if no step, however short, is possible. Collective.
         """

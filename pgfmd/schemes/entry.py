@@ -1,8 +1,8 @@
-"""What a scheme can do and needs, as plain data, and where its code is. Nothing of that code is loaded for it.
+"""The entry of a scheme: its capabilities and needs as plain data, and the names of its functions.
 
-Whoever asks about a scheme asks its entry: the reader of scenes, `pgfmd check` and `status`, forecasts, results. So the
-entry states abilities, and reasons as texts for messages; what has to be computed is named as "module:function", and is
-imported when it is called for.
+The reader of scenes, `pgfmd check` and `status`, forecasts and results use the entry without loading the scheme's code.
+So the entry states capabilities, and reasons as texts for messages. Functions are named as "module:function" and are
+imported when they are called.
 """
 
 from __future__ import annotations
@@ -25,33 +25,34 @@ if TYPE_CHECKING:
 
 PRECISIONS = ("double", "mixed", "single")
 Overrides = list[str]
-"""Keys of a scene with other values, as the command line takes them: "grid.n=20"."""
+"""Changes of keys of a scene, in the form of the command line: "grid.n=20"."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SchemeEntry:
-    """A scheme as the rest of pgfmd knows it.
+    """The description of a scheme for the rest of pgfmd.
 
     name: as in `solver.scheme`; meaning: what it is, in a few words, for the reference page.
 
-    explicit: its steps have a known length, and solve nothing.
-    whole_plane: its transforms have all rows of the cell, which the ranks share out one by one, not in pairs.
-    timeless: time only counts how far the machine has gone; nothing relaxes, and nothing is held.
-    inertia: an elastic surface dissipates, too.
-    jumps: the surface may jump within a step; jumps are found and noted.
-    has_machine: knows a machine with a spring, and loads that are controlled. has_modulus: reads `solver.modulus`.
-    section: of the scene that it alone reads, empty for none.
-    precisions: those it has. only_double: why `auto` means double precision, empty where it may mean a mixed one.
-    periodic_only: why it can't have a free surface, empty where it can.
-    whole_only: why mirror images can't be left out, empty where they can.
-    coarse_grid: whether conjugate gradients may use a coarser grid.
-    ahead: the scheme that runs coarse approaches ahead of it, by default itself.
-    unread: keys of scenes that it has no use for, each with the reason. `solver.accuracy` and `solver.order` among them
-    tell that its steps follow no accuracy, and have one order.
+    explicit: steps have a known length and need no solver.
+    whole_plane: transforms have all rows of the cell, which are distributed over the ranks one by one, not in pairs.
+    timeless: time is only a measure of the travel of the machine; there is no relaxation and no dwell.
+    inertia: also an elastic surface dissipates energy.
+    jumps: the surface may jump within a step; jumps are detected and recorded.
+    has_machine: supports a machine with a spring, and a controlled force. has_modulus: reads `solver.modulus`.
+    section: of the scene that only this scheme reads, empty for none.
+    precisions: the supported ones. only_double: why `auto` means double precision, empty if it may mean mixed.
+    periodic_only: why a free surface is not supported, empty if it is.
+    whole_only: why mirror symmetry is not used, empty if it is.
+    coarse_grid: whether conjugate gradients may use a coarse grid.
+    ahead: the scheme for the coarse approaches before a run, by default itself.
+    unread: keys of scenes that are ignored, each with the reason. With `solver.accuracy` or `solver.order` among them,
+    steps follow no accuracy, or have a fixed order.
 
-    References, "module:function": build makes scheme and controller; memory, effort and steps_left foretell what a run costs;
-    numerics is what the record says of the steps; warm_up the scenes that use every kernel. These can be left out: problems
-    of a scene that only its files tell, lines of `pgfmd check` about the rheology, remarks.
+    References, "module:function": build makes scheme and controller; memory, effort and steps_left forecast the cost of
+    a run; numerics gives data on the steps for the record; warm_up gives scenes that use every kernel. Optional:
+    problems gives problems of a scene that depend on its files; lines gives lines of `pgfmd check` about the rheology;
+    remarks.
     """
 
     name: str
@@ -88,47 +89,54 @@ class SchemeEntry:
 
     @property
     def has_orders(self) -> bool:
-        """Whether its steps are of `solver.order`."""
+        """Whether its steps have the order `solver.order`."""
         return "solver.order" not in self.unread
 
     def new(self, scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepController]:
-        """Scheme and controller of a scene; mirror: the axes whose mirror images are not stepped. Collective."""
-        return _load(self.build)(scene, comm, mirror)
+        """Scheme and controller of a scene; mirror: axes of the mirror symmetry that is used. Collective."""
+        found: tuple[Scheme, StepController] = _load(self.build)(scene, comm, mirror)
+        return found
 
     def memory_of(self, scene: Scene, ranks: int) -> Memory:
         """Memory of the rank with the largest share, out of `ranks`."""
-        return _load(self.memory)(scene, ranks)
+        found: Memory = _load(self.memory)(scene, ranks)
+        return found
 
     def effort_of(self, scene: Scene) -> Effort:
         """Expected steps and transform pairs of a run."""
-        return _load(self.effort)(scene)
+        found: Effort = _load(self.effort)(scene)
+        return found
 
     def steps_left_of(self, scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:
-        """About how many steps are left of a run, from where it is, and what they leave out."""
-        return _load(self.steps_left)(scene, moment, way)
+        """Estimated number of remaining steps of a run, and what it does not include."""
+        found: tuple[float, str] = _load(self.steps_left)(scene, moment, way)
+        return found
 
     def numerics_of(self, scene: Scene) -> dict[str, float]:
-        """What `run.json` tells of how steps were made."""
-        return _load(self.numerics)(scene)
+        """Data on the steps for `run.json`."""
+        found: dict[str, float] = _load(self.numerics)(scene)
+        return found
 
     def scenes_to_warm_up(self, precision: str) -> Iterable[Overrides]:
-        """Changes of a small scene, several of them, whose runs together use every kernel in this precision."""
-        return _load(self.warm_up)(precision)
+        """Several changes of a small scene, whose runs together use every kernel in this precision."""
+        found: Iterable[Overrides] = _load(self.warm_up)(precision)
+        return found
 
     def problems_of(self, scene: Scene) -> list[Problem]:
-        """Why the scheme can't step this scene, whose files are there."""
+        """Why the scheme can't run this scene, whose files exist."""
         return _load(self.problems)(scene) if self.problems else []
 
     def lines_of(self, scene: Scene) -> Iterator[tuple[str, float, str, str]]:
-        """What `pgfmd check` tells of the scheme beside the rheology: name, value, unit, note."""
+        """Lines of `pgfmd check` about the scheme, next to the rheology: name, value, unit, note."""
         return _load(self.lines)(scene) if self.lines else iter(())
 
     def remarks_on(self, scene: Scene) -> Iterator[str]:
-        """What is good to know before a scene is run by this scheme."""
+        """Remarks for the user before a scene is run by this scheme."""
         return _load(self.remarks)(scene) if self.remarks else iter(())
 
 
 def _load(reference: str) -> Callable[..., Any]:
-    """The function that "module:function" names."""
+    """The function named by "module:function"."""
     module, _, name = reference.partition(":")
-    return getattr(importlib.import_module(module), name)
+    function: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    return function

@@ -1,7 +1,7 @@
-"""What schemes share that go from one solved surface to the next: where each solve starts, and how far it went.
+"""The common part of the implicit schemes: extrapolation, error estimates and history of surfaces.
 
-A step ends with one or more static problems (newton.py). The start of each is extrapolated from the last ends of steps;
-the difference between that and the solution is what the step's error is made of.
+A step consists of one or more static problems (newton.py). The start of each is extrapolated from the last ends of
+steps. The difference between extrapolation and solution gives the error estimate of the step.
 """
 
 from __future__ import annotations
@@ -19,28 +19,34 @@ from pgfmd.solver.state import State
 from pgfmd.solver.trial import Change, Trial
 
 EVENT_TOLERANCE = 2.5e-4
-"""Largest tolerance of solves that look for an event."""
+"""Largest tolerance of solves that locate an event."""
 FORCE_ROUNDING = 10.0
-"""Rounding of the force, in units in the last place of the largest force so far: it is a sum of pulls and pushes."""
+"""Rounding error of the force, in units in the last place of the largest force so far: it is a sum with both signs."""
 LARGER_PRELOAD = 10.0
-"""Where rounding spoils the balance of forces, the preload that is asked for is so many times the one that would just
-do: elsewhere on the path rounding may be worse."""
+"""If rounding prevents the equilibrium of forces, the advised preload is this multiple of the smallest possible one,
+because rounding may be worse elsewhere on the path."""
 SINGLE_NOISE = 1e-7
-"""Error of a step's energies in single precision, as a share of those at stake."""
+"""Error of a step's energies in single precision, relative to the energies involved."""
 DRIFT_SHARE = 1e-2
-"""Largest drift |u - G0 w| (drift.py), as a share of the tolerance, before an extrapolated u is evaluated anew."""
+"""Largest drift |u - G0 w| (drift.py), as a fraction of the tolerance, before u is evaluated again."""
+
+
+Terms = tuple[float, np.ndarray, float, np.ndarray, float, np.ndarray]
+"""Three weights, each with a surface, whose sum is meant."""
 
 
 class PathFollowing:
-    """Surfaces u and loads w of the stages of a step, extrapolated, compared and remembered.
+    """Displacements u and effective tractions w of the stages of a step: extrapolation, error, history.
 
     solver: NewtonSolver. tolerance: of a step, in ranges of adhesion. nodes: times of the stages, in steps; the last is
-    the step's end. far_weights: of the far displacement (far_field.py), empty where there is none. near_gap [m]: below
-    which a point is near. All fields have the precision of the solver's convolution.
+    the end of the step. far_weights: of the far displacement (far_field.py), empty if there is none. near_gap [m]:
+    below which a point is near. All fields have the precision of the solver's convolution.
     """
 
+    cure: str
+    """What to do about steps that no equilibrium is found for."""
     machine_compliance = 0.0
-    """Of the spring between the machine and the punch [m/N]; zero where the punch itself is driven."""
+    """Compliance of the spring between machine and punch [m/N]; zero for a rigid machine."""
 
     def __init__(
         self, solver: NewtonSolver, tolerance: float, nodes: tuple[float, ...], far_weights: np.ndarray, near_gap: float
@@ -51,18 +57,18 @@ class PathFollowing:
         self._u = [points.zeros(solver.dtype) for _ in nodes]
         self._w = [points.zeros(solver.dtype) for _ in nodes]
         self._rounding = ROUNDING if solver.dtype == np.float64 else SINGLE_ROUNDING
-        # By how much corrections in single precision let u and w part, relative to the way they go.
+        # Error of u = G0 w due to corrections in single precision, relative to their size.
         self._rough = SINGLE_ROUNDING if solver.rough.dtype == np.float32 else 0.0
         self._drift = Drift(rounding=self._rounding)
         self._levels = self.law.contact_gap, 0.0, near_gap
         self._observed = np.zeros((6, points.rows))
 
     def place(self, state: State) -> float:
-        """Position d of the punch [m]."""
+        """Displacement d of the punch [m]."""
         return state.position
 
     def advice(self, state: State, trial: Trial) -> str:
-        """What to do about a step that no equilibrium is found for, by its last trial."""
+        """Advice for a step without an equilibrium, from its last trial."""
         scale, least = self.solver.force_scale, self._least_preload(state, trial)
         if trial.left_over == 0.0 and least <= scale:
             return self.cure
@@ -74,8 +80,8 @@ class PathFollowing:
         )
 
     def require_preload(self, state: State, trial: Trial, slack: float) -> None:
-        """RunError where a trial that is to end the approach misses the preload by more than `slack` [N], and rounding
-        allows no better."""
+        """Raises RunError if a trial that should end the approach misses the preload by more than `slack` [N] because
+        of rounding."""
         scale = self.solver.force_scale
         if abs(trial.force - scale) > slack and self._least_preload(state, trial) > scale:
             raise RunError(
@@ -85,22 +91,23 @@ class PathFollowing:
             )
 
     def _least_preload(self, state: State, trial: Trial) -> float:
-        """The preload [N] that rounding allows to find, with some room."""
+        """The smallest preload [N] that rounding allows, with a margin."""
         rounded = float(np.finfo(self.solver.dtype).eps) * self._scale(state, trial)
         smallest = FORCE_ROUNDING * rounded / (self.solver.force_share * EVENT_TOLERANCE)
         return LARGER_PRELOAD * max(trial.left_over * self.solver.force_scale, smallest)
 
     def surface_of(self, state: State) -> np.ndarray:
-        """The load w, of which the surface of the whole cell is made."""
+        """The effective traction w, from which the surface of the whole cell can be computed."""
         return state.load
 
     def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
-        """The surface [m] of the periodic cell under a load: rows of this rank, and the first one's index. Collective."""
+        """The surface [m] of the periodic cell for an effective traction: rows of this rank, and the index of the first
+        one. Collective."""
         return self.solver.convolve.whole_cell(kept)
 
     @property
     def pairs(self) -> int:
-        """Pairs of transforms so far."""
+        """Number of pairs of transforms so far."""
         return sum(operator.pairs for operator in self.solver.operators)
 
     @property
@@ -109,8 +116,8 @@ class PathFollowing:
         return sum(operator.seconds for operator in self.solver.operators)
 
     def measure(self, state: State) -> None:
-        """What the curve holds of the present surface: contact, overlap, near points, smallest gap, far displacement,
-        adhesive energy. Collective."""
+        """Computes the values of the curve for the present surface: contact, overlap and near points, smallest gap, far
+        displacement, adhesive energy. Collective."""
         solver, points = self.solver, self.points
         contact_kernels.observe(
             self.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
@@ -122,7 +129,7 @@ class PathFollowing:
         state.energies.adhesive = energy * points.grid.cell_area
 
     def _predict(self, state: State, trial: Trial, stage: int, ahead: float) -> None:
-        """Start of a stage's solve: through the last three known surfaces, this step's stages included."""
+        """Start of a stage's solve: extrapolated from the last three known surfaces, including stages of this step."""
         nodes = self.nodes
         times = _times_of(state)
         u, w = [state.displacement, *state.past_u], [state.load, *state.past_w]
@@ -142,17 +149,18 @@ class PathFollowing:
             self._drift = self._drift.renewed(size)
 
     def _extent(self, position: float) -> float:
-        """Size of u [ranges of adhesion], of which its rounding is a share, with the punch's end at a position [m]."""
-        return abs(position) / self.law.range
+        """Size of u [ranges of adhesion], to which its rounding error is relative, for a position [m] of the drive."""
+        return abs(position) / self.law.length
 
     def _after_solve(self, position: float, outcome: Outcome) -> None:
-        """Keeps the drift up with a solve that ended at this position [m] of the punch's end."""
+        """Updates the drift after a solve at this position [m] of the drive."""
         if outcome.renewed:
             self._drift = self._drift.renewed(self._extent(position))
         self._drift = self._drift.disturbed(self._rough * outcome.moved)
 
     def _change(self, state: State, trial: Trial, count: int = 3) -> Change:
-        """How far the step has moved surface and force, and how far from where the last `count` ends of steps point."""
+        """Changes of surface and force in the step, and their distances from the extrapolation of the last `count`
+        ends."""
         known = [state.displacement, *state.past_u][:count]
         times = _times_of(state)[:count]
         c = lagrange_weights(times, trial.step)
@@ -160,27 +168,28 @@ class PathFollowing:
         extrapolated = sum(weight * force for weight, force in zip(c, forces, strict=True))
         law, scale = self.solver.law, self._scale(state, trial)
         local = kernels.largest_difference_near(
-            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.range
+            *_terms(c, known), self._u[-1], self.solver.height, trial.position, law.length
         )
-        distance, moved = (value / law.range for value in self.points.maxima_of(*local))
+        distance, moved = (value / law.length for value in self.points.maxima_of(*local))
         return Change(
             moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
             tuple(times), trial.step,
         )  # fmt: skip
 
     def _scale(self, state: State, trial: Trial) -> float:
-        """What changes of the force [N] are measured by: the largest so far, at least the preload."""
+        """The unit [N] of changes of the force: the largest force so far or the preload, whichever is larger."""
         return max(self.solver.force_scale, abs(trial.force), -state.pull_off_force, -state.snap_in_force)
 
     def _move_on(self, state: State, trial: Trial) -> None:
-        """Takes the state to the end of the trial step: surface and history, place and time, what a jump released."""
+        """Advances the state to the end of the trial step: surface, history, displacement, time, energy released in a
+        jump."""
         if trial.is_jump:
             state.energies.released += trial.potential_drop
             state.counters.jumps += 1
             state.forget_history()
         self._require_time(state, trial)
         self._remember(state, trial)
-        # The next solve writes over what was the state's.
+        # The next solve overwrites the old arrays of the state.
         state.traction, self.solver.traction = self.solver.traction, state.traction
         state.position, state.force = trial.position, trial.force
         state.time += trial.step
@@ -189,12 +198,12 @@ class PathFollowing:
         state.counters.steps += 1
 
     def _require_time(self, state: State, trial: Trial) -> None:
-        """RunError where in step after step neither time nor the surface moves on: such a run would never end.
+        """Raises RunError if neither time nor surface advance in repeated steps, because such a run would never end.
 
-        One such step may meet an event, and those that grow come to an end.
+        A single such step may meet an event, and growing steps end by themselves.
         """
         longest = max(trial.step, state.last_step)
-        moves = state.elapsed + longest > state.elapsed or trial.change.largest >= self.tolerance
+        moves = state.elapsed + longest > state.elapsed or known_change(trial.change).largest >= self.tolerance
         if moves or trial.step > state.last_step:
             return
         raise RunError(
@@ -204,15 +213,15 @@ class PathFollowing:
         )
 
     def _remember(self, state: State, trial: Trial) -> None:
-        """Shifts the history of ends of steps; the arrays of the oldest are used again for the trial's."""
+        """Shifts the history of ends of steps; reuses the arrays of the oldest one for the next trial."""
         if len(state.past_u) == 2:
             old_u, old_w = state.past_u.pop(), state.past_w.pop()
             state.past_steps.pop()
             state.past_forces.pop()
         else:
             old_u, old_w = (self.points.zeros(self.solver.dtype) for _ in range(2))
-        if trial.change.largest < self.tolerance:
-            # Where hardly anything moves, extrapolation would only amplify the errors of the solves.
+        if known_change(trial.change).largest < self.tolerance:
+            # If hardly anything moves, extrapolation would only amplify the errors of the solves.
             state.forget_history()
         elif not trial.is_jump:
             state.past_u.insert(0, state.displacement)
@@ -221,19 +230,24 @@ class PathFollowing:
             state.past_forces.insert(0, state.force)
         state.displacement, self._u[-1] = self._u[-1], old_u
         state.load, self._w[-1] = self._w[-1], old_w
-        # Of the surfaces that the drift knows, newest first, the end of the step stays, and those before the step.
+        # Of the surfaces of the drift, newest first, the end of the step and those before the step are kept.
         before = range(len(self.nodes), len(self.nodes) + len(state.past_u))
-        # In one order of memory, as after a restart: the last bits of what is made of it depend on that.
+        # In the same memory layout as after a restart, because last bits of results depend on it.
         state.drift = np.ascontiguousarray(self._drift.kept([0, *before]).factor)
 
 
+def known_change(change: Change | None) -> Change:
+    """The change of a trial that has converged."""
+    assert change is not None, "a trial that was not solved can't be taken"
+    return change
+
+
 def _times_of(state: State) -> list[float]:
-    """Times [s] of the known ends of steps, newest first, counted from the last."""
+    """Times [s] of the known ends of steps, newest first, relative to the last."""
     return [0.0, *(-span for span in accumulate(state.past_steps))]
 
 
-def _terms(weights: list[float], surfaces: list[np.ndarray]) -> tuple:
-    """Weight, surface, weight, surface, weight, surface: what kernels take as a sum, with zeros where there are
-    fewer."""
+def _terms(weights: list[float], surfaces: list[np.ndarray]) -> Terms:
+    """Three pairs of weight and surface as arguments of kernels, padded with zeros."""
     c, a = [*weights, 0.0, 0.0], [*surfaces, surfaces[0], surfaces[0]]
     return c[0], a[0], c[1], a[1], c[2], a[2]

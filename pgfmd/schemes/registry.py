@@ -1,6 +1,6 @@
-"""The schemes there are. Loads none of them, no MPI, no numba: what they can do is told by their entries (entry.py).
+"""The list of schemes. Loads neither their code nor MPI or numba: entries describe them (entry.py).
 
-A scheme is a folder, whose `__init__.py` holds its entry as ENTRY, and one line here.
+A scheme is a folder with its entry ENTRY in `__init__.py`, and one line here.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from .entry import SchemeEntry
 _ENTRIES: dict[str, SchemeEntry] = {}
 
 DEFAULT = inertialess.ENTRY.name
-"""The scheme of scenes, and of old folders, that name none."""
+"""The scheme of scenes and old folders that do not name one."""
 UNKNOWN = SchemeEntry(
     name="", meaning="a scheme that is not here", build="", memory="", warm_up="", inertia=True,
     unread=dict.fromkeys(("solver.accuracy", "solver.order"), "nothing is known of its steps"),
 )  # fmt: skip
-"""What is supposed of the scheme of a folder that some other pgfmd has written: nothing that would lend it a number."""
+"""The assumed entry for an unknown scheme in a folder of another version: without any numbers."""
 
 
 def register(entry: SchemeEntry) -> None:
-    """Adds a scheme. ValueError where there is one of that name, or one that reads its section."""
+    """Adds a scheme. Raises ValueError if there is one of that name, or one that reads its section."""
     if entry.name in _ENTRIES:
         raise ValueError(f"scheme {entry.name!r}: there is one of this name already")
     if entry.section and reader_of(entry.section):
@@ -34,7 +34,7 @@ def register(entry: SchemeEntry) -> None:
 
 @contextmanager
 def registered(entry: SchemeEntry) -> Iterator[SchemeEntry]:
-    """Within this, there is one more scheme."""
+    """A context in which there is an additional scheme."""
     register(entry)
     try:
         yield entry
@@ -43,7 +43,7 @@ def registered(entry: SchemeEntry) -> Iterator[SchemeEntry]:
 
 
 def names() -> tuple[str, ...]:
-    """What `solver.scheme` may be."""
+    """The names of all schemes, the choices of `solver.scheme`."""
     return tuple(_ENTRIES)
 
 
@@ -53,7 +53,7 @@ def entries() -> tuple[SchemeEntry, ...]:
 
 
 def named(name: str) -> SchemeEntry:
-    """The scheme of this name. KeyError where there is none."""
+    """The scheme of this name. Raises KeyError if there is none."""
     return _ENTRIES[name]
 
 
@@ -63,18 +63,18 @@ def scheme_of(scene: Any) -> SchemeEntry:
 
 
 def scheme_in(solver: Mapping[str, Any]) -> SchemeEntry:
-    """The scheme of a section `solver` as a mapping, or of `run.json`: DEFAULT where it names none, UNKNOWN where that is
-    not here."""
+    """The scheme of a section `solver` as a mapping, or of `run.json`: DEFAULT if it has none, UNKNOWN for another
+    name."""
     return _ENTRIES.get(solver.get("scheme", DEFAULT), UNKNOWN)
 
 
 def sections() -> tuple[str, ...]:
-    """The sections of a scene that only one scheme reads."""
+    """The sections of a scene that belong to a single scheme."""
     return tuple(entry.section for entry in entries() if entry.section)
 
 
 def reader_of(section: str) -> str:
-    """The name of the scheme that alone reads a section; empty where all do."""
+    """The name of the only scheme that reads a section; empty if all do."""
     return next((entry.name for entry in entries() if entry.section == section), "")
 
 

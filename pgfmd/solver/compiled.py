@@ -16,18 +16,18 @@ import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar, cast
 
 import llvmlite.binding
 import numba
 from numba.core import caching
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
 from numba.core.dispatcher import Dispatcher
+from numba.extending import overload
 
 CURE = "NUMBA_CACHE_DIR names a folder to keep them in"
-_COMPILED = ("**/*kernels.py", "hashing.py", "physics/cohesion/*.py")
+_COMPILED = ("**/*kernels.py", "hashing.py", "solver/inlined_laws.py", "physics/adhesion/*.py")
 """Sources, in the package, of what is compiled."""
-
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -36,20 +36,31 @@ def compiled(**options: Any) -> Callable[[Kernel], Kernel]:
     """A decorator: `numba.njit` with these options and without Python's lock, and a cache that forgives everything."""
 
     def decorate(function: Kernel) -> Kernel:
-        kernel: Kernel = numba.njit(nogil=True, **options)(function)
+        kernel: Any = numba.njit(nogil=True, **options)(function)
         # A plain function where NUMBA_DISABLE_JIT is set.
         if isinstance(kernel, Dispatcher):
+            kernel = cast("Any", kernel)
             # What `cache=True` sets, of another class.
             kernel._cache = KernelCache(function)
-        return kernel
+        return cast("Kernel", kernel)
 
     return decorate
 
 
 def inlined(function: Kernel) -> Kernel:
     """A decorator for what kernels call: it becomes a part of each of them."""
-    part: Kernel = numba.njit(inline="always")(function)
-    return part
+    return cast("Kernel", numba.njit(inline="always")(function))
+
+
+def overloading(function: Callable[..., Any], **options: Any) -> Callable[[Kernel], Kernel]:
+    """A decorator, `numba.extending.overload`: what it decorates finds, by the types of the arguments, the code that
+    kernels have in place of the function."""
+
+    def decorate(chosen: Kernel) -> Kernel:
+        # Not strict: only the names of the arguments have to agree, not their annotations.
+        return cast("Kernel", overload(function, strict=False, **options)(chosen))
+
+    return decorate
 
 
 def hear(listener: Callable[[str], None] | None) -> None:
@@ -96,7 +107,7 @@ def _mark_of(what: str) -> Path | None:
 
 @functools.cache
 def _sources() -> str:
-    """A digest of the sources of all kernels, wherever they are in the package."""
+    """A digest of the sources of all kernels, wherever they are in the package, and of what is compiled into them."""
     package = Path(__file__).parents[1]
     texts = (source.read_bytes() for pattern in _COMPILED for source in sorted(package.glob(pattern)))
     return hashlib.sha256(b"\0".join(texts)).hexdigest()
@@ -117,14 +128,14 @@ class _Cache(FunctionCache):
     """numba's own cache. It looks for changes in a kernel's own file; but kernels have what they call from other files
     compiled in, and must not outlive it."""
 
-    def _index_key(self, *about: Any) -> tuple:
+    def _index_key(self, *about: Any) -> tuple[Any, ...]:
         return (*super()._index_key(*about), _sources())
 
 
 class KernelCache(NullCache):
     """numba's own cache of a function, with a second one where that fails. Never raises."""
 
-    def __init__(self, function: Callable):
+    def __init__(self, function: Callable[..., Any]):
         self._function = function
         self._opened: dict[type, FunctionCache | None] = {}
 
@@ -145,7 +156,8 @@ class KernelCache(NullCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is in either cache; None if it has to be compiled."""
         found = self._load(self.first(), sig, target_context)
-        if found is None and temporary_folder() is not None and temporary_folder().is_dir():
+        folder = temporary_folder()
+        if found is None and folder is not None and folder.is_dir():
             found = self._load(self.second(), sig, target_context)
         return found
 
@@ -206,13 +218,13 @@ def temporary_folder() -> Path | None:
 
 
 # Its name until numba 0.61.
-_UserWideLocator = getattr(caching, "UserWideCacheLocator", None) or caching._UserWideCacheLocator
+_UserWideLocator: Any = getattr(caching, "UserWideCacheLocator", None) or caching._UserWideCacheLocator
 
 
 class _TemporaryLocator(_UserWideLocator):
     """Below `temporary_folder`."""
 
-    def __init__(self, function: Callable, file: str):
+    def __init__(self, function: Callable[..., Any], file: str):
         super().__init__(function, file)
         folder = temporary_folder()
         if folder is None:

@@ -1,7 +1,8 @@
 """Newton's correction by conjugate gradients: (A^-1 + K) s = r, preconditioned by A = J G0 (newton.py).
 
-With every direction p its dual y = A^-1 p is carried along, so A^-1 is never applied, and one application of G0 an
-iteration is the only transform.
+Each direction p is stored with its dual y = A^-1 p, so that A^-1 is never applied, and one application of G0 per
+iteration is the only transform. At negative curvature, the correction ends at the boundary of the trust region
+(Steihaug).
 """
 
 from __future__ import annotations
@@ -14,33 +15,34 @@ import numpy as np
 from . import kernels
 
 if TYPE_CHECKING:
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
 
     from .grid import PunchPoints
     from .tiles import Convolves
 
 UNSURE = 1e-6
-"""A curvature along a direction below this share of its terms is not trusted to the difference of two numbers."""
+"""If the curvature along a direction is below this fraction of its terms, it is computed directly, not by a
+difference."""
 
 
 class ConjugateGradients:
-    """Finds corrections on point vectors, and holds the arrays for it.
+    """Computes corrections on point vectors, and owns the arrays for this.
 
-    points: PunchPoints. operator: the Convolution with G0. law: CohesiveLaw. floating: whether a mean load moves
-    nothing. Before `correct`, `r` is the residual [Pa] and `curvature` K; after it, `s` [m] is the correction, `t` [Pa] its
-    dual A^-1 s, and the others are work arrays.
+    points: PunchPoints. operator: the Convolution with G0. law: CohesiveLaw. floating: whether G0 is zero for a uniform
+    traction. Before `correct`, `r` is the residual [Pa] and `curvature` is K; after it, `s` [m] is the correction, `t`
+    [Pa] its dual A^-1 s, and the others are work arrays.
     """
 
     largest_count = 400
     forcing = 0.1
-    """CG ends when its last move is below half this fraction of the correction so far (inexact Newton)."""
+    """CG ends when its last update is below half this fraction of the correction so far (inexact Newton)."""
     linear_share = 1.0
-    """CG also ends when its last move is below this share of the tolerance."""
+    """CG also ends when its last update is below this fraction of the tolerance."""
     patience = 1
-    """So many moves of CG in a row have to be that small. One is enough where the compliance is that of a short time;
-    for a relaxed or elastic surface, CG is slower, and one small move may be followed by larger ones."""
+    """Number of consecutive small updates after which CG ends. One is enough if the compliance is that of a short time.
+    For a relaxed or elastic surface CG converges more slowly, and a small update may be followed by larger ones."""
     poll = staticmethod(lambda: None)
-    """Called once an iteration of CG, on every rank: may raise Interrupted (interruption.py)."""
+    """Called in each iteration of CG, on every rank; may raise Interrupted (interruption.py)."""
 
     def __init__(self, points: PunchPoints, operator: Convolves, law: CohesiveLaw, floating: bool):
         self.points, self.operator, self.law, self.floating = points, operator, law, floating
@@ -53,14 +55,15 @@ class ConjugateGradients:
     ) -> tuple[int, float, bool]:
         """Newton's correction s and its dual t by CG; (iterations, largest |s| in ranges, negative curvature met).
 
-        All that an iteration asks of other ranks travels together, as soon as z = A r is known (Chronopoulos and Gear,
+        All sums of an iteration are communicated together, as soon as z = A r is known (Chronopoulos and Gear,
         J. Comput. Appl. Math. 25, 153 (1989)): the curvature along the next direction follows from that along the last.
-        Where it is too small for that, it is found from the direction itself. Whether the coming move is small is judged
-        by |z| and beta |last p|, taken to be at right angles: their sum, a bound, cost 4 to 7 % more iterations.
+        If it is too small for this recursion, it is computed from the direction itself. The size of the next update is
+        estimated from |z| and beta |last p| as if they were orthogonal. (Their sum, an upper bound, took 4 to 7 % more
+        iterations.)
         """
         points, s, t, p, y, z, r = self.points, self.s, self.t, self.p, self.y, self.z, self.r
         k, offset, rows = self.curvature, points.offset, self._rows
-        per_range, size, previous, alpha, quiet, beta, pull = 1.0 / self.law.range, 0.0, 1.0, 1.0, 0, 0.0, 0.0
+        per_range, size, previous, alpha, quiet, beta, pull = 1.0 / self.law.length, 0.0, 1.0, 1.0, 0, 0.0, 0.0
         rows[4:6] = 0.0
         if self.floating:
             self._clear()
@@ -84,7 +87,7 @@ class ConjugateGradients:
                 if bend <= 0.0:
                     return count, self._to_edge(trust), True
             alpha, previous = energy / bend, energy
-            # Sums of y + K p and of r; where the mean load takes up the mean of r, that is zero.
+            # Sums of y + K p and of r. The latter is zero if the mean traction is set directly.
             left = 0.0 if self.floating else imbalance
             pull = left + bent + beta * pull
             imbalance = left - alpha * pull
@@ -106,13 +109,14 @@ class ConjugateGradients:
         return count, points.reduced(rows[5:6], 0)[0] * per_range, False
 
     def _clear(self) -> None:
-        """A correction and a direction of nothing. Without a mean load, the first pass of CG writes over what was there."""
+        """Clears correction and direction. Without a directly set mean traction, the first pass of CG overwrites
+        them."""
         for vector in (self.s, self.t, self.p, self.y):
             vector[:] = 0.0
 
     def _bend(self, beta: float, first: bool) -> float:
-        """Turns p and y into the next direction and its dual; returns the curvature along it, p (A^-1 + K) p, per area of
-        a point. Collective."""
+        """Replaces p and y by the next direction and its dual; returns the curvature p (A^-1 + K) p along it, per area
+        of a point. Collective."""
         if first:
             self._clear()
         kernels.turn_direction(
@@ -121,9 +125,9 @@ class ConjugateGradients:
         return self.points.reduced(self._rows[:1], 1)[0]
 
     def _level(self, imbalance: float) -> float:
-        """Lets the mean load take up the mean residual where it moves nothing, A being singular there.
+        """If A is singular for a uniform traction, sets the mean traction so that the mean residual is zero.
 
-        Returns what was out of balance: there, by how much the last direction has changed the force.
+        Returns the force imbalance; in the singular case, the change of the force by the last direction.
         """
         if self.floating:
             mean = imbalance / self.points.total
@@ -132,14 +136,14 @@ class ConjugateGradients:
         return imbalance
 
     def _to_edge(self, trust: float) -> float:
-        """Follows the last direction, along which Phi bends down, to the edge of the region of trust; largest |s| in
-        ranges."""
+        """Steihaug's exit: follows the last direction, along which the curvature is negative, to the boundary of the
+        trust region; returns the largest |s| in ranges."""
         points = self.points
         kernels.largest_in_rows(self.p, self.curvature, points.offset, self._rows)
         largest = points.reduced(self._rows[:1], 0)[0]
         if largest == 0.0:
-            # No interacting point moves, so the curvature was positive but for rounding: the solve has ended.
+            # No interacting point moves, so the curvature is positive except for rounding: the solve has ended.
             return 0.0
-        alpha = trust * self.law.range / largest
+        alpha = trust * self.law.length / largest
         kernels.advance(alpha, self.p, self.y, self.curvature, self.s, self.t, self.r, points.offset, self._rows)
-        return points.reduced(self._rows[1:2], 0)[0] / self.law.range
+        return points.reduced(self._rows[1:2], 0)[0] / self.law.length

@@ -1,11 +1,11 @@
-"""Downhill to a minimum of the incremental potential Phi (newton.py), by nonlinear conjugate gradients.
+"""Descent to a minimum of the incremental potential Phi (newton.py) by nonlinear conjugate gradients.
 
-Each iteration takes the gradient r, preconditioned, z = A r, and goes to the lowest place in the span of z and of the
-last move p: Newton's method in two unknowns. As every vector has its dual with it, A^-1 of it, that takes no
-transform; the one of z is the iteration's only pair. Close to a minimum these are the conjugate gradients of
-conjugate_gradients.py. Far from one, no correction is solved for that is then cut, and the curvature is always that of
-the surface as it is. As nothing but residuals comes in, the descent keeps every symmetry of its start, as Newton's
-method does.
+Each iteration computes the preconditioned gradient z = A r and minimises Phi in the span of z and the last update p, by
+Newton's method in two unknowns. Every vector is stored with its dual, A^-1 times it, so this minimisation takes no
+transform; that of z is the only pair of the iteration. Close to a minimum the method is equivalent to the linear
+conjugate gradients of conjugate_gradients.py. Far from a minimum, it does not solve for corrections that would then be
+truncated, and always uses the present curvature. All updates are combinations of residuals, so the descent preserves
+every symmetry of its start, like Newton's method.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from .newton import NewtonSolver, Outcome
 from .stagnation import MOST_IDLE, Progress
 
 FAITHFUL = 0.25
-"""Newton's method in two unknowns goes on where Phi fell by another amount than expected: relative to that, by more
-than this."""
+"""Newton's method in two unknowns continues if the decrease of Phi differs from the expected one by more than this
+fraction."""
 MOST_TURNS = 5
-"""Its most iterations."""
+"""Its largest number of iterations."""
 FLAT = 1e-3
-"""Curvatures nearer to zero than this are taken for this; how far to go is then up to the region of trust."""
+"""Lower bound of the absolute value of a curvature; the trust region then limits the step."""
 INDEPENDENT = {"float64": 1e-8, "float32": 1e-4}
-"""The last move is left out where its part at right angles to z is smaller than this, squared and relative, by the
-precision of directions: what is made of nearly equal ones is larger by as much, and so is its rounding."""
+"""The last update is not used if its component orthogonal to z is smaller than this (squared, relative), by the
+precision of directions: nearly parallel vectors would amplify rounding errors by the inverse."""
 
 Pair = tuple[float, float]
 Three = tuple[float, float, float]
@@ -36,8 +36,8 @@ Three = tuple[float, float, float]
 
 @dataclass
 class _Place:
-    """What a probe gives: sums of f and r [Pa] and of Gamma, and by how much the rest of Phi has risen on the way there
-    [Pa m]; slopes of Phi, downhill, and curvatures K (zz, zp, pp) along z and p; the largest move [ranges of adhesion]."""
+    """Values at a trial point: sums of f and r [Pa] and of Gamma, and the increase of the rest of Phi since the start
+    [Pa m]; downhill slopes of Phi, and curvatures K (zz, zp, pp) along z and p; the largest displacement [ranges]."""
 
     pull: float
     imbalance: float
@@ -49,22 +49,24 @@ class _Place:
 
     @property
     def potential(self) -> float:
-        """Phi, but for what u and w store at the start of the way."""
+        """Phi, without the part of u and w at the start."""
         return self.adhesive + self.rise
 
 
 LEAST_SCALE = 1e-9
-"""Part of a move below which numbers that are not finite are not the move's fault."""
+"""Smallest fraction of an update: if numbers are not finite even then, the update is not the cause."""
 
 
 class Descent:
-    """Moves surfaces downhill, on the work vectors of a NewtonSolver, whose `traction` and `curvature` are those of the
-    solution afterwards. Keeps nothing from one solve to the next."""
+    """Moves surfaces downhill, with the work vectors of a NewtonSolver, whose `traction` and `curvature` are afterwards
+    those of the solution. Keeps nothing from one solve to the next."""
 
     largest_count, largest_jump_count = 600, 100_000
-    """Iterations at which a solve gives up. In a jump a crack may run through the whole punch, a cell or so at a time."""
+    """Largest number of iterations, normally and in a jump, where a crack may propagate through the whole punch cell by
+    cell."""
     patience = 2
-    """So many moves in a row have to be below the tolerance: a small one may be followed by larger ones."""
+    """Number of consecutive updates below the tolerance after which a solve ends: a small one may be followed by larger
+    ones."""
 
     def __init__(self, solver: NewtonSolver):
         self.solver, self.points, self.law = solver, solver.points, solver.law
@@ -87,7 +89,7 @@ class Descent:
                 break
             norm, start = self._steepest(here)
             if not norm[0] > 0.0:
-                # Nothing is out of balance; or the numbers have gone.
+                # The residual is zero or not finite.
                 converged = norm[0] <= 0.0
                 break
             slack = solver._slack_of(here.adhesive)
@@ -97,7 +99,7 @@ class Descent:
                 here = self._probe((0.0, 0.0))
                 break
             if used == 0:
-                # Nowhere lower: u has drifted off G0 w, or rounding is reached.
+                # Phi does not decrease: u has drifted from G0 w, or this is the limit of rounding.
                 if renewed:
                     break
                 solver.convolve(w, u)
@@ -123,7 +125,7 @@ class Descent:
         )  # fmt: skip
 
     def _begin(self) -> _Place:
-        """The place where the surface is, without a last move."""
+        """The present point, without a last update."""
         cg = self.solver.cg
         cg.p[:], cg.y[:], cg.z[:], cg.t[:] = 0.0, 0.0, 0.0, 0.0
         here = self._probe((0.0, 0.0))
@@ -131,12 +133,12 @@ class Descent:
         return here
 
     def _steepest(self, here: _Place) -> tuple[Three, _Place]:
-        """z = A r, with one pair of transforms; products v A^-1 v' (zz, zp, pp) of z and p, and the place where the
-        surface is, seen along these. Collective."""
+        """z = A r, with one pair of transforms; products v A^-1 v' (zz, zp, pp) of z and p, and the present point with
+        slopes and curvatures along these. Collective."""
         cg = self.solver.cg
         cg.poll()
         self.solver.rough(cg.r, cg.z, self._at[4])
-        # z's dual is the residual; the next one goes elsewhere.
+        # The dual of z is the residual; the next residual uses another array.
         cg.r, cg.t = cg.t, cg.r
         kernels.products(cg.curvature, cg.z, cg.t, cg.p, cg.y, self.points.offset, self._rows)
         sums = self.points.total_of(self._rows[:6]).tolist()
@@ -144,7 +146,7 @@ class Descent:
         return tuple(sums[3:]), place
 
     def _probe(self, way: Pair) -> _Place:
-        """The place at u + way (z, p); sets traction, curvature and residual. Collective."""
+        """The point u + way (z, p); sets traction, curvature and residual. Collective."""
         cg, (position, u, w, history, compliance) = self.solver.cg, self._at
         kernels.probe(
             self.solver.height, position, u, w, way[0], cg.z, cg.t, way[1], cg.p, cg.y, history, compliance,
@@ -152,13 +154,17 @@ class Descent:
         )  # fmt: skip
         rows = self.points.all_rows(self._rows)
         sums = self.points.summed(rows[:9]).tolist()
-        return _Place(*sums[:4], tuple(sums[4:6]), tuple(sums[6:]), float(rows[9].max()) / self.law.range)
+        pull, imbalance, adhesive, rise, down, along, zz, zp, pp = sums
+        return _Place(
+            pull, imbalance, adhesive, rise, (down, along), (zz, zp, pp), float(rows[9].max()) / self.law.length
+        )
 
     def _lower(
         self, norm: Three, start: _Place, trust: float, slack: float, least: float
     ) -> tuple[_Place, Pair, bool, int]:
-        """A lower place in the span: (it, the way (z, p) there, whether Phi bends down in the span, iterations of
-        Newton's method, none where there is no lower place). trust, least: largest and smallest move [ranges]."""
+        """A lower point in the span: (the point, its coordinates (z, p), whether there is negative curvature in the
+        span, iterations of Newton's method, 0 if there is no lower point). trust, least: largest and smallest update
+        [ranges]."""
         here, way, bent, used = start, (0.0, 0.0), False, 0
         for turn in range(MOST_TURNS):
             more, expected, lowest = newton_step(norm, here.bend, here.slope, self._independent)
@@ -177,8 +183,8 @@ class Descent:
     def _step_down(
         self, here: _Place, way: Pair, more: Pair, trust: float, slack: float, least: float
     ) -> tuple[_Place, float]:
-        """The place at `way` and a part of `more`, halved until Phi does not rise: (it, the part), 0 where it always
-        does, or where the whole is too long and `way` not nothing."""
+        """The point at `way` plus a fraction of `more`, halved until Phi does not increase: (the point, the fraction).
+        The fraction is 0 if Phi always increases, or if the sum is too long and `way` is not zero."""
         scale = 1.0
         while True:
             there = self._probe(_further(way, scale, more))
@@ -196,7 +202,7 @@ class Descent:
                 scale *= 0.5
 
     def _level(self, there: _Place) -> None:
-        """Lets the mean load take up the mean residual where it moves nothing, A being singular there."""
+        """If A is singular for a uniform traction, sets the mean traction so that the mean residual is zero."""
         if self.solver.floating:
             mean = there.imbalance / self.points.total
             self.solver.cg.r -= mean
@@ -209,12 +215,12 @@ def _further(way: Pair, scale: float, more: Pair) -> Pair:
 
 
 def newton_step(norm: Three, bend: Three, slope: Pair, least: float) -> tuple[Pair, float, float]:
-    """Newton's step in the span of two directions z and p: (its parts (z, p), by how much Phi is expected to fall, the
+    """Newton's step in the span of two directions z and p: (its coordinates (z, p), the expected decrease of Phi, the
     lowest curvature in the span).
 
-    norm, bend: products (zz, zp, pp) by A^-1, of which zz > 0, and by K; slope: of Phi along z and p, downhill. p is left
-    out where its part at right angles to z, squared and relative, is not above `least`. Along a direction of negative
-    curvature the step is as long as if it were positive. Its arithmetic is the same on any processor.
+    norm, bend: products (zz, zp, pp) with A^-1, where zz > 0, and with K. slope: downhill slopes of Phi along z and p.
+    p is not used if its component orthogonal to z, squared and relative, is not above `least`. Along a direction of
+    negative curvature the step uses its absolute value. The arithmetic is the same on any processor.
     """
     size, along = math.sqrt(norm[0]), norm[1] / norm[0]
     a, first = 1.0 + bend[0] / norm[0], slope[0] / size
@@ -229,7 +235,7 @@ def newton_step(norm: Three, bend: Three, slope: Pair, least: float) -> tuple[Pa
     second = (slope[1] - along * slope[0]) / width
     half = 0.5 * (a - c)
     lowest, apart = 0.5 * (a + c), math.sqrt(half * half + b * b)
-    # The direction of the lowest, (cosine, sine), free of cancellation.
+    # The direction of the lowest eigenvalue, (cosine, sine), without cancellation.
     x, y = (-b, half + apart) if half >= 0.0 else (apart - half, -b)
     length = math.sqrt(x * x + y * y)
     cosine, sine = (x / length, y / length) if length > 0.0 else (1.0, 0.0)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+from pgfmd.physics.adhesion.base import Numbers
+
 from .compiled import compiled
-from .contact_kernels import _cosine_of, _sine_of
+from .inlined_laws import attraction
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
@@ -15,7 +15,9 @@ _compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
 
 
 @_compile_sums
-def products(k, z, dz, p, dp, offset, rows):
+def products(
+    k: np.ndarray, z: np.ndarray, dz: np.ndarray, p: np.ndarray, dp: np.ndarray, offset: np.ndarray, rows: np.ndarray
+) -> None:
     """rows[0..2] of z K z, z K p, p K p; rows[3..5] of z dz, p dz, p dp: where dz is the residual, the first two of these
     are the slopes of Phi along z and p, downhill."""
     for row in range(offset.size - 1):
@@ -33,17 +35,16 @@ def products(k, z, dz, p, dp, offset, rows):
 
 
 @_compile_maxima
-def probe(height, position, u, w, b, z, dz, c, p, dp, history, compliance, law, offset, f, k, r, rows):
+def probe(
+    height: np.ndarray, position: float, u: np.ndarray, w: np.ndarray, b: float, z: np.ndarray, dz: np.ndarray,
+    c: float, p: np.ndarray, dp: np.ndarray, history: np.ndarray, compliance: float, law: Numbers,
+    offset: np.ndarray, f: np.ndarray, k: np.ndarray, r: np.ndarray, rows: np.ndarray,
+) -> None:  # fmt: skip
     """As kernels.evaluate, at u + s and w + J t with s = b z + c p and t = b dz + c dp.
 
     rows[0..3] as there; rows[4..5] of z r, p r; rows[6..8] of z K z, z K p, p K p; rows[9]: the largest |s| over points
     that are within reach, before or after, row by row.
     """
-    stiffness, reach, attractive = law
-    strength = attractive * stiffness * reach / math.pi
-    depth = strength * reach / math.pi
-    per_range = 1.0 / reach
-    limit = reach if attractive > 0.0 else 0.0
     inverse = 1.0 / compliance
     for row in range(offset.size - 1):
         pull, imbalance, potential, growth, largest = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -54,19 +55,21 @@ def probe(height, position, u, w, b, z, dz, c, p, dp, history, compliance, law, 
             gap_before = position + height[i] - u[i]
             gap = gap_before - move
             overlap = min(gap, 0.0)
-            y = min(max(gap * per_range, 0.0), 1.0) - 0.5
-            sine, minus_cosine = _cosine_of(y * y), y * _sine_of(y * y)
-            near = gap < limit
-            traction = stiffness * overlap + (strength * sine if near else 0.0)
-            bend = -stiffness * minus_cosine if near else 0.0
-            interacting = near or gap_before < limit
+            pressed, wall = law.overlap * overlap, 0.5 * law.overlap * overlap * overlap
+            near = gap < law.reach
+            if near:
+                drawn, bend, depth, level = attraction(gap, law)
+                traction, below = pressed + drawn, depth * level
+            else:
+                traction, bend, below = pressed, 0.0, 0.0
+            interacting = near or gap_before < law.reach
             rest = traction - (load - history[i]) * inverse
             f[i] = traction
             k[i] = bend
             r[i] = rest
             pull += traction
             imbalance += rest
-            potential += 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
+            potential += wall + below
             growth += move * (0.5 * (w[i] + load) - history[i]) * inverse
             largest = max(largest, abs(move) if interacting else 0.0)
             gz += z[i] * rest
@@ -81,7 +84,10 @@ def probe(height, position, u, w, b, z, dz, c, p, dp, history, compliance, law, 
 
 
 @_compile
-def move_on(b, z, dz, c, p, dp, compliance, u, w):
+def move_on(
+    b: float, z: np.ndarray, dz: np.ndarray, c: float, p: np.ndarray, dp: np.ndarray, compliance: float,
+    u: np.ndarray, w: np.ndarray,
+) -> None:  # fmt: skip
     """p = s = b z + c p, its dual t likewise;  u += s;  w += J t."""
     for i in range(u.size):
         s, t = b * z[i] + c * p[i], b * dz[i] + c * dp[i]

@@ -3,8 +3,9 @@
     u_inf = 6 u(L/2, L/2) - 5 u(L/2, 0)        relative to the punch's axis: the cell's corner, and the middle of its
     edge
 
-is linear in w, so it is a sum over the punch, u_inf = <weights, w>, that needs no transform once the weights are known.
-They are what tractions at the two points would do to the points under the punch: half a pair of transforms.
+is linear in the effective traction w. So it is a sum over the punch, u_inf = <weights, w>, that needs no transform once
+the weights are known. By reciprocity, the weights are the displacements under the punch due to point tractions at the
+two points, which take half a pair of transforms.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ def far_weights(compliance: Compliance, points: PunchPoints) -> np.ndarray:
     """Weights [m/Pa] of the local points under the punch, (size,), such that u_inf [m] = sum of weights * w over all
     ranks. Collective.
 
-    compliance: the periodic G0(qx, qy). points: PunchPoints, rows shared out evenly. The two points lie between grid
-    points; the displacement there is that of the trigonometric interpolation. At L = 4a, u_inf is about 11 % off the
-    displacement at infinity of a free surface.
+    compliance: the periodic G0(qx, qy). points: PunchPoints with an even distribution of rows. The two points lie
+    between grid points; the displacement there is that of the trigonometric interpolation. At L = 4a, u_inf is about 11
+    % off the displacement at infinity of a free surface.
     """
     grid, start = points.grid, points.block_start
     n, unit = grid.n, 2.0 * np.pi / grid.length
@@ -39,21 +40,23 @@ def far_weights(compliance: Compliance, points: PunchPoints) -> np.ndarray:
 
     def columns(kx: np.ndarray) -> np.ndarray:
         half = compliance(unit * kx[:, None], unit * np.arange(n // 2 + 1)[None, :])
-        return half[:, np.abs(ky)] * (_waves(kx, start, n)[:, None] * along_y)
+        found: np.ndarray = half[:, np.abs(ky)] * (_waves(kx, start, n)[:, None] * along_y)
+        return found
 
-    weights = Synthesis(points, n)(columns)
+    weights = Synthesis(points, n).at_points(columns)
     if points.comm.size > 1:
         Node.of(points.comm).trim()
     return weights
 
 
 class Synthesis(Pruned):
-    """Sums of waves at the points under the punch, real, in double precision: half a pair of transforms a call."""
+    """Fourier synthesis at the points under the punch, real, in double precision: half a pair of transforms per
+    call."""
 
     def __init__(self, points: PunchPoints, n: int):
         super().__init__(points, n, "estimate", np.float64)
 
-    def __call__(self, columns: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    def at_points(self, columns: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Sum over kx and ky of a(kx, ky) exp(2 pi i (kx x + ky y)/n) at the local points (size,), x and y counted from
         the block's first row and column; collective.
 
@@ -75,13 +78,13 @@ class Synthesis(Pruned):
 def _waves(k: np.ndarray, start: int, n: int) -> np.ndarray:
     """exp(2 pi i k (start + 1/2) / n): waves at the first point of the block, counted from the corner of the cell.
     Those with k = n/2 vanish half-way between grid points."""
-    # Many turns would cost digits.
+    # Large phases would lose digits.
     turns = k * (2 * start + 1) % (2 * n) / (2 * n)
     return np.where(2 * np.abs(k) == n, 0.0, np.exp(2j * np.pi * turns))
 
 
 class FarPoints:
-    """The same u_inf [m] out of the whole plane, where that is at hand.
+    """The same u_inf [m] from the displacement of the whole plane.
 
     plane: transform.Plane. The corner and, for even n, the middle of the edge lie half-way between grid points: six of
     them on either axis give the surface there to sixth order in the spacing. (The two terms of u_inf nearly cancel, and
@@ -103,7 +106,7 @@ class FarPoints:
         edge = np.zeros(self._weights.size)
         if self._rows.size:
             edge[self._here] = self.plane.real[self._rows[:, None], self._columns] @ _MIDPOINT
-        # Each entry comes from one rank alone, so the sum over ranks is exact.
+        # Only one rank has each entry, so the sum over ranks is exact.
         return float(self._weights @ self.plane.sum_over_ranks(edge))
 
 

@@ -1,4 +1,4 @@
-"""Where a run's numbers stop being finite: which array, which entry, on which rank. Plain NumPy."""
+"""Search for numbers that are not finite: array, entry and rank. Plain NumPy."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
 PIECE = 2**17
-"""Numbers looked at at a time: no copy of a whole array is made."""
+"""Numbers examined at a time, to avoid a copy of a whole array."""
 
 
 def lines_of(array: np.ndarray) -> np.ndarray:
@@ -21,7 +21,7 @@ def lines_of(array: np.ndarray) -> np.ndarray:
 
 
 def first_not_finite(lines: np.ndarray) -> tuple[int, int] | None:
-    """(line, column) of the first number that is infinite or not a number."""
+    """(line, column) of the first number that is infinite or NaN; None if there is none."""
     for line, values in enumerate(lines):
         for start in range(0, values.size, PIECE):
             wrong = np.flatnonzero(~np.isfinite(values[start : start + PIECE]))
@@ -31,12 +31,12 @@ def first_not_finite(lines: np.ndarray) -> tuple[int, int] | None:
 
 
 def not_finite_on(comm: Intracomm, arrays: dict[str, np.ndarray]) -> str:
-    """The first number of the ranks' shares of some arrays that is not finite, as "name[line, column] = nan on rank 1",
-    counted in the whole; empty if all are. Collective.
+    """The first number in the ranks' shares of these arrays that is not finite, as "name[line, column] = nan on rank
+    1", with indices in the whole array; empty if all are finite. Collective.
 
-    Shares lie side by side along the last axis, in the order of the ranks; lines count over all other axes.
+    Shares are adjacent along the last axis, in the order of the ranks; lines run over all other axes.
     """
-    found = None
+    found: tuple[str, int, tuple[int, int], float] | None = None
     for name, array in sorted(arrays.items()):
         lines = lines_of(array)
         index = first_not_finite(lines)
@@ -44,11 +44,11 @@ def not_finite_on(comm: Intracomm, arrays: dict[str, np.ndarray]) -> str:
             found = name, lines.shape[1], index, float(lines[index])
             break
     reports = comm.allgather(found) if comm.size > 1 else [found]
-    rank = next((rank for rank, report in enumerate(reports) if report), None)
-    if rank is None:
+    first = next(((rank, report) for rank, report in enumerate(reports) if report is not None), None)
+    if first is None:
         return ""
-    name, _, (line, column), value = reports[rank]
-    # The others may have stopped at another array, or found nothing: ask for this one.
+    rank, (name, _, (line, column), value) = first
+    # Other ranks may have stopped at another array, or found nothing: ask for this one.
     width = lines_of(arrays[name]).shape[1]
     widths = comm.allgather(width) if comm.size > 1 else [width]
     return f"{name}[{line}, {sum(widths[:rank]) + column}] = {value} on rank {rank}"

@@ -1,4 +1,4 @@
-"""The cell, the punch block in it, and who owns which of its points.
+"""The cell, the punch block in it, and the distribution of its points over the ranks.
 
 The cell is a square of side L with n x n points at x_i = (i + 1/2) h - L/2, h = L/n, centred on the punch's axis, so
 that a mirror-symmetric scene stays symmetric on the grid for even and odd n. Axis 0 is y, axis 1 is x. Only points
@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
     from numpy.typing import DTypeLike
 
+    from .node import RowExchange
+
 
 MOST_KINDS = 12
-"""Numbers a row that are brought to all ranks at a time, at most."""
+"""Most numbers per row that are gathered on all ranks at a time."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +42,18 @@ class Grid:
 
     @property
     def cell_area(self) -> float:
-        """Area [m^2] that one point stands for."""
+        """Area [m^2] of one grid cell."""
         return self.spacing**2
 
-    def coordinate(self, index: np.ndarray | int) -> np.ndarray:
+    def coordinate(self, index: np.ndarray | np.integer | int) -> np.ndarray:
         """Position [m] of the points with this index, relative to the punch's axis."""
-        # Whole and half numbers first, which are exact: so mirror images have the same coordinates but for the sign.
+        # Integers and halves first, which are exact, so that mirror images have the same coordinates except for the sign.
         return (np.asarray(index) + 0.5 - 0.5 * self.n) * self.spacing
 
     def block(self, radius: float | None) -> tuple[int, int]:
-        """(start, nb): the smallest centred block of rows and columns that holds every point with r <= radius.
+        """(start, nb): the smallest centred block of rows and columns that contains every point with r <= radius.
 
-        The whole cell where there is no radius [m].
+        The whole cell if the radius [m] is None.
         """
         if radius is None:
             return 0, self.n
@@ -62,14 +64,14 @@ class Grid:
 
 
 def share(count: int, parts: int, part: int) -> tuple[int, int]:
-    """(start, size) of one part of `count` things shared evenly; the first parts take one more where it does not
-    divide."""
+    """(start, size) of one part of `count` items distributed evenly; the first parts get the remainder."""
     size, extra = divmod(count, parts)
     return part * size + min(part, extra), size + (part < extra)
 
 
 def shares_of_rows(count: int, parts: int) -> list[tuple[int, int]]:
-    """(start, size) of each part of `count` rows of points: shared evenly in pairs, which are transformed together."""
+    """(start, size) of each part of `count` rows of points, distributed evenly in pairs, which are transformed
+    together."""
     pairs = [share((count + 1) // 2, parts, part) for part in range(parts)]
     ends = [min(2 * (start + size), count) for start, size in pairs]
     return [(start, end - start) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
@@ -78,15 +80,15 @@ def shares_of_rows(count: int, parts: int) -> list[tuple[int, int]]:
 class PunchPoints:
     """The points under the punch, and this rank's share of them.
 
-    slab: this rank's rows of the whole cell, (first, count), where these and not even shares decide which rows of the
-    block it owns; it may own none. mirror: axes along which everything is its own mirror image: "x", x -> -x, or "xy",
-    both. Points with x > 0, and with y > 0, then stand for their images; n is even. Without a slab, ranks own pairs of rows, for
-    the transform (rows.py).
+    slab: this rank's rows of the whole cell, (first, count), if these determine which rows of the block it owns
+    (possibly none). Without a slab, ranks own pairs of rows, for the transform (rows.py).
+    mirror: axes of mirror symmetry: "x" for x -> -x, or "xy" for both. Only points with x > 0 (and y > 0) are stored,
+    which represent their images; n is even.
 
     Attributes: `block_start`, `nb` (first row and column of the block in the cell, its side), `row_start`, `rows`
     (this rank's rows within the block), `top` (the first row of all ranks), `first`, `last` (rows,) the interval of
     columns under the punch in each local row, `offset` (rows + 1,) where each local row begins in the point vector,
-    `size` local points, `images` that each of them stands for, itself included, `total` points and images on all ranks.
+    `size` local points, `images` number of points that each of them represents, `total` points and images on all ranks.
     """
 
     def __init__(
@@ -103,7 +105,7 @@ class PunchPoints:
         else:
             ends = np.clip([slab[0] - self.block_start, sum(slab) - self.block_start], 0, self.nb)
             self.row_start, self.rows = int(ends[0]), int(ends[1] - ends[0])
-        self._exchange = None
+        self._exchange: RowExchange | None = None
         first, last = self._columns(radius)
         self._widths = last - first
         counts = np.concatenate(([0], np.cumsum(self._widths[self.top :])))
@@ -117,11 +119,11 @@ class PunchPoints:
 
     @property
     def row_shares(self) -> list[tuple[int, int]]:
-        """(start, count) of each rank's rows, counted from `top`, where they are shared evenly in pairs."""
+        """(start, count) of each rank's rows, relative to `top`, for the even distribution in pairs."""
         return self.shares_among(self.comm.size)
 
     def shares_among(self, parts: int) -> list[tuple[int, int]]:
-        """The same for any number of ranks; there may be more of them than rows."""
+        """The same for any number of ranks, which may exceed the number of rows."""
         return shares_of_rows(self.nb - self.top, parts)
 
     def _columns(self, radius: float | None) -> tuple[np.ndarray, np.ndarray]:
@@ -157,7 +159,7 @@ class PunchPoints:
         return float(x[0]), float(y[0])
 
     def folded(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Places x, y [m], or where points stand for their mirror images, those of these."""
+        """Positions x, y [m], mapped by the mirror symmetry to the stored part."""
         return (np.abs(x) if "x" in self.mirror else x), (np.abs(y) if "y" in self.mirror else y)
 
     def inside(self) -> np.ndarray:
@@ -174,11 +176,11 @@ class PunchPoints:
 
     @cached_property
     def whole(self) -> PunchPoints:
-        """All points under the punch, images included, rows shared evenly."""
+        """All points under the punch including images, with an even distribution of rows."""
         return PunchPoints(self.grid, self.radius, self.comm) if self.mirror else self
 
     def unfold(self, values: np.ndarray) -> np.ndarray:
-        """A point vector (size,) with the mirror images of its points: one of `whole`; itself where there are none.
+        """A point vector (size,) completed by mirror images: a point vector of `whole`; unchanged without symmetry.
         Collective."""
         if not self.mirror:
             return values
@@ -187,8 +189,8 @@ class PunchPoints:
         if "y" in self.mirror:
             wanted = [np.maximum(rows, self.nb - 1 - rows) for rows in wanted]
         mine, result = wanted[self.comm.rank], np.empty(whole.size, values.dtype)
-        # Halves of rows, from the ranks that have them to those that want them, in the order of these. All goes row by row:
-        # indices of points would take more memory than the points.
+        # Halves of rows are sent from the ranks that have them to those that need them, in the order of the latter, row by
+        # row: indices of points would take more memory than the points.
         for (start, count), part in zip(self.row_shares, self._halves(values, wanted), strict=True):
             there, end = np.flatnonzero((mine >= self.top + start) & (mine < self.top + start + count)), 0
             for row in there:
@@ -199,7 +201,8 @@ class PunchPoints:
         return result
 
     def _halves(self, values: np.ndarray, wanted: list[np.ndarray]) -> list[np.ndarray]:
-        """Of each rank, those of its rows (by their index in the block) that this one wants, of those that each wants. Collective."""
+        """The rows that this rank wants (by index in the block), from the ranks that own them; wanted: for every rank.
+        Collective."""
         parts = []
         for rows in wanted:
             here = rows[(rows >= self.row_start) & (rows < self.row_start + self.rows)] - self.row_start
@@ -226,10 +229,10 @@ class PunchPoints:
         return received
 
     def all_rows(self, local: np.ndarray) -> np.ndarray:
-        """One number of each kind a row, for the local rows (kinds, rows), gathered from all ranks: (kinds, all rows).
+        """Numbers per row, for the local rows (kinds, rows), gathered from all ranks: (kinds, all rows).
 
-        Sums and maxima taken over the result have the same bits on every rank and for any number of ranks. It is good
-        until the next call. Collective.
+        Sums and maxima over the result have the same bits on every rank and for any number of ranks. Valid until the
+        next call. Collective.
         """
         if self.comm.size == 1:
             return local
@@ -242,35 +245,35 @@ class PunchPoints:
         return self._exchange(local)
 
     def summed(self, rows: np.ndarray) -> np.ndarray:
-        """Sums (kinds,) over all points under the punch, images included, of what `all_rows` gives of partial sums."""
-        sums = rows.sum(axis=1)
+        """Sums (kinds,) over all points under the punch including images, from partial sums as returned by `all_rows`."""
+        sums: np.ndarray = rows.sum(axis=1)
         return self.images * sums if self.images > 1 else sums
 
     def total_of(self, local: np.ndarray) -> np.ndarray:
-        """Sums over all points under the punch, images included, of partial sums (kinds, rows); returns (kinds,).
+        """Sums over all points under the punch including images, from partial sums (kinds, rows); returns (kinds,).
         Collective."""
         return self.summed(self.all_rows(local))
 
     def reduced(self, local: np.ndarray, sums: int) -> list[float]:
-        """Of numbers of each kind a row, (kinds, rows): of the first `sums` kinds the sums over all points under the punch,
-        images included, of the others the largest. The same bits on every rank and for any number of ranks. Collective."""
+        """Reduces numbers per row, (kinds, rows): the first `sums` kinds to sums over all points under the punch
+        including images, the others to maxima. The same bits on every rank and for any number of ranks. Collective."""
         out = np.empty(local.shape[0])
         self._reduce(self.all_rows(local), sums, self.images, out)
         return out.tolist()
 
     @cached_property
     def _reduce(self) -> Callable[[np.ndarray, int, int, np.ndarray], None]:
-        # Points are also counted where nothing is computed.
+        # Points are also counted by programs that compute nothing.
         from .kernels import reduce_rows
 
         return reduce_rows
 
     def maximum_of(self, local: float) -> float:
-        """The largest of one number a rank, the same on every rank. Collective."""
+        """The maximum of one number per rank, the same on every rank. Collective."""
         return self.maxima_of(local)[0]
 
     def maxima_of(self, *local: float) -> list[float]:
-        """The largest of each of a rank's numbers, the same on every rank. Collective."""
+        """The maxima over all ranks of each number, the same on every rank. Collective."""
         if self.comm.size == 1:
             return [float(value) for value in local]
         from mpi4py import MPI

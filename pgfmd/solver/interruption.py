@@ -1,10 +1,10 @@
-"""Asking within a step that takes long whether it is to be given up: all ranks together, about twice a second."""
+"""Interruption of a long step: all ranks together ask about twice a second whether to abandon it."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -12,21 +12,33 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
 EVERY = 0.5
-"""Time [s] between two questions, about."""
+"""Approximate time [s] between two questions."""
 FIRST = 8
-"""Iterations until the first question."""
+"""Iterations before the first question."""
 LONGEST = 10_000
 """Most iterations between two questions."""
 
 
 class Interrupted(Exception):
-    """A step that was given up: on every rank, at the same place."""
+    """A step was abandoned, on every rank at the same place."""
+
+
+class Impatient(Protocol):
+    """Who may want a run to end: on a signal, at a limit of time (restart/keeper.py), on Ctrl-C (in_memory.py)."""
+
+    def interrupts(self) -> bool:
+        """Whether this rank wants a step given up that has begun."""
+        ...
+
+    def has_to_stop(self) -> bool:
+        """Whether any rank wants the run to stop before its next step. Collective."""
+        ...
 
 
 class Question:
-    """Called once an iteration by every rank; raises Interrupted on all of them if one of them wants to.
+    """Called in each iteration by every rank; raises Interrupted on all ranks if one of them requests it.
 
-    asked: whether this rank wants to. How many iterations lie between two questions is rank 0's to say, by its clock.
+    asked: returns whether this rank requests it. The number of iterations between two questions follows rank 0's clock.
     """
 
     def __init__(self, comm: Intracomm, asked: Callable[[], bool]):
@@ -35,7 +47,7 @@ class Question:
         self._last = time.perf_counter()
 
     def begin(self) -> None:
-        """A new step: what was between the last one and this was no iteration."""
+        """Starts a new step; the time since the last one does not count."""
         self._left, self._last = self._pause, time.perf_counter()
 
     def __call__(self) -> None:

@@ -9,12 +9,13 @@ over unsigned indices, as the test for negative ones keeps them from being vecto
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numba
 import numpy as np
-from numba.extending import overload
 
-from .compiled import compiled
+from .compiled import compiled, overloading
 
 _compile = compiled()
 # Sums over a row may be vectorised; the order within a row then depends on its length alone.
@@ -27,26 +28,25 @@ _compile_maxima = compiled(fastmath={"reassoc", "contract", "nsz", "nnan"})
 
 # Numbers of no sign are in the order of their bits. The largest of these is found many at a time, of the numbers
 # themselves one by one.
-def bits_of(number: np.floating) -> np.integer:
-    """The bits of a number as an integer."""
+def bits_of(number: Any) -> Any:
+    """The bits of a number, in either precision, as an integer."""
     return number.view(np.int32 if number.dtype == np.float32 else np.int64)
 
 
-def number_of(bits: np.integer) -> np.floating:
+def number_of(bits: Any) -> Any:
     """The number of these bits."""
     return bits.view(np.float32 if bits.dtype == np.int32 else np.float64)
 
 
-# Without types, as what they return: numba wants the two to have the same signature.
-@overload(bits_of, inline="always")
-def _bits_of(number):  # type: ignore[no-untyped-def]
+@overloading(bits_of, inline="always")
+def _bits_of(number: Any) -> Callable[[Any], Any]:
     if number == numba.types.float32:
         return lambda number: np.float32(number).view(np.int32)
     return lambda number: np.float64(number).view(np.int64)
 
 
-@overload(number_of, inline="always")
-def _number_of(bits):  # type: ignore[no-untyped-def]
+@overloading(number_of, inline="always")
+def _number_of(bits: Any) -> Callable[[Any], Any]:
     if bits == numba.types.int32:
         return lambda bits: np.int32(bits).view(np.float32)
     return lambda bits: np.int64(bits).view(np.float64)

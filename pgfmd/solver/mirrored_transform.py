@@ -1,9 +1,10 @@
-"""The same convolution where all fields are their own mirror images: on a half or a quarter of the points.
+"""The convolution for mirror-symmetric fields, on a half or a quarter of the points.
 
-With x -> -x, a row is known by its right half. Its Fourier transform is real: a cosine transform of n/2 points, two
-rows of which are one complex transform of n/2 (mirrored_kernels.py). So columns are real, and two of them are one complex
-column. With y -> -y as well, columns are known by their lower halves, and become cosine transforms like the rows. All
-rows and columns go in fixed pairs, so the result has the same bits for any number of ranks.
+With symmetry under x -> -x, only the right half of a row is stored. Its Fourier transform is real: a cosine transform
+of n/2 points; two rows are one complex transform of n/2 (mirrored_kernels.py). So columns are real, and two of them are
+combined into one complex column. With symmetry under y -> -y as well, only half of each column is stored, and columns
+are cosine transforms like the rows. Rows and columns are combined in fixed pairs, so the result has the same bits for
+any number of ranks.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class MirroredConvolution(PairOperator):
-    """u = G * w between point vectors that stand for their mirror images: a half or a quarter of a pair of transforms.
+    """u = G * w between point vectors with mirror symmetry: a half or a quarter of the work of a pair of transforms.
 
     points: PunchPoints with a `mirror`. n: points a side of the whole transform, even, and at least what the kernel
     needs not to wrap around. make_multiplier, effort, dtype, `pairs`, `seconds`, `mean_compliance`: as of
@@ -44,14 +45,14 @@ class MirroredConvolution(PairOperator):
         self.points, self.n, self.comm = points, n, points.comm
         self.dtype, self.complex = np.dtype(dtype), np.result_type(dtype, np.complex64)
         self._half = n // 2
-        # Complex columns: the real ones with kx = 2 j and 2 j + 1 side by side, as they lie in memory.
+        # Complex columns: the real ones with kx = 2 j and 2 j + 1, which are adjacent in memory.
         ranks = range(self.comm.size)
         shares = [share((self._half + 1) // 2, self.comm.size, rank) for rank in ranks]
         self.spectrum = Spectrum(n, self.comm, [(2 * first, 2 * count) for first, count in shares])
         self._plan((EFFORTS[effort],), shares)
         self.multiplier = np.empty((self.spectrum.column_count, self.spectrum.width), self.dtype)
         make_multiplier(self.spectrum, self.multiplier)
-        # More ranks than pairs of columns leave some without.
+        # With more ranks than pairs of columns, some ranks have none.
         mean = float(self.multiplier[0, 0]) if self.comm.rank == 0 else 0.0
         self.mean_compliance = self.comm.bcast(mean) * n**2
         if "y" not in points.mirror:
@@ -76,7 +77,7 @@ class MirroredConvolution(PairOperator):
         )  # fmt: skip
 
     def _convolve_columns(self) -> None:
-        """Pairs of columns: transform along y, times G, back; what is beyond the punch is left out."""
+        """For pairs of columns: transforms along y, times G, and back; omits points beyond the punch."""
         both = "y" in self.points.mirror
         for column in self._transposition.groups:
             count = self._transposition.load(column, self._column)

@@ -1,4 +1,4 @@
-"""Multipliers G(kx, ky) of a Convolution, each rank's columns made by itself, with few arrays beside them."""
+"""Multipliers G(kx, ky) of a Convolution. Each rank computes its own columns, with little additional memory."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from .grid import share
 from .transform import MakeMultiplier, Spectrum
 
 Compliance = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""The compliance G0(qx, qy) [m/Pa] of a periodic surface, of wave numbers [rad/m] of shapes that go together."""
+"""The compliance G0(qx, qy) [m/Pa] of a periodic surface, for wave numbers [rad/m] of compatible shapes."""
 
 
 class FreeCompliance(Protocol):
     """The compliance of a free surface (physics/free_kernel.py)."""
 
     def kernel(self, dx: np.ndarray, dy: np.ndarray, spacing: float) -> np.ndarray:
-        """Displacement [m/Pa] at these offsets [m] by a traction on a square of this side [m]."""
+        """Displacement [m/Pa] at these offsets [m] due to a unit traction on a square with this side [m]."""
         ...
 
 
 FEW = 1 << 13
-"""Numbers that are made at a time where the order does not matter."""
+"""Numbers that are computed at a time."""
 
 
 def periodic_multiplier(compliance: Compliance, length: float) -> MakeMultiplier:
@@ -31,7 +31,7 @@ def periodic_multiplier(compliance: Compliance, length: float) -> MakeMultiplier
 
     def fill(spectrum: Spectrum, multiplier: np.ndarray) -> None:
         unit, some = 2.0 * np.pi / length, max(1, FEW // spectrum.width)
-        # A few columns at a time: some compliances need a dozen arrays.
+        # A few columns at a time, because some compliances need a dozen arrays.
         for begin in range(0, spectrum.column_count, some):
             kx = spectrum.kx[begin : begin + some, None]
             multiplier[begin : begin + some] = compliance(unit * kx, unit * spectrum.ky[None, :]) / spectrum.n**2

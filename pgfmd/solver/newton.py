@@ -1,14 +1,15 @@
-"""One implicit step: a static adhesive contact problem, solved downhill by Newton's method with conjugate gradients.
+"""The static adhesive contact problem of an implicit step, solved by Newton's method with a trust region.
 
-A step asks for w and u = G0 w with w = J f(d + z - u) + w_hist. Its solutions are the stationary points of
+The unknowns are the effective traction w and the displacement u = G0 w of the surface, with
+w = J f(d + z - u) + w_hist. Solutions are stationary points of the incremental potential
 
     Phi(u) = sum u (w/2 - w_hist) / J + Gamma(d + z - u)
 
 Newton's correction s solves (A^-1 + K) s = r with A = J G0, K = Gamma'' and r = f - (w - w_hist) / J. It is found by
-conjugate gradients preconditioned by A. With every direction p its dual y = A^-1 p is carried along, so A^-1 is never
-applied; u, w and Phi are updated locally, and one application of G0 a CG iteration is the only transform. Where the
-curvature along p is negative, or the correction leaves the region of trust, the step ends at that region's edge; Phi
-must go down.
+conjugate gradients (CG) preconditioned by A. Each direction p is stored with its dual y = A^-1 p, so that A^-1 is never
+applied. u, w and Phi are updated locally, and one application of G0 per CG iteration is the only transform. If the
+curvature along p is negative, or the correction leaves the trust region, it ends at the boundary of that region, as in
+Steihaug's method (SIAM J. Numer. Anal. 20, 626 (1983)). Phi must decrease.
 """
 
 from __future__ import annotations
@@ -27,27 +28,28 @@ from .stagnation import MOST_IDLE, Progress
 from .tiles import Convolves
 
 if TYPE_CHECKING:
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
 
 MakeCorrections = Callable[[PunchPoints, Convolves, "CohesiveLaw", bool], ConjugateGradients]
-"""What makes the finder of corrections, as ConjugateGradients is made."""
+"""Makes the solver for corrections, with the arguments of ConjugateGradients."""
 Sums = tuple[float, float, float, float]
-"""Of f, r and Gamma, and the growth of the rest of Phi, per area of a point."""
+"""Sums of f, r and Gamma, and the increase of the rest of Phi, per area of a point."""
 SLACK = {("float64", "float64"): 1e-12, ("float64", "float32"): 1e-10, ("float32", "float32"): 1e-6}
-"""How far Phi may rise by rounding, relative to itself: by the precision of u and w, and of the corrections."""
-SLIDES, MOST_SLIDE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), 4.0
-"""A saddle is left by first this many ranges of adhesion, by less where that leads upward, and by twice as much again
-and again, up to the last number, as long as that leads down."""
+"""Relative increase of Phi that is attributed to rounding, by the precisions of u and w, and of the corrections."""
+SLIDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
+"""Lengths of the first move away from a saddle point, in ranges of adhesion: the first that decreases the potential."""
+MOST_SLIDE = 4.0
+"""Longest such move. The length is doubled up to this as long as the potential decreases."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a solve ended: whether it converged, its iterations, the force on the punch [N], by how much Phi fell, and
+    """The result of a solve: whether it converged, its iterations, the force on the punch [N], the decrease of Phi, and
     the adhesive energy [J].
 
-    moved: sum of the largest moves of the surface [ranges of adhesion] by all corrections. left_over: the force out of
-    balance, relative to what was allowed, where the solve ended because rounding allows no less; else 0. renewed:
-    whether u was evaluated anew from w on the way.
+    moved: sum over all corrections of the largest displacement of the surface [ranges of adhesion].
+    left_over: force imbalance relative to the tolerance, if the solve ended at the limit of rounding; else 0.
+    renewed: whether u was evaluated again from w during the solve.
     """
 
     converged: bool
@@ -62,7 +64,7 @@ class Outcome:
     renewed: bool = False
 
     def followed_by(self, later: Outcome) -> Outcome:
-        """Of two solves, the second of which went on where this one ended."""
+        """The combined result of this solve and a later one that continued from it."""
         return replace(
             later,
             newton_iterations=self.newton_iterations + later.newton_iterations,
@@ -76,7 +78,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class _Problem:
-    """What a solve is given, as `NewtonSolver.solve` names it. u and w move."""
+    """The arguments of `NewtonSolver.solve`. u and w are changed in place."""
 
     position: float
     history: np.ndarray
@@ -87,7 +89,7 @@ class _Problem:
 
 @dataclass
 class _Course:
-    """A solve so far, as Outcome has it at its end; pull [Pa], adhesive and drop [J/m^2]: sums over points."""
+    """The values of Outcome during a solve; pull [Pa], adhesive and drop [J/m^2] are sums over points."""
 
     pull: float
     adhesive: float
@@ -99,40 +101,41 @@ class _Course:
     renewed: bool = False
 
     def correct(self, iterations: int, bent: bool) -> None:
-        """One more correction, of so many iterations of CG; bent: whether Phi bends down along it."""
+        """Counts a correction with its iterations of CG; bent: whether there was negative curvature."""
         self.newton_iterations += 1
         self.cg_iterations += iterations
         self.met_negative_curvature = self.met_negative_curvature or bent
 
 
 class NewtonSolver:
-    """Solves implicit steps on point vectors. Holds the work arrays; keeps nothing from one solve to the next.
+    """Solves implicit steps on point vectors. Owns work arrays, but keeps nothing from one solve to the next.
 
-    points: PunchPoints. convolve: the Convolution with G0. height z [m] (size,). law: CohesiveLaw. force_scale [N]: the
-    force that a relative error of one would be, the preload. rough: the same operator in single precision, if
-    corrections are to be found by it; residuals, u and w keep the precision of `convolve`. corrections: makes what finds
-    them, as ConjugateGradients is made.
+    points: PunchPoints. convolve: the Convolution with G0. height z [m] (size,). law: CohesiveLaw.
+    force_scale [N]: unit of relative errors of the force: the preload.
+    rough: the same operator in single precision, if corrections are computed with it; residuals, u and w have the
+    precision of `convolve`.
+    corrections: makes the solver for corrections, with the arguments of ConjugateGradients.
     After a solve, `traction` and `curvature` are those of the solution.
     """
 
     largest_newton_count = 60
     largest_jump_count = 20_000
-    """Correction counts at which a solve gives up. In a jump a crack may run through the whole punch, a cell or so a
-    correction."""
+    """Largest number of corrections in a jump, where a crack may propagate through the whole punch, by about one grid
+    cell per correction."""
     timid_way = 0.5
-    """A timid solve gives up when the surface moves by more than this many ranges of adhesion."""
+    """A solve with `timid` ends when the surface has moved by more than this many ranges of adhesion."""
     force_share = 0.2
-    """The force out of balance, relative to the force scale, may be this share of the tolerance."""
+    """Tolerance of the force imbalance, relative to force_scale, as a fraction of the tolerance."""
 
     def __init__(
         self, points: PunchPoints, convolve: Convolves, height: np.ndarray, law: CohesiveLaw, force_scale: float,
         rough: Convolves | None = None, corrections: MakeCorrections = ConjugateGradients,
     ):  # fmt: skip
         self.force_scale = force_scale
-        # A traction on the whole plane has a mean, and a half-space no compliance for it.
+        # A traction on the whole plane has a mean, for which a half-space has no compliance.
         self.floating = points.total == points.grid.n**2 and convolve.mean_compliance == 0.0
         self.points, self.convolve, self.height, self.law = points, convolve, height, law
-        self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
+        self.law_numbers = law.numbers
         self.rough = rough or convolve
         self.operators = [convolve, rough] if rough else [convolve]
         self.dtype, self._slack = convolve.dtype, SLACK[convolve.dtype.name, self.rough.dtype.name]
@@ -145,15 +148,17 @@ class NewtonSolver:
         self, position: float, history: np.ndarray, compliance: float, u: np.ndarray, w: np.ndarray, tolerance: float,
         jump: bool = False, timid: bool = False, largest_force: float = 0.0,
     ) -> Outcome:  # fmt: skip
-        """Moves u [m] and w [Pa] (in place, consistent: u = G0 w) to a minimum of Phi downhill of where they are.
+        """Moves u [m] and w [Pa] (in place, with u = G0 w) downhill to a minimum of Phi.
 
-        position d [m]; history w_hist [Pa] (size,); compliance J (dimensionless, relative to the relaxed one);
-        tolerance: largest displacement error over interacting points, in ranges of adhesion; a fifth of it bounds the
-        force that is out of balance, in force scales. (A long-waved error far below the range can carry a force: K_0
-        rho is no small stress.) jump: the way down may be long. timid: give up where the potential bends down along a
-        direction, or the surface has moved far: there is a better start, nearer by. largest_force [N] so far, if not 0:
-        where rounding allows no better balance, one that is good beside this force will do. Where it does not converge,
-        u and w stay at the lowest Phi found.
+        position: d [m]. history: w_hist [Pa] (size,). compliance: J (dimensionless, relative to the relaxed one).
+        tolerance: of the displacement of interacting points, in ranges of adhesion. A fifth of it is the tolerance of
+        the force imbalance, in units of force_scale. (An error of long wavelength far below the range may correspond to
+        a large force, because K_0 rho is a large stress.)
+        jump: the surface may move far.
+        timid: end at a negative curvature, or if the surface has moved far, because a better start is available.
+        largest_force [N]: so far, or 0. At the limit of rounding, an imbalance that is small compared with this force
+        is accepted.
+        If the solve does not converge, u and w are those with the lowest Phi.
         """
         problem = _Problem(position, history, compliance, u, w)
         pull, imbalance, potential, _ = self._evaluate(problem, 0.0)
@@ -171,7 +176,7 @@ class NewtonSolver:
             shortest = self._shortest(tolerance, size, everywhere=course.renewed and not timid)
             scale, (course.pull, imbalance, trial, growth) = self._go_down(problem, course.adhesive, longest, shortest)
             if scale == 0.0:
-                # Not downhill along a direction that should be: u has drifted off G0 w, or rounding is reached.
+                # Phi does not decrease along a descent direction: u has drifted from G0 w, or this is the limit of rounding.
                 if course.renewed:
                     break
                 self.convolve(w, u)
@@ -179,7 +184,7 @@ class NewtonSolver:
                 course.pull, imbalance, course.adhesive, _ = self._evaluate(problem, 0.0)
                 continue
             kernels.move(u, w, self.cg.s, self.cg.t, scale, scale * compliance)
-            # Where the mean load balances by itself, the force is known as well as the last correction has left it.
+            # If the mean traction is set directly, the error of the force is its change in the last correction.
             unsettled = max(abs(imbalance), abs(course.pull - last_pull) if self.floating else 0.0)
             last_pull = course.pull
             gained, course.adhesive = course.adhesive - trial - growth, trial
@@ -201,7 +206,7 @@ class NewtonSolver:
     def _settle_for(
         self, progress: Progress, bent: bool, size: float, unsettled: float, pull: float, largest_force: float
     ) -> tuple[bool, float]:
-        """Whether what a stalled solve has reached will do, and Outcome.left_over."""
+        """Whether the result of a stalled solve is accepted, and Outcome.left_over."""
         if bent or size >= progress.tolerance:
             return False, 0.0
         largest = max(largest_force, abs(pull) * self.points.grid.cell_area) if largest_force else 0.0
@@ -209,12 +214,13 @@ class NewtonSolver:
         return enough, 0.0 if enough else progress.least_unsettled / progress.unbalanced
 
     def _slack_of(self, potential: float) -> float:
-        """How far Phi may rise by rounding, per area of a point."""
-        return self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+        """Increase of Phi attributed to rounding, per area of a point."""
+        slack: float = self._slack * (abs(potential) + 0.1 * self.law.work_of_adhesion * self.points.total)
+        return slack
 
     def _noise(self, compliance: float, u: np.ndarray, w: np.ndarray) -> float:
-        """What the rounding of u alone makes of Phi, per area of a point: the end of a soft spring is so far away that
-        corrections vanish in it. Collective."""
+        """Error of Phi due to the rounding of u, per area of a point. The displacement of a soft spring may be so large
+        that corrections are lost in rounding. Collective."""
         squares = []
         for vector in (u, w):
             kernels.dot(vector, vector, self.points.offset, self._rows)
@@ -222,16 +228,16 @@ class NewtonSolver:
         return float(np.finfo(self.dtype).eps) * math.sqrt(squares[0] * squares[1]) / compliance
 
     def _shortest(self, tolerance: float, size: float, everywhere: bool) -> float:
-        """Least part of a correction that is tried. everywhere: where nothing interacts, so that the correction knows
-        of no obstacle on its way, by how far it moves any point: it sets the surface free, and may press it far into
-        the punch. Collective."""
+        """Smallest fraction of a correction that is tried. everywhere: measure the correction at all points, not only
+        at interacting ones. This is needed if no point interacts: the correction then releases the surface without
+        regard to obstacles, and may press it far into the punch. Collective."""
         if everywhere and size == 0.0:
-            size = self.points.maximum_of(float(np.abs(self.cg.s).max(initial=0.0))) / self.law.range
+            size = self.points.maximum_of(float(np.abs(self.cg.s).max(initial=0.0))) / self.law.length
         return 1e-3 * tolerance / max(size, 1.0)
 
     def _go_down(self, problem: _Problem, potential: float, longest: float, shortest: float) -> tuple[float, Sums]:
-        """Halves the step along s until Phi does not rise; (step, what `_evaluate` gives there), step 0 where it always
-        rises."""
+        """Halves the step along s until Phi does not increase; (step, result of `_evaluate` there), with step 0 if it
+        always increases."""
         scale = longest
         slack = self._slack_of(potential)
         while scale >= shortest:
@@ -245,15 +251,16 @@ class NewtonSolver:
         self, position: float, history: np.ndarray, compliance: float, u: np.ndarray, w: np.ndarray, mode: np.ndarray,
         dual: np.ndarray,
     ) -> float:  # fmt: skip
-        """Moves u [m] and w [Pa] along a mode of negative curvature, to about the lowest Phi either way; by how much it
-        fell [J].
+        """Moves u [m] and w [Pa] along a mode of negative curvature, to about the lowest Phi on either side; returns
+        the decrease [J].
 
-        mode [m] and its dual A^-1 mode [Pa]. A saddle is left that far that no descent leads back. Where there is no
-        lower place either way, nothing moves, and traction and curvature are those of the surface as it is. Collective.
+        mode [m] and its dual A^-1 mode [Pa]. The move is long enough that the descent does not return to the saddle
+        point. If Phi is not lower on either side, nothing moves, and traction and curvature are those of the present
+        surface. Collective.
         """
         problem = _Problem(position, history, compliance, u, w)
         self.cg.s[:], self.cg.t[:] = mode, dual
-        whole = self.law.range / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
+        whole = self.law.length / self.points.maximum_of(float(np.abs(mode).max(initial=0.0)))
         values = self._evaluate(problem, 0.0)
         start, best, best_step = values[2], -self._slack * abs(values[2]), 0.0
         for first in SLIDES:
@@ -273,7 +280,7 @@ class NewtonSolver:
 
     def _outcome(self, course: _Course, converged: bool, left_over: float = 0.0) -> Outcome:
         if not converged:
-            # The next solve begins without a move along these, 0 s and 0 t, so they must be numbers.
+            # The next solve starts with 0 s and 0 t, so these must be finite.
             self.cg.s[:] = 0.0
             self.cg.t[:] = 0.0
         area = self.points.grid.cell_area
@@ -283,7 +290,7 @@ class NewtonSolver:
         )  # fmt: skip
 
     def _evaluate(self, problem: _Problem, step: float) -> Sums:
-        """Sums of f, r and Gamma, and the growth of the rest of Phi along s (kernels.py), per area of a point; sets
+        """Sums of f, r and Gamma, and the increase of the rest of Phi along s (kernels.py), per area of a point; sets
         traction, curvature and residual at u + step s."""
         contact_kernels.evaluate(
             self.height, problem.position, problem.u, problem.w, self.cg.s, self.cg.t, step, step * problem.compliance,

@@ -1,12 +1,12 @@
-"""Connected patches of contact, found by all ranks together, and what each of them carries. Collective.
+"""Connected patches of contact: labelling by all ranks together, areas and forces. Collective.
 
-Contact is where the gap is below the law's contact_gap (cohesion.py), as in the contact area. Points are connected through the four sides of their
-cells: two that share a corner only have no width of contact between them. Only where the punch fills the cell do
-patches go on across its edges. Patches are numbered by their first points, row by row, whatever the number of ranks.
+Contact is where the gap is below the law's contact_gap, as for the contact area. Points are connected through the four
+sides of their grid cells, not through corners. Patches continue across the edges of the cell only if the punch fills
+it. Patches are numbered by their first points, row by row, for any number of ranks.
 
-Each rank labels its rows. Labels that meet at the edge of two ranks' rows are joined on all ranks; one row a rank is
-sent. Counts and positions are sums of whole numbers, forces are summed row by row in the order of the rows: the same
-bits for any number of ranks.
+Each rank labels its rows. Labels that touch at the boundary of two ranks are joined on all ranks; each rank sends one
+row. Counts and positions are sums of integers, and forces are summed row by row in the order of the rows, so they have
+the same bits for any number of ranks.
 """
 
 from __future__ import annotations
@@ -33,12 +33,13 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
 Numbers = NDArray[np.int64]
+Array = NDArray[np.floating]
 
 MERGED = "merged"
-"""Kind of a patch that holds sites of several kinds."""
+"""Kind of a patch that contains sites of several kinds."""
 
 MOST = 2**31 - 1
-"""What MPI counts to."""
+"""Largest count of MPI."""
 
 
 @dataclass(frozen=True)
@@ -73,19 +74,20 @@ class Labels:
     @property
     def count(self) -> int:
         """Number of patches on all ranks."""
-        return self.first.shape[1]
+        return int(self.first.shape[1])
 
 
 def label_contact(points: PunchPoints, contact: NDArray[np.bool_], periodic: bool) -> Labels:
     """The patches of a contact (size,). periodic: whether the punch fills the cell, and patches go on across its edges.
     Collective."""
     comm, rows = points.comm, points.to_rows(contact, outside=False)
+    local: NDArray[np.int32]
     local, count = ndimage.label(rows) if rows.size else (np.zeros(rows.shape, np.int32), 0)
     del rows
     found = comm.allgather((points.rows, count))
     before = sum(count for _, count in found[: comm.rank])
 
-    def everywhere(line: NDArray) -> Numbers:
+    def everywhere(line: NDArray[np.int32]) -> Numbers:
         """The labels of a line of points among those of all ranks; -1 without contact."""
         return np.where(line > 0, line + np.int64(before - 1), -1)
 
@@ -102,7 +104,7 @@ def label_contact(points: PunchPoints, contact: NDArray[np.bool_], periodic: boo
     return Labels(labels, np.array(np.divmod(first, points.nb)))
 
 
-def _first_points(points: PunchPoints, local: NDArray, count: int) -> Numbers:
+def _first_points(points: PunchPoints, local: NDArray[np.int32], count: int) -> Numbers:
     """Where in the punch block, row by row, the first point of each label 1 ... count of this rank is."""
     first = np.zeros(count, np.int64)
     # From behind: what is first comes last.
@@ -175,7 +177,12 @@ def _joined(pairs: Numbers, firsts: Numbers) -> tuple[Numbers, Numbers]:
 
 
 def patches_of(
-    points: PunchPoints, gap: NDArray, traction: NDArray, places: SitePoints, contact_gap: float, periodic: bool = False
+    points: PunchPoints,
+    gap: Array,
+    traction: Array,
+    places: SitePoints,
+    contact_gap: float,
+    periodic: bool = False,
 ) -> list[Patch]:
     """The patches of a gap [m] under a traction [Pa] (size,), in order; contact: below contact_gap [m]. The same list
     on every rank. Collective."""
@@ -190,8 +197,8 @@ def patches_of(
     nearest = _nearest_kinds(sites, x, y, points.grid.length if periodic else None)
     areas = counts * points.grid.cell_area
     return [
-        Patch(k, float(areas[k]), float(forces[k]), float(x[k]), float(y[k]), *held[:, k].tolist(), _kind(held[:, k]),
-              nearest[k])
+        Patch(k, float(areas[k]), float(forces[k]), float(x[k]), float(y[k]), int(held[0, k]), int(held[1, k]),
+              int(held[2, k]), _kind(held[:, k]), nearest[k])
         for k in range(labels.count)
     ]  # fmt: skip
 
@@ -201,7 +208,7 @@ def _kind(held: Numbers) -> str:
     return MERGED if kinds.size > 1 else KINDS[kinds[0]] if kinds.size else ""
 
 
-def _nearest_kinds(sites: ContactSites, x: NDArray, y: NDArray, side: float | None) -> list[str]:
+def _nearest_kinds(sites: ContactSites, x: Array, y: Array, side: float | None) -> list[str]:
     if not len(sites):
         return [""] * x.size
     places, wanted = np.column_stack([sites.x, sites.y]), np.column_stack([x, y])
@@ -212,13 +219,14 @@ def _nearest_kinds(sites: ContactSites, x: NDArray, y: NDArray, side: float | No
     return [KINDS[kind] for kind in sites.kind[nearest]]
 
 
-def centres(points: PunchPoints, labels: Labels, periodic: bool) -> tuple[Numbers, NDArray, NDArray]:
+def centres(points: PunchPoints, labels: Labels, periodic: bool) -> tuple[Numbers, Array, Array]:
     """Number of points of each patch, and x and y [m] of the centre of its area. Collective.
 
     In a periodic cell distances from the patch's first point are counted the shorter way around; a patch that
     stretches over half the cell or more has no centre that means anything.
     """
-    sums, n = np.zeros((3, labels.count), np.int64), points.grid.n
+    sums: Numbers = np.zeros((3, labels.count), np.int64)
+    n = points.grid.n
     # Row by row, here and below: indices of all points would take more memory than the fields.
     for row, patch, columns, _ in _rows_in_contact(points, labels):
         np.add.at(sums[0], patch, 1)
@@ -236,15 +244,15 @@ def centres(points: PunchPoints, labels: Labels, periodic: bool) -> tuple[Number
 
 
 def _rows_in_contact(points: PunchPoints, labels: Labels) -> Iterator[tuple[int, Numbers, Numbers, Numbers]]:
-    """Of each local row with contact, its index among these, and of its points in contact: patches, columns in the punch block,
-    indices."""
+    """Of each local row with contact, its index among these, and of its points in contact: patches, columns in the
+    punch block, indices."""
     for row, (begin, end) in enumerate(pairwise(points.offset)):
         held = np.flatnonzero(labels.of_point[begin:end] >= 0)
         if held.size:
             yield row, labels.of_point[begin + held], points.first[row] + held, begin + held
 
 
-def _tractions(points: PunchPoints, labels: Labels, traction: NDArray) -> NDArray:
+def _tractions(points: PunchPoints, labels: Labels, traction: Array) -> Array:
     """Sum of the traction [Pa] over each patch's points."""
     # A row belongs to one rank: sums over a row's points are the same for any number of ranks. From rank to rank, each
     # adding its rows: no rank needs those of all.

@@ -1,21 +1,26 @@
-"""Where within a step the force meets the preload, and how steps end where something is wanted. Plain Python."""
+"""Finding the step whose end meets the preload, and fitting steps to events. Plain Python."""
 
 from __future__ import annotations
 
+import math
+
 from pgfmd.physics.drive import PRELOAD, Phase
 
-PRELOAD_TOLERANCE, PRELOAD_SHARE, CLOSE_TO_PRELOAD = 1e-4, 0.1, 0.95
-"""The preload is met to this fraction, or to that share of a smaller tolerance: a late turn shifts the whole way back.
-From the last fraction of it on, steps are solved tightly."""
+PRELOAD_TOLERANCE = 1e-4
+"""Relative error with which the preload is met: a late turn would shift the whole retraction."""
+PRELOAD_SHARE = 0.1
+"""The same as a fraction of the tolerance of a step, if that is smaller."""
+CLOSE_TO_PRELOAD = 0.95
+"""From this fraction of the preload on, steps are solved to a smaller tolerance."""
 
 
 def slack_of(preload: float, tolerance: float) -> float:
-    """By how much [N] the preload may be missed, at this tolerance of a step."""
+    """Allowed error [N] of the preload, for this tolerance of a step."""
     return min(PRELOAD_TOLERANCE, PRELOAD_SHARE * tolerance) * preload
 
 
 class PreloadSearch:
-    """Finds the step at whose end the force meets the preload, from trials of one step; idle in other phases.
+    """Finds the length of a step at whose end the force meets the preload, by trial steps; inactive in other phases.
 
     force [N]: at the start of the step.
     """
@@ -27,11 +32,11 @@ class PreloadSearch:
 
     @property
     def sharp(self) -> bool:
-        """Whether trials need a force that is known better than the preload is to be met."""
+        """Whether trial steps need a smaller tolerance, because the force is close to the preload."""
         return self.bracket is not None or (self.is_on and self.start > CLOSE_TO_PRELOAD * self.preload)
 
     def other_step(self, step: float, force: float) -> float | None:
-        """The step [s] to try after one that ended at `force` [N]; None where that one may stay."""
+        """The next step [s] to try after one that ended at `force` [N]; None if that one is accepted."""
         excess = force - self.preload
         if not self.is_on or (excess <= self.slack and (self.bracket is None or excess >= -self.slack)):
             return None
@@ -44,12 +49,12 @@ class PreloadSearch:
 
 
 NARROW = 1e-6
-"""Width of a bracket, as a share of the first step that was too long, within which a force that jumps is told from one
-that is only steep."""
+"""Width of a bracket, as a fraction of the first step that was too long, below which a jump of the force is
+distinguished from a steep force."""
 STEEP = 1e3
-"""A force that changes within a narrow bracket by more than so many times what its width would say has a jump there."""
+"""The force jumps if it changes within a narrow bracket by more than this multiple of what its width suggests."""
 NARROWEST = 1e-14
-"""Width of a bracket, as the same share, at which rounding ends the search."""
+"""Width of a bracket, as the same fraction, at which rounding ends the search."""
 
 
 class Bracket:
@@ -57,14 +62,16 @@ class Bracket:
 
     def __init__(self, low: float, low_value: float):
         self.low, self.low_value = low, low_value
-        self.high = self.high_value = self.first = None
+        # Until a step was too long.
+        self.high = self.high_value = math.nan
+        self.first: float | None = None
         self.last_side = 0
-        # The values at the ends as they are: the method halves those that it uses.
+        # The true values at the ends: the method halves those that it uses.
         self._ends, self._first_span = [low_value, 0.0], 0.0
 
     def narrow(self, step: float, value: float) -> float | None:
-        """Takes in the force excess [N] at a step [s]; returns the next step to try, None when there is nothing
-        between."""
+        """Adds the excess [N] of the force at a step [s]; returns the next step to try, None if the bracket is
+        empty."""
         side = 1 if value > 0.0 else -1
         self._ends[side > 0] = value
         if self.first is None:
@@ -81,7 +88,7 @@ class Bracket:
         self.last_side = side
         width = self.high - self.low
         if width <= NARROW * self.first:
-            # A preload may be tiny beside what one step adds to the force: that is no reason to miss it.
+            # A preload may be tiny compared with the change of the force in one step, and must be met all the same.
             jumps = (self._ends[1] - self._ends[0]) * self.first > STEEP * width * self._first_span
             if jumps or width <= NARROWEST * self.first:
                 return None
@@ -90,8 +97,8 @@ class Bracket:
 
 
 def fit(step: float, end: float, until: float) -> tuple[float, str]:
-    """The step, shortened or a little stretched to end at the phase's end or the wanted time; and which of them it
-    meets."""
+    """The step, shortened or slightly stretched to end at the end of the phase or at a requested time; and which of
+    them it meets."""
     target, why = (end, "duration") if end <= until else (until, "time")
     if step >= target * (1.0 - 1e-9):
         return target, why

@@ -1,8 +1,8 @@
-"""A batch of rows of points, to their Fourier coefficients and back: three ways.
+"""Transforms of batches of rows of points to Fourier coefficients and back: three methods.
 
-Each takes `most` rows at a time, and has their coefficients in the first lines of `hat`, complex, (most, columns).
-`forward(vector, row, count, scale)` fills `count` of them from row `row` of a point vector on, times a number;
-`backward(row, count, vector)` fills a point vector from them, and destroys them.
+Each transforms up to `most` rows at a time, with coefficients in the first lines of `hat`, complex, (most, columns).
+`forward(vector, row, count, scale)` computes `count` lines from the rows of a point vector, from `row` on, times scale;
+`backward(row, count, vector)` computes the rows of a point vector, and overwrites the lines.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from .grid import PunchPoints
 
 Transform = Callable[[], object]
-"""A transform that is planned, from buffer to buffer."""
+"""A planned transform between buffers."""
 ComplexLines = tuple[np.ndarray, Transform, Transform]
 """Buffer and transforms, forward and backward, of transform.complex_lines."""
 RealLines = tuple[np.ndarray, np.ndarray, Transform, Transform]
 """The same of transform.real_lines, with a buffer for each side."""
 _APART = 16
-"""Numbers between the coefficients of one row and of the next."""
+"""Unused numbers between the coefficients of consecutive rows."""
 
 
 class Rows(Protocol):
-    """What the following three have in common."""
+    """The common interface of the three methods."""
 
     most: int
     hat: np.ndarray
@@ -42,7 +42,7 @@ class Rows(Protocol):
 
 
 class RealRows:
-    """Each row by a transform from real to complex numbers. lines: of transform.real_lines."""
+    """Each row by a real-to-complex transform. lines: of transform.real_lines."""
 
     def __init__(self, points: PunchPoints, lines: RealLines) -> None:
         self._points, (self.line, self.hat, self._transform, self.transform_back) = points, lines
@@ -60,7 +60,7 @@ class RealRows:
 
 
 class PackedRows:
-    """Two rows by one complex transform: where FFTW is slow from real to complex numbers. lines: of complex_lines."""
+    """Two rows by one complex transform, if FFTW's real-to-complex transform is slow. lines: of complex_lines."""
 
     def __init__(self, points: PunchPoints, lines: ComplexLines) -> None:
         self._points, (self.line, self._transform, self._transform_back) = points, lines
@@ -77,7 +77,7 @@ class PackedRows:
 
     def backward(self, row: int, count: int, vector: np.ndarray) -> None:
         """Coefficients to rows of a point vector."""
-        # A row without a partner must not be rounded to what another left there.
+        # The partner of a single row is zero: the rounding of the row must not depend on old contents.
         self.hat[count:] = 0.0
         kernels.join_packed(self._parts, self._line_parts)
         self._transform_back()
@@ -96,8 +96,8 @@ class MirroredRows:
     ) -> None:
         self._points, (self._line, self._transform, self._transform_back) = points, lines
         self.most, real = 2 * self._line.shape[0], self._line.real.dtype
-        # With an odd half the last column has no neighbour but a column of zeros. Rows whose distance is a power of two would
-        # push each other out of the cache.
+        # With an odd half, the neighbour of the last column is a column of zeros. Rows at a distance of a power of two would
+        # compete for the same cache lines.
         self._parts = np.zeros((self.most, 2 * columns + _APART), real)
         self.hat, self._line_parts = self._parts.view(self._line.dtype), self._line.view(real)
         self._cosine, self._sine = cosine, sine
@@ -106,7 +106,7 @@ class MirroredRows:
         """Rows of a point vector to coefficients."""
         mirrored_kernels.scatter_pairs(vector, self._points.offset, row, count, scale, self._line_parts)
         self._transform()
-        # What is behind the last coefficient goes into the columns beside it, and must be nothing: ranks have other rows.
+        # Numbers after the last coefficient become part of columns, and must be zero for any distribution of rows.
         self._parts[:, self._line.shape[1] :] = 0.0
         mirrored_kernels.separate(self._line_parts, self._cosine, self._sine, self._parts)
 

@@ -1,4 +1,4 @@
-"""The loop: steps through the loading programme, and tells the observers what happened."""
+"""The loop: performs the steps of the loading programme, and notifies observers."""
 
 from __future__ import annotations
 
@@ -33,23 +33,24 @@ class Event:
 
 
 class Observer:
-    """What watches a simulation; does nothing, the base of those that do."""
+    """Base class of observers of a simulation; its methods do nothing."""
 
     def before_step(self, simulation: Simulation) -> None:
-        """Called before each step, and so before the first one after a restart too."""
+        """Called before each step, also before the first one after a restart."""
 
     def next_time(self, simulation: Simulation) -> float:
-        """The next time [s] at which a step has to end; infinity for none. Changes nothing."""
+        """The next time [s] at which a step has to end; infinity for none. A pure query."""
         return math.inf
 
     def observe(self, simulation: Simulation, event: Event) -> None:
-        """Called at the start, after each step or jump, at the preload, at wanted times, and at the end."""
+        """Called at the start, after each step or jump, at the preload, at requested times, and at the end."""
 
 
 class Simulation:
-    """A tack test: scheme, controller, programme and state, with observers (`Observer`) that hear of each step.
+    """A tack test: scheme, controller, programme and state, with observers (`Observer`).
 
-    scheme, controller: what schemes.base says of them. deepest [m]: indentation at which an approach is given up.
+    scheme, controller: as defined in schemes.base. deepest [m]: indentation at which an approach ends without a
+    preload.
     """
 
     def __init__(self, scheme: Scheme, controller: StepController, drive: Drive, deepest: float, max_steps: int):
@@ -61,18 +62,18 @@ class Simulation:
 
     @property
     def phase(self) -> Phase:
-        """The phase that the next step belongs to."""
+        """The phase of the next step."""
         return self.phases[self.state.phase]
 
     @property
     def retracting(self) -> bool:
-        """Whether the drive moves out at the end of the last step: in the retraction, or past the turn's deepest
-        point."""
+        """Whether the drive moves upward at the end of the last step: in the retraction, or after the deepest point of
+        the turn."""
         return self.phase.recedes(self.state.elapsed)
 
     @property
     def punch_position(self) -> float:
-        """Position d of the punch [m]: the machine's, or that at the end of its spring."""
+        """Displacement d of the punch [m]: the position of the drive, corrected for a machine's spring."""
         return self.scheme.place(self.state)
 
     def run(
@@ -81,10 +82,10 @@ class Simulation:
     ) -> State:  # fmt: skip
         """Runs the programme to its end, or to the preload; returns the state, whose `finished` says how it ended.
 
-        Goes on from wherever the state is. attend: called at the start, after each step, and so also at the end before
-        the observers hear of it; the run stops, unfinished, where it returns True. interrupt: asked now and then within
-        a step, on each rank for itself; where it returns True on one of them the step is given up, and `attend` is
-        called with the state of before. Raises Interrupted where that would be the start.
+        Continues from the present state. attend: called at the start and after each step, at the end before the
+        observers are notified; the run stops, unfinished, if it returns True. interrupt: polled within steps on each
+        rank; if it returns True on one of them, the step is abandoned, and `attend` is called with the previous state.
+        Raises Interrupted if no step has been completed yet.
         """
         state = self.state
         earlier = state.counters.transform_pairs - self.scheme.pairs
@@ -108,12 +109,12 @@ class Simulation:
                 with self._heeding(question):
                     taken, why = self.controller.advance(state, phase, until)
             except Interrupted:
-                # What was done in vain must not count, for a run that goes on from here to be the same.
+                # The abandoned step must not be counted, so that a continued run has the same counters.
                 earlier = state.counters.transform_pairs - self.scheme.pairs
                 stopped = is_to_stop()
                 continue
             except RunError:
-                # Not for want of an equilibrium, if the numbers have gone.
+                # If numbers are not finite, that is the reason, and not a missing equilibrium.
                 self._require_finite()
                 raise
             self._measure()
@@ -129,23 +130,23 @@ class Simulation:
 
     @contextmanager
     def _heeding(self, question: Question | None) -> Iterator[None]:
-        """Within this, solves ask whether they are to be given up; the state is then as it was."""
+        """A context in which solves poll whether they are to be abandoned; the state is then unchanged."""
         solver = self.scheme.solver
         if question is None or solver is None:
             yield
             return
         state = self.state
-        # Besides these, trials leave the state alone.
+        # Apart from these, trials do not change the state.
         counters = replace(state.counters)
-        modes = [] if state.soft_mode is None else [state.soft_mode.copy(), state.soft_load.copy()]
+        modes = [(mode, mode.copy()) for mode in (state.soft_mode, state.soft_load) if mode is not None]
         question.begin()
         solver.cg.poll = question
         try:
             yield
         except Interrupted:
             state.counters = counters
-            if modes:
-                state.soft_mode[:], state.soft_load[:] = modes
+            for mode, before in modes:
+                mode[:] = before
             raise
         finally:
             del solver.cg.poll
@@ -160,7 +161,8 @@ class Simulation:
         self._note(Event("start"))
 
     def _require_room_to_approach(self) -> None:
-        """RunError where the first position already asks for more than the preload, which could then not be met."""
+        """Raises RunError if the force at the first position is already above the preload, which could then not be
+        met."""
         force, preload, clearance = self.state.force, self.drive.preload, self.drive.clearance
         if force > preload * (1.0 + PRELOAD_TOLERANCE):
             raise RunError(
@@ -180,7 +182,7 @@ class Simulation:
             state.elapsed, state.phase_start, state.step = 0.0, state.position, 0.0
             state.forget_history()
         elif self.retracting and state.smallest_gap >= self.scheme.law.reach:
-            # From its deepest point on the punch only gets faster, and a surface that is left to itself slower, so that
+            # After its deepest point the punch accelerates, and a surface without force decelerates, so that
             # the two don't meet again.
             state.finished = DETACHED
         elif phase.name == "approach" and -self.punch_position > self.deepest:
@@ -189,7 +191,7 @@ class Simulation:
             state.finished = STOPPED_STEPS
 
     def _measure(self) -> None:
-        """Derives from the fields what rows of the curve and of the energy audit hold."""
+        """Computes from the fields the values of the curve and of the energy audit."""
         state, energies = self.state, self.state.energies
         self.scheme.measure(state)
         state.place = self.punch_position
@@ -208,7 +210,7 @@ class Simulation:
             state.pull_off_at_ends = min(state.pull_off_at_ends, state.force)
 
     def _require_finite(self) -> None:
-        """RunError, naming array and entry, if a field of the state is no longer finite. Collective."""
+        """Raises RunError with array and entry if a field of the state is not finite. Collective."""
         state = self.state
         where = not_finite_on(self.points.comm, arrays_of(state))
         if where or not math.isfinite(state.force):

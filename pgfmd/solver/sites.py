@@ -1,8 +1,8 @@
-"""The grid points that stand for the sites of a punch's face: its summits, saddles and valleys. Collective."""
+"""The grid points nearest to the sites of a punch's face: summits, saddles and valleys. Collective."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
 Numbers = NDArray[np.int64]
+Kind = TypeVar("Kind", bound=np.ndarray)
 
 TIE = 1e-6
-"""Shift towards the axis, in grid spacings, by which a place half-way between two points is decided."""
+"""Shift towards the axis, in grid spacings, that decides between two equally near points."""
 ROUNDING = 1e-9
-"""Distances that differ by less, in grid spacings, are the same: of such points the first is taken."""
+"""Distances that differ by less, in grid spacings, are equal: the first of such points is used."""
 
 
 class SitePoints:
-    """The grid points that stand for a face's sites: for each the nearest point under the punch, or its mirror image.
-    Collective.
+    """For each site of a face, the nearest grid point under the punch, or its mirror image. Collective.
 
     Attributes: `index` (count,) of the point among those of all ranks; `mine`, the numbers of the sites whose points
     this rank has, and `local`, these points.
@@ -37,19 +37,19 @@ class SitePoints:
         self.mine = np.flatnonzero((self.index >= 0) & (local >= 0) & (local < points.size))
         self.local = local[self.mine]
 
-    def collect(self, values: NDArray) -> NDArray:
-        """Of each site of the face, from those of this rank: a whole number, -1 without a point; or a truth value. Collective."""
+    def collect(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values of all sites from those of this rank: integers, -1 without a point; or booleans. Collective."""
         found = np.full(len(self.sites), -1, np.int64)
         found[self.mine] = values
-        found = reduced(self.comm, found, "MAX")
-        return found > 0 if values.dtype == bool else found
+        whole = reduced(self.comm, found, "MAX")
+        return whole > 0 if values.dtype == bool else whole
 
 
-def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
+def _nearest_points(points: PunchPoints, x: NDArray[Any], y: NDArray[Any]) -> Numbers:
     """Index, among the points of all ranks, of the point under the punch that is nearest to each place [m]; -1 if there
     is none. Collective."""
     grid, best, index = points.grid, np.full(x.size, np.inf), np.full(x.size, -1, np.int64)
-    # Of points that are equally far, the one nearer to the axis: places that mirror each other get points that do.
+    # Of points at the same distance, the one nearer to the axis: mirrored positions get mirrored points.
     shift = TIE * grid.spacing
     x, y = (np.where(np.abs(place) < shift, 0.0, place - np.sign(place) * shift) for place in (x, y))
     column = np.rint((x + 0.5 * grid.length) / grid.spacing - 0.5).astype(np.int64) - points.block_start
@@ -60,19 +60,19 @@ def _nearest_points(points: PunchPoints, x: NDArray, y: NDArray) -> Numbers:
         closer = away < best - ROUNDING * grid.spacing
         best[closer] = away[closer]
         index[closer] = (points.first_point + points.offset[row] + here - points.first[row])[closer]
-    # The ranks' points follow each other, so of those that are as near the first is that of the first rank.
+    # Points are ordered by rank, so the first of equally near points is on the first rank.
     least = reduced(points.comm, best, "MIN") + ROUNDING * grid.spacing
     none = np.iinfo(np.int64).max
     index = reduced(points.comm, np.where((best <= least) & (index >= 0), index, none), "MIN")
     return np.where(index == none, -1, index)
 
 
-def reduced(comm: Intracomm, values: NDArray, operation: str) -> NDArray:
+def reduced(comm: Intracomm, values: Kind, operation: str) -> Kind:
     """Numbers reduced over all ranks, by "SUM", "MIN" or "MAX"."""
     if comm.size == 1 or not values.size:
         return values
     from mpi4py import MPI
 
-    result = np.empty_like(values)
+    result: Kind = np.empty_like(values)
     comm.Allreduce(np.ascontiguousarray(values), result, op=getattr(MPI, operation))
     return result

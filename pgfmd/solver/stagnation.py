@@ -1,7 +1,7 @@
-"""When a solve no longer gets anywhere. Plain Python.
+"""Detection of stagnating solves. Plain Python.
 
-Newton's corrections end in rounding: the potential no longer falls, the corrections no longer shrink, and what is out
-of balance goes up and down. A solve that is not content with that would go on for all the corrections it may have.
+At the limit of rounding the potential no longer decreases, the corrections no longer shrink, and the force imbalance
+fluctuates. A solve whose tolerance is below this limit would use all the corrections that it may.
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from __future__ import annotations
 import math
 
 MOST_IDLE = 20
-"""Corrections in a row without progress, after which none is expected. (Close to a minimum, each one gains at least a
-decade.)"""
+"""Number of consecutive corrections without progress after which a solve stagnates. (Close to a minimum, each
+correction gains at least a decade.)"""
 
 
 class Progress:
-    """Follows the corrections of one solve.
+    """The progress of one solve.
 
-    tolerance: of a correction, in ranges of adhesion; unbalanced: the force out of balance that is allowed, in the unit
-    of `unsettled` below.
+    tolerance: of a correction, in ranges of adhesion; unbalanced: tolerance of the force imbalance, in the unit of
+    `unsettled` below.
     """
 
     def __init__(self, tolerance: float, unbalanced: float):
@@ -26,18 +26,19 @@ class Progress:
         self._drop, self._size = 0.0, math.inf
 
     def stalls(self, drop: float, slack: float, size: float, unsettled: float) -> bool:
-        """Takes in a correction; whether it is the last of so many that have not got anywhere.
+        """Adds a correction; returns whether the solve stagnates.
 
-        drop: by how much the potential has fallen in all; slack: what rounding may make of that; size: of the
-        correction, in ranges of adhesion; unsettled: the force out of balance. To get somewhere is to fall by more than
-        rounding, or to halve the correction or the force where these are not small enough yet.
+        drop: total decrease of the potential; slack: its rounding error; size: of the correction, in ranges of
+        adhesion;
+        unsettled: the force imbalance. Progress is a decrease of the potential by more than rounding, or halving the
+        correction or the imbalance if these are above their tolerances.
         """
         # Each correction is rounded anew.
         fell = drop > self._drop + slack * (1 + self.idle)
         shrank = size >= self.tolerance and size < 0.5 * self._size
         settled = unsettled > self.unbalanced and unsettled < 0.5 * self.least_unsettled
         if fell:
-            # The surface is another one now: what it was before is no measure.
+            # The surface has changed: earlier values are not comparable.
             self._drop, self._size, self.least_unsettled = drop, size, unsettled
         else:
             self._size = min(self._size, size) if shrank or math.isinf(self._size) else self._size

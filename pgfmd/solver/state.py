@@ -1,7 +1,7 @@
-"""Everything that evolves during a run. What is in the State is exactly what a checkpoint has to hold.
+"""Everything that evolves during a run. A checkpoint holds exactly the contents of State.
 
 Fields are point vectors (size,) of the local points under the punch (see grid.PunchPoints). A checkpoint takes any
-array as this rank's share of a whole along the last axis, and goes by the metadata of the others (restart/packing.py).
+array as this rank's share of a whole along the last axis; metadata of a field mark exceptions (files/packing.py).
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ import numpy as np
 
 @dataclass
 class Energies:
-    """Energies [J] since the start: work of the punch, stored, in the interface, dissipated, released in jumps.
+    """Energies [J] since the start: work of the punch, stored in the elastomer, in the interface, dissipated, released
+    in jumps.
 
-    `elastic_start` and `adhesive_start` are those of the first state (not zero where a scene starts in contact).
+    `elastic_start` and `adhesive_start` are those of the first state (not zero if a scene starts in contact).
     """
 
     work: float = 0.0
@@ -31,13 +32,13 @@ class Energies:
 
     @property
     def residual(self) -> float:
-        """Work that the other terms don't account for: zero for an exact solution."""
+        """Work minus all other terms: zero for an exact solution."""
         stored = self.elastic - self.elastic_start + self.adhesive - self.adhesive_start
         return self.work - stored - self.viscous - self.released
 
 
 class Solved(Protocol):
-    """A trial step, or a single solve, and its iterations."""
+    """The numbers of iterations of a trial step or a single solve."""
 
     @property
     def newton_iterations(self) -> int: ...
@@ -48,7 +49,7 @@ class Solved(Protocol):
 
 @dataclass
 class Counters:
-    """What a run has cost so far."""
+    """The cost of a run so far."""
 
     steps: int = 0
     rejected_steps: int = 0
@@ -67,25 +68,34 @@ class Counters:
 class State:
     """Time, programme, fields, history of the predictor, step controller, energies, counters.
 
-    time [s], position d [m], place [m]: of the punch, after each step (the position, but for a machine's spring), and
-    where it met the preload; phase (index in the programme), elapsed [s] and phase_start [m]: time since and position
-    at the start of the phase. displacement u [m] and load w [Pa] with u = G0 w; traction f [Pa]; branches phi_m [Pa],
-    (N, size); images psi_m = G0 phi_m [m], (N, size), or (0, size) without the energy audit. `past_u`, `past_w`,
-    `past_steps`: up to two earlier ends of steps, newest first, and the steps [s] that led away from
-    them, with the forces [N] there; drift: factor of the covariance of
-    u - G0 w of the surface and the past ones (drift.py). step [s]: the next step to try; followed [s]: how long
-    steps may be that follow an instability (schemes/quasistatic/controller.py). least_force [N]: the lowest
-    force within the last step; pull_off_force, snap_in_force [N]: within all steps of the retraction, and of the
-    approach, zero or below; *_at_ends: at the ends of these steps; largest_force [N]: at the end of any, zero or
-    above. contact_points, overlap_points, near_points: how many have a gap below the law's contact_gap, below zero, and
-    below the scheme's near_gap. started: whether the surface has met the punch at its first position.
+    time [s].
+    position [m]: of the drive, which is that of the punch unless there is a machine's spring.
+    place, preload_place [m]: displacement d of the punch at the end of the last step, and where it met the preload.
+    phase: index in the programme. elapsed [s], phase_start [m]: time since its start, and position there.
+    displacement [m]: u of the surface, positive upward.
+    load [Pa]: the effective traction w, with u = G0 w.
+    traction [Pa]: f on the surface.
+    branches [Pa]: the internal variables phi_m, (N, size).
+    images [m]: psi_m = G0 phi_m, (N, size), or (0, size) without the energy audit.
+    past_u, past_w, past_steps, past_forces: up to two earlier ends of steps, newest first: u, w, the length [s] of the
+    step that started there, and the force [N].
+    drift: factor of the covariance of u - G0 w of the present surface and the past ones (drift.py).
+    step [s]: length of the next step to try.
+    followed [s]: longest step that follows an instability (schemes/quasistatic/controller.py).
+    least_force [N]: lowest force within the last step.
+    pull_off_force, snap_in_force [N]: lowest forces within all steps of the retraction and of the approach, zero or
+    negative; *_at_ends: at the ends of these steps.
+    largest_force [N]: at the end of any step, zero or positive.
+    contact_points, overlap_points, near_points: numbers of points with a gap below the law's contact_gap, below zero,
+    and below the scheme's near_gap.
+    started: whether the first equilibrium has been computed.
 
-    The scheme quasistatic keeps the softest mode of the last equilibrium, soft_mode [m] and its dual soft_load [Pa].
-    Its position is the machine's; the punch's is that and the length of the spring between them.
+    The scheme quasistatic also keeps the softest mode of the last equilibrium, soft_mode [m], and its dual, soft_load
+    [Pa]. Its position is the machine's; that of the punch differs by the elongation of the spring between them.
 
-    The scheme gfmd keeps no load, images or past, but `modes` u [m] and `mode_velocities` du/dt [m/s] (of the middle of
-    the last step), spectral, complex, (n, columns of this rank), and `branches` u_m [m], (N, n, columns); `power`
-    [W] is what the elements dissipate at the end of the last step.
+    The scheme gfmd has no effective traction, images or past. It has `modes` u [m] and `mode_velocities` du/dt [m/s]
+    (of the middle of the last step), spectral, complex, (n, columns of this rank); `branches` are the u_m [m], (N, n,
+    columns); `power` [W] is the dissipation in the elements at the end of the last step.
     """
 
     displacement: np.ndarray
@@ -134,7 +144,7 @@ class State:
     counters: Counters = field(default_factory=Counters)
 
     def forget_history(self) -> None:
-        """Drop the predictor's history, after a kink in d(t) or a jump of the surface."""
+        """Drops the history of the predictor, after a kink in d(t) or a jump of the surface."""
         self.past_u.clear()
         self.past_w.clear()
         self.past_steps.clear()

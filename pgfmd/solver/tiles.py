@@ -1,9 +1,9 @@
-"""The columns of a half spectrum between the transforms of rows and those of columns: in tiles, which both read well.
+"""The half spectrum between the transforms of rows and of columns, in tiles that both can access efficiently.
 
-A row is written where columns are read, and these would be read at a stride of a whole row: a cache line for each number.
-So a block, the rows of one rank by the columns of another, consists of groups of as many columns as are transformed at a
-time, and a group of its rows, one after the other. A batch of columns is then one contiguous stretch for each rank that has
-rows, a batch of rows writes stretches of some cache lines, and a block is still one piece that can be sent as it is.
+Stored by rows, a column would be read with a stride of a whole row: one cache line for each number. So a block (the
+rows of one rank by the columns of another) consists of groups of as many columns as are transformed at a time, and a
+group has its rows one after the other. A batch of columns is then contiguous for each rank that has rows, a batch of
+rows writes stretches of several cache lines, and a block is one piece that can be sent unchanged.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 class Tiles(Transposition):
     """A Transposition whose blocks and columns consist of tiles.
 
-    comm, rows, columns, dtype: as of Transposition. width: columns of a group. length: numbers in a column when it is
-    transformed, and places: where its rows are then, (all rows,), by default the first ones.
+    comm, rows, columns, dtype: as in Transposition. width: columns of a group. length: numbers of a transformed column.
+    places: positions of the rows in it, (all rows,), by default the first ones.
     """
 
     def __init__(
@@ -48,12 +48,12 @@ class Tiles(Transposition):
         self._blocks = [(first, last - first, block.reshape(-1)) for first, last, block in self.blocks]
 
     def put(self, hat: np.ndarray, row: int, count: int) -> None:
-        """Takes this rank's rows from `row` on from the first `count` lines of `hat`, (any, all columns)."""
+        """Stores the first `count` lines of `hat`, (any, all columns), as this rank's rows from `row` on."""
         for first, columns, block in self._blocks:
             kernels.put_rows(hat, count, first, row, self.rows, columns, self.width, block)
 
     def take(self, row: int, count: int, hat: np.ndarray) -> None:
-        """Puts them back into `hat`."""
+        """The inverse of `put`."""
         for first, columns, block in self._blocks:
             kernels.take_rows(block, count, first, row, self.rows, columns, self.width, hat)
 
@@ -63,20 +63,22 @@ class Tiles(Transposition):
         return range(0, self.count, self.width)
 
     def load(self, column: int, buffer: np.ndarray) -> int:
-        """A group of columns, from this one on, as the first lines of a buffer (width, length); returns how many."""
+        """Copies the group of columns that begins with this one to the first lines of a buffer (width, length); returns
+        their number."""
         return kernels.load_columns(
             self._tiles, self._ends, self.count, self.width, column, self._places, *self._free, buffer
         )  # fmt: skip
 
     def store(self, column: int, buffer: np.ndarray, places: np.ndarray | None = None) -> None:
-        """The inverse of `load`. places: where the rows are, if not where they were loaded to."""
+        """The inverse of `load`. places: positions of the rows, if they differ from those of `load`."""
         places = self._places if places is None else places
         kernels.store_columns(buffer, self._ends, self.count, self.width, column, places, self._tiles)
 
 
 class Convolves(Protocol):
-    """What solvers ask of an operator between point vectors, u = G * w (transform.Convolution). pairs: of transforms so far;
-    seconds [s]: spent in them. mean_compliance: G of an even traction."""
+    """An operator between point vectors, u = G * w, as solvers use it (transform.Convolution).
+
+    pairs: number of transforms so far. seconds [s]: time spent in them. mean_compliance: G of a uniform traction."""
 
     points: PunchPoints
     dtype: np.dtype
@@ -90,17 +92,24 @@ class Convolves(Protocol):
 
     def __call__(self, traction: np.ndarray, displacement: np.ndarray, scale: float = 1.0) -> np.ndarray:
         """displacement = scale * G * traction, point vectors (size,) in real space; collective."""
+        ...
+
+    def whole_cell(self, traction: np.ndarray) -> tuple[np.ndarray, int]:
+        """Displacement of every point of the cell, where the traction is that of the whole punch (transform.py)."""
+        ...
 
 
 class PairOperator:
-    """An operator between point vectors that takes one pair of transforms a call: rows there, columns, rows back. Counts
-    its calls in `pairs` and their time [s] in `seconds`.
+    """An operator between point vectors with one pair of transforms per call: rows forward, columns, rows backward.
+    Counts its calls in `pairs` and their time [s] in `seconds`.
 
-    `_rows` (rows.py) transforms rows, `_transposition` (tiles.py) makes columns of them, which `_convolve_columns` convolves.
+    `_rows` (rows.py) transforms rows, `_transposition` (tiles.py) transposes, and `_convolve_columns` convolves
+    columns.
     """
 
     points: PunchPoints
     dtype: np.dtype
+    mean_compliance: float
     _rows: Rows
     _transposition: Tiles
     pairs, seconds = 0, 0.0
@@ -118,8 +127,12 @@ class PairOperator:
     def _convolve_columns(self) -> None:
         raise NotImplementedError
 
+    def whole_cell(self, traction: np.ndarray) -> tuple[np.ndarray, int]:
+        """Of an operator between the points of the whole punch: see transform.Convolution."""
+        raise NotImplementedError
+
     def _rows_forward(self, traction: np.ndarray, scale: float) -> None:
-        """Point vector -> transformed along x, columns whole on each rank."""
+        """From a point vector to complete columns, transformed along x."""
         rows, scale = self._rows, self.dtype.type(scale)
         for row in range(0, self.points.rows, rows.most):
             count = min(rows.most, self.points.rows - row)
@@ -128,7 +141,7 @@ class PairOperator:
         self._transposition.to_columns()
 
     def _rows_backward(self, values: np.ndarray) -> None:
-        """Columns -> point vector, transformed along x."""
+        """From columns to a point vector, transformed along x."""
         self._transposition.to_rows()
         rows = self._rows
         for row in range(0, self.points.rows, rows.most):

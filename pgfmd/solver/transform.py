@@ -3,12 +3,12 @@
 The only module that imports mpi4py-fft. A traction that lives on `nb` rows and columns is convolved with an even
 kernel, whose multiplier G(kx, ky) is real and even, and the result is wanted on `out` rows and columns:
 
-1. real-to-complex along x, of the occupied rows only (rows.py), written into the columns of their owners (node.py, tiles.py);
-2. for a few columns at a time, in cache: pad with zeros, complex transform along y, times G, back, keep the wanted
-rows; 3. complex-to-real along x of the wanted rows, out of the columns again.
+1. real-to-complex along x, for the occupied rows only (rows.py), and transposition to columns (node.py, tiles.py);
+2. for a few columns at a time, in cache: pad with zeros, complex transform along y, times G, back, keep wanted rows;
+3. transposition of the wanted rows back, and complex-to-real along x.
 
-No array of the whole plane exists. All sums run in an order that does not depend on the number of ranks, and plans are
-made with FFTW_ESTIMATE unless asked otherwise, so the result has the same bits for any number of ranks.
+No array of the whole plane exists. The order of all sums does not depend on the number of ranks, and plans are made
+with FFTW_ESTIMATE by default, so the result has the same bits for any number of ranks.
 """
 
 from __future__ import annotations
@@ -32,51 +32,53 @@ if TYPE_CHECKING:
     from numpy.typing import DTypeLike
 
 EFFORTS = {"estimate": fftw.FFTW_ESTIMATE, "measure": fftw.FFTW_MEASURE}
-_COLUMN_BYTES, ROW_BYTES = 1 << 18, 1 << 19
-"""Working set of one batch of columns, a quarter of a usual second-level cache, or of rows: these are written into tiles in
-longer stretches if there are more of them (n = 4096, double: 8 instead of 4 make rows 1.5 times as fast)."""
+_COLUMN_BYTES = 1 << 18
+"""Working set of one batch of columns: a quarter of a usual second-level cache."""
+ROW_BYTES = 1 << 19
+"""Working set of one batch of rows. Larger batches are written into tiles in longer stretches (n = 4096, double: 8
+instead of 4 rows make them 1.5 times as fast)."""
 _LARGEST_BATCH = 16
-"""Most transforms done at a time. With 8, those below n = 1024 take 4 to 25 % longer; with more, ranks that have few
-columns do more transforms than they need."""
+"""Most transforms in a batch. With 8, transforms below n = 1024 take 4 to 25 % longer; with more than 16, ranks with
+few columns perform unnecessary transforms."""
 _CACHE_LINE = 64
-"""Bytes. A group of columns that is narrower reads the same lines several times."""
+"""Bytes. A narrower group of columns reads the same cache lines several times."""
 
 
 def _batch(length: int, itemsize: int, count: int, room: int) -> int:
-    """How many transforms of this length to do at a time within about `room` bytes; a multiple of 4 where there are enough.
+    """Number of transforms of this length in a batch of about `room` bytes; a multiple of 4 if there are enough.
 
-    count: of all ranks together. FFTW may do a transform in another way where there are more or fewer beside it: so
-    that last bits don't depend on the number of ranks, nor must this.
+    count: of all ranks together. FFTW's algorithm may depend on the size of the batch, which therefore must not depend
+    on the number of ranks.
     """
     fitting = max(_CACHE_LINE // itemsize, room // (length * itemsize))
     return max(1, min(fitting - fitting % 4, count, _LARGEST_BATCH))
 
 
 def forget_plans() -> None:
-    """What FFTW has planned before, in this process, would decide which of its ways of the same transform it takes, and
-    so the last bits: before plans are made, it has to be forgotten."""
+    """Deletes FFTW's memory of earlier plans in this process, which would influence the choice of algorithms, and so
+    the last bits. To be called before plans are made."""
     fftw.forget_wisdom()
 
 
 def complex_lines(
     length: int, count: int, dtype: DTypeLike, flags: tuple[int, ...], room: int = _COLUMN_BYTES
 ) -> ComplexLines:
-    """A buffer for a batch of complex lines of this length, out of `count` of all ranks together, and their transforms
-    forward and backward, in place. room [bytes]: that a batch should not take more of."""
+    """A buffer for a batch of complex lines of this length, and the in-place transforms forward and backward. count: of
+    all ranks together. room [bytes]: largest size of a batch."""
     lines = fftw.aligned((_batch(length, np.dtype(dtype).itemsize, count, room), length), dtype=dtype, fill=0)
     forward = fftw.fftn(lines, axes=(1,), flags=flags, output_array=lines)
     return lines, forward, fftw.ifftn(lines, axes=(1,), flags=flags, output_array=lines)
 
 
 def real_lines(length: int, count: int, dtype: DTypeLike, flags: tuple[int, ...]) -> RealLines:
-    """Buffers for a batch of real lines of this length, out of `count` of all ranks together, and for their half spectra;
-    the transforms from one to the other, and back."""
+    """Buffers for a batch of real lines of this length and for their half spectra, and the transforms between them.
+    count: of all ranks together."""
     kind = np.result_type(dtype, np.complex64)
     batch = _batch(length, kind.itemsize, count, ROW_BYTES)
     lines = fftw.aligned((batch, length), dtype=dtype, fill=0)
     hat = fftw.aligned((batch, length // 2 + 1), dtype=kind, fill=0)
     forward = fftw.rfftn(lines, axes=(1,), flags=flags, output_array=hat)
-    # Both ways on the same buffers: the second destroys its input, which is filled anew each time.
+    # Both directions use the same buffers. The second overwrites its input, which is filled again each time.
     return lines, hat, forward, fftw.irfftn(hat, s=(length,), axes=(1,), flags=flags, output_array=lines)
 
 
@@ -95,8 +97,8 @@ class Spectrum:
         self.ky = np.arange(self.width)
 
     def columns_of(self, rows: np.ndarray) -> Iterator[np.ndarray]:
-        """This rank's columns (width,), one after the other, of a square array, real, whose rows are shared out evenly.
-        Collective, and to be gone through to the end."""
+        """This rank's columns (width,), one after the other, of a square real array whose rows are distributed evenly.
+        Collective; has to be iterated to the end."""
         if self.comm.size == 1:
             yield from rows[:, : self.column_count].T
             return
@@ -106,17 +108,17 @@ class Spectrum:
             block[:] = rows[:, first:last]
         transposition.to_columns()
         yield from transposition.columns.T
-        # The memory that was shared for it is given back as soon as nobody needs it.
+        # Free the shared memory as soon as no rank needs it.
         del transposition, block
         Node.of(self.comm).trim()
 
 
 MakeMultiplier = Callable[[Spectrum, np.ndarray], None]
-"""What fills an array (columns, n//2 + 1) with G/n^2 for a Spectrum's columns (multiplier.py)."""
+"""Fills an array (columns, n//2 + 1) with G/n^2 for a Spectrum's columns (multiplier.py)."""
 
 
 class Pruned(PairOperator):
-    """What transforms between point vectors and the columns of a Spectrum need: buffers and plans.
+    """Buffers and plans of transforms between point vectors and the columns of a Spectrum.
 
     points: PunchPoints; n: points a side of the transform; effort: of FFTW's planner; dtype: of real numbers.
     """
@@ -198,7 +200,8 @@ class Convolution(Pruned):
             self._transposition.store(column, self._column)
 
     def _convolved(self) -> Iterator[tuple[int, int]]:
-        """Some columns at a time, transformed along y, times G, and back, are in the buffer: the first, how many."""
+        """Yields (first, number) of batches of columns in the buffer, transformed along y, multiplied by G, and
+        back."""
         for column in self._transposition.groups:
             count = self._transposition.load(column, self._column)
             self._forward()
@@ -261,16 +264,18 @@ class Plane:
         The order does not depend on the number of ranks.
         """
         if self.comm.size == 1:
-            return sums.sum(axis=1)
+            own: np.ndarray = sums.sum(axis=1)
+            return own
         kinds = sums.shape[0]
         gathered = np.empty((self.column_counts.sum(), kinds))
         self.comm.Allgatherv(np.ascontiguousarray(sums.T), [gathered, self.column_counts * kinds])
-        return np.ascontiguousarray(gathered.T).sum(axis=1)
+        total: np.ndarray = np.ascontiguousarray(gathered.T).sum(axis=1)
+        return total
 
 
 def _whole_plane(comm: Intracomm, n: int, effort: str) -> PFFT:
-    """mpi4py-fft's pair of transforms. It measures plans unless told otherwise, and then the last bits of a run depend
-    on how busy the machine was when it began."""
+    """mpi4py-fft's pair of transforms. By default it measures plans, and the last bits of a run would then depend on
+    the load of the machine."""
     name = {"estimate": "FFTW_ESTIMATE", "measure": "FFTW_MEASURE"}[effort]
     return PFFT(comm, (n, n), axes=(0, 1), dtype=np.float64, grid=(-1, 1), planner_effort=name)
 

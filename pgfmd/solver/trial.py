@@ -1,4 +1,4 @@
-"""A step that was tried, and the error it is judged by. Plain Python."""
+"""A trial step and its error estimate. Plain Python."""
 
 from __future__ import annotations
 
@@ -7,24 +7,31 @@ from dataclasses import dataclass, field
 
 from pgfmd.physics.drive import Phase
 
-SAFETY, LARGEST_GROWTH, STRONGEST_CUT = 0.85, 2.0, 0.2
-"""The next step aims at this share of the tolerance, and is at most and at least so many times the last one."""
+SAFETY = 0.85
+"""The length of the next step is chosen for this fraction of the tolerance."""
+LARGEST_GROWTH = 2.0
+"""Largest ratio of the lengths of the next step and the last."""
+STRONGEST_CUT = 0.2
+"""Smallest ratio of the lengths of the next step and the last."""
 SMALLEST_SHARE = 0.03
-"""The error is at least this share of the distance to the extrapolated surface. For steps much shorter than those
-before, a smooth motion has a far smaller one; but a jump does not shrink with the step, and would pass for one."""
+"""Lower bound of the error, as a fraction of the distance to the extrapolated surface. In steps much shorter than those
+before, the error of a smooth motion is far smaller; but a jump does not shrink with the step, and must not be taken for
+a smooth motion."""
 FEW_STEPS_SHARE = 0.25
-"""The same where fewer than three ends of steps are known: a safe guess, as the steps after a kink are small."""
-SURFACE_SHARE, CURVE_SHARE = 0.05, 0.25
-"""Elastic scenes: the error, as a share of the distance to the extrapolated surface, and to the extrapolated force."""
+"""The same if fewer than three ends of steps are known: a conservative value, as the steps after a kink are small."""
+SURFACE_SHARE = 0.05
+"""Error of the surface in elastic scenes, as a fraction of the distance to the extrapolated surface."""
+CURVE_SHARE = 0.25
+"""Error of the force in elastic scenes, as a fraction of the distance to the extrapolated force."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """What a step has changed. Surface: largest over interacting points, in ranges of adhesion; force: relative to the
-    largest so far, at least the preload.
+    """The change in a step. Surface: largest over interacting points, in ranges of adhesion; force: relative to the
+    largest so far or the preload, whichever is larger.
 
-    surface, force: over the step. surface_distance, force_distance: from the polynomial through the last ends of steps,
-    whose `times` [s] count back from the start of the step, 0, ...; step [s].
+    surface, force: changes over the step. surface_distance, force_distance: distances from the polynomial through the
+    last ends of steps, whose `times` [s] are relative to the start of the step (0, then negative). step [s].
     """
 
     surface: float
@@ -40,11 +47,12 @@ class Change:
         return max(self.surface, self.force)
 
     def error(self, error_constant: float, order: int) -> float:
-        """Error of the end of a step of this order, of surface or force, whichever is larger.
+        """Error of the end of a step of this order: that of the surface or of the force, whichever is larger.
 
-        The distance is the extrapolating polynomial's error plus the step's own; where that goes through order + 1 ends
-        of steps, both go with the same derivative, and error_constant (retardation.Tableau) tells their ratio. An error
-        is hardly more than half of the change itself, but extrapolated errors of earlier solves can be.
+        The distance is the error of the extrapolating polynomial plus that of the step. If the polynomial goes through
+        order + 1 ends of steps, both are proportional to the same derivative, and error_constant (retardation.Tableau)
+        is their ratio. An error is hardly more than half of the change itself, whereas extrapolated errors of earlier
+        solves may be.
         """
         share = FEW_STEPS_SHARE
         if len(self.times) == order + 1:
@@ -55,9 +63,10 @@ class Change:
         return max(surface, min(share * self.force_distance, 0.5 * self.force))
 
     def elastic_error(self, attractive: bool) -> float:
-        """The same for steps that end in equilibrium: how well the path is followed, and how smooth the curve is.
+        """The same for steps that end in equilibrium: a measure of how closely the path is followed, and how smooth the
+        curve is.
 
-        Without attraction the equilibrium is unique, and the path to it of no concern.
+        Without attraction the equilibrium is unique, and the path to it does not matter.
         """
         path = SURFACE_SHARE * self.surface_distance if attractive else 0.0
         return max(path, min(CURVE_SHARE * self.force_distance, 0.5 * self.force))
@@ -65,13 +74,14 @@ class Change:
 
 @dataclass
 class Trial:
-    """The outcome of a step that was tried: nothing of it is in the State yet.
+    """The result of a trial step, which has not changed the State yet.
 
-    error: see Change. energy_error: see EnergyAudit.error, zero where it bounds nothing. potential_drop [J]: by how
-    much the stages' potentials fell from their starting points. forces [N]: on the punch, at the stages. The
-    fields belong to the scheme and live until the next trial. uncertainty [J]: how far, for not knowing where within
-    the step the surface jumped, the energy that a quasi-static jump releases may be off. flung: whether a dead load has
-    pulled the punch off. left_over: see newton.Outcome, of the last solve.
+    error: see Change. energy_error: see EnergyAudit.error, zero if it limits nothing.
+    potential_drop [J]: decrease of the potentials of the stages from their starting points.
+    forces [N]: on the punch, at the stages. Fields belong to the scheme and are valid until the next trial.
+    uncertainty [J]: of the energy released in a quasi-static jump, because its place within the step is unknown.
+    flung: whether a controlled force has detached the punch.
+    left_over: see newton.Outcome, of the last solve.
     """
 
     step: float

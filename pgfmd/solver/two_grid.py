@@ -1,16 +1,17 @@
-"""Newton's correction by conjugate gradients with a coarser grid beside the points (conjugate_gradients.py, newton.py).
+"""Newton's correction by conjugate gradients with a coarse-grid (two-grid) preconditioner (conjugate_gradients.py).
 
 Preconditioned by A alone, conjugate gradients take one pair of transforms for each of the few long waves that a contact
-stiffens. A grid of cells of m x m points knows these waves, and costs next to nothing. So the direction is
+stiffens. A grid of cells of m x m points represents these waves at little cost. So the direction is
 
-    z = A d,   d = r - K P s_c + (what makes the mean of d over each cell that of t_c),
+    z = A d,   d = r - K P s_c + (a constant in each cell such that the cell means of d are t_c),
 
-where s_c with its dual t_c solves (A_c^-1 + K_c) s_c = R r on the cells: R takes means over cells, K_c = R K, A_c is the same
-compliance on the coarser grid, and P interpolates. For long waves t_c = A^-1 s is the dual of the solution, and short ones
-are as in Picard's iteration, which converges where A K is small. The dual d of z is known as r is without it, so there
-is still one pair an iteration, and A^-1 is never applied. As s_c is a rough solution, and another operator each time, the
-direction is made conjugate to the last one by its curvature (flexible conjugate gradients: Notay, SIAM J. Sci. Comput. 22,
-1444 (2000)). What is left to correct is also told by the cells: it ends where that is small, with no pair to find out.
+where s_c with its dual t_c solves (A_c^-1 + K_c) s_c = R r on the cells. R is the mean over cells, K_c = R K, A_c is
+the same compliance on the coarse grid, and P is an interpolation. For long waves t_c = A^-1 s is the dual of the
+solution. Short waves converge as in Picard's iteration, since A K is small for them. The dual d of z is known, so there
+is still one pair per iteration, and A^-1 is never applied. s_c is an approximate solution, so that the preconditioner
+changes in each iteration; therefore the direction is made conjugate to the last one by its curvature (flexible
+conjugate gradients: Notay, SIAM J. Sci. Comput. 22, 1444 (2000)). The cells also give an estimate of the remaining
+correction; if it is small, the iteration ends without another pair.
 """
 
 from __future__ import annotations
@@ -30,23 +31,26 @@ from .tiles import Convolves
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
+
+    from .node import RowExchange
 
 MARGIN = 1.5
-"""Coarse points reach beyond the punch by so many of their spacings: each point under it then lies between four."""
+"""Extension of the coarse grid beyond the punch, in its spacings, so that each point is between four coarse points."""
 MOST = 30
-"""Iterations after which conjugate gradients go on without the cells; three are usual."""
+"""Number of iterations after which conjugate gradients continue without the coarse grid; three are usual."""
 ROUGH_SHARE = 0.25
-"""Share of the largest residual within cells, times the compliance of waves two cells long, that they may still move the
-surface by. The waves within a cell are shorter, and signs differ."""
+"""Estimate of the remaining displacement within cells, as a fraction of the largest residual there times the compliance
+of waves two cells long. (Waves within a cell are shorter, and signs differ.)"""
 BALANCE_SHARE = 0.2
-"""The same of the force out of balance."""
+"""The same for the force imbalance."""
 COARSE_SHARE = 0.3
 """Tolerance of the problem on the cells, relative to that of the correction."""
 
 
 def coarse_points_of(points: PunchPoints, m: int, comm: Intracomm) -> PunchPoints:
-    """The points of a grid of cells of m x m points, n divisible by m, and by 2 m with a mirror, as far as these need them."""
+    """The points of the coarse grid of cells of m x m points. n must be divisible by m, and by 2 m with mirror
+    symmetry."""
     grid = Grid(points.grid.n // m, points.grid.length)
     radius = None if points.radius is None else points.radius + MARGIN * grid.spacing
     return PunchPoints(grid, radius, comm, mirror=points.mirror)
@@ -55,7 +59,7 @@ def coarse_points_of(points: PunchPoints, m: int, comm: Intracomm) -> PunchPoint
 @dataclass(frozen=True)
 class CoarseGrid:
     """points: of `coarse_points_of`, all of them on this rank; operator: the Convolution with G0 between them; shortest
-    [m/Pa]: G0 of the shortest waves that they tell, two spacings long."""
+    [m/Pa]: G0 of the shortest waves on this grid, two spacings long."""
 
     points: PunchPoints
     operator: Convolves
@@ -63,7 +67,8 @@ class CoarseGrid:
 
 
 class Cells:
-    """Moves numbers between the local points and all cells, (rows, columns), of a coarse grid. Each rank has them all.
+    """Transfers numbers between the local points and all cells, (rows, columns), of a coarse grid. Each rank has all
+    cells.
 
     points: PunchPoints; coarse: the PunchPoints of `coarse_points_of`, on one rank.
     """
@@ -82,10 +87,10 @@ class Cells:
         row, column = np.nonzero(coarse.inside()[:, left:])
         self._index, self._inner = (row, column), (row + 1, column + 1)
         self._change = np.zeros(self.shape)
-        self._exchange = None
+        self._exchange: RowExchange | None = None
 
     def means(self, v: np.ndarray, cells: np.ndarray) -> None:
-        """Means over cells of a point vector, zero where there are no points. Collective."""
+        """Cell means of a point vector, zero in cells without points. Collective."""
         between.sum_in_rows(v, self.points.offset, self._first, self.m, self._sums)
         self._fold(cells)
 
@@ -101,7 +106,8 @@ class Cells:
     def turn(
         self, r: np.ndarray, k: np.ndarray, s_c: np.ndarray, t_c: np.ndarray, means: np.ndarray, d: np.ndarray
     ) -> None:
-        """d = r - K P s_c, and what makes the mean of d over each cell t_c; means: of r. Collective."""
+        """d = r - K P s_c plus a constant in each cell such that the cell means of d are t_c; means: of r.
+        Collective."""
         points, rim, mirror = self.points, self._rim, self.coarse.mirror
         rim[self._inner] = s_c
         if "y" in mirror:
@@ -134,10 +140,10 @@ class Cells:
 
 
 class TwoGrid(ConjugateGradients):
-    """The same with a coarser grid. Not where a mean load moves nothing.
+    """Conjugate gradients with a coarse grid. Not if G0 is zero for a uniform traction.
 
-    coarse: CoarseGrid. All ranks solve the same problem on its cells, and come to the same numbers. `coarse_pairs` counts
-    its transforms.
+    coarse: CoarseGrid. All ranks solve the same problem on its cells, and come to the same numbers. `coarse_pairs`
+    counts its transforms.
     """
 
     def __init__(self, points: PunchPoints, operator: Convolves, law: CohesiveLaw, floating: bool, coarse: CoarseGrid):
@@ -148,7 +154,7 @@ class TwoGrid(ConjugateGradients):
         self._cg = ConjugateGradients(coarse.points, coarse.operator, law, False)
         self._shortest = coarse.shortest
         self._means = np.zeros(self._cells.shape)
-        # A load of one everywhere, and what it does to the surface.
+        # A uniform unit traction, and its displacement.
         self._even = np.ones_like(self.d)
         self._sunk = operator(self._even, points.zeros(operator.dtype))
 
@@ -172,7 +178,7 @@ class TwoGrid(ConjugateGradients):
         for count in range(1, MOST + 1):
             self.poll()
             first = count == 1
-            # The first direction is not turned: it is written where it stays.
+            # The first direction is not conjugated: it is written to its final array.
             z, d = (p, y) if first else (self.z, self.d)
             cells.turn(r, k, cg.s, cg.t, means, d)
             self.operator(d, z, compliance)
@@ -187,44 +193,44 @@ class TwoGrid(ConjugateGradients):
             else:
                 between.turn_and_advance(z, d, beta, alpha, k, p, y, s, t, r, offset, rows)
             numbers = points.all_rows(rows[:2])
-            imbalance, size = float(points.summed(numbers[:1])[0]), float(numbers[1].max()) / self.law.range
+            imbalance, size = float(points.summed(numbers[:1])[0]), float(numbers[1].max()) / self.law.length
             if size > 2.0 * trust or self._is_enough(limits, size, imbalance):
                 return count, size, False
         if count > 1:
-            # Nothing stays of what was found: where the potential bends down, it is the last direction that leads there.
+            # At negative curvature the result is discarded, because the last direction of plain CG is needed.
             r += t
             r += k * s
         used, size, bent = super().correct(*limits, given)
         return count + used, size, bent
 
     def _is_enough(self, limits: tuple[float, float, float, float], size: float, imbalance: float) -> bool:
-        """Whether what is left to correct, by the cells, is small beside the tolerance or the correction so far, whose size
-        is in ranges. If not, the cells are solved for the next direction. Collective."""
+        """Whether the remaining correction, estimated by the cells, is small compared with the tolerance or the
+        correction so far (size, in ranges). If not, the coarse problem is solved for the next direction. Collective."""
         compliance, tolerance, unbalanced, _ = limits
         cg, cells, means = self._cg, self._cells, self._means
         small = max(self.linear_share * tolerance, 0.5 * self.forcing * size)
         cells.means(self.r, means)
-        rough = cells.roughness(self.r, self.curvature, means, self._rows) / self.law.range
+        rough = cells.roughness(self.r, self.curvature, means, self._rows) / self.law.length
         rough *= ROUGH_SHARE * compliance * self._shortest
         if rough < small:
-            # Mostly one transform tells.
+            # Usually one transform is enough.
             cg.r[:] = cells.at_points(means)
             cg.operator(cg.r, cg.z, compliance)
             kernels.largest_in_rows(cg.z, cg.curvature, cg.points.offset, cg._rows)
-            left = rough + self._largest(float(cg._rows[0].max()) / self.law.range)
+            left = rough + self._largest(float(cg._rows[0].max()) / self.law.length)
             if left < small and self._balance(compliance, small - left, 0.5 * unbalanced, imbalance):
                 return True
         left = self._largest(self._solve_coarse(*limits)) + rough
         return left < small and self._balance(compliance, small - left, 0.5 * unbalanced, imbalance)
 
     def _largest(self, found: float) -> float:
-        """What the ranks decide by, of a number that each has found on all cells: libraries on other processors may round in
-        other ways. Collective."""
+        """A common value of a number that each rank has computed on all cells, because different processors may round
+        differently. Collective."""
         return self.points.maximum_of(found)
 
     def _balance(self, compliance: float, most: float, unbalanced: float, imbalance: float) -> bool:
-        """Whether the force is balanced, or can be by an even load that moves the surface by less than `most` ranges; then
-        it is. Collective."""
+        """Whether the forces are in equilibrium, if necessary after adding a uniform traction that moves the surface by
+        less than `most` ranges. Collective."""
         if abs(imbalance) <= unbalanced:
             return True
         points, rows = self.points, self._rows
@@ -233,7 +239,7 @@ class TwoGrid(ConjugateGradients):
         numbers = points.all_rows(rows[:2])
         held = points.total + compliance * float(points.summed(numbers[:1])[0])
         load = imbalance / held if held > 0.0 else math.inf
-        if not abs(load) * compliance * float(numbers[1].max()) < most * self.law.range:
+        if not abs(load) * compliance * float(numbers[1].max()) < most * self.law.length:
             return False
         kernels.move(self.s, self.t, self._sunk, self._even, load * compliance, load)
         return True
@@ -243,7 +249,7 @@ class TwoGrid(ConjugateGradients):
         cg = self._cg
         cg.r[:] = self._cells.at_points(self._means)
         total = float(cg.r.sum(dtype=np.float64)) * cg.points.images
-        # A force out of balance is a sum over points: over cells it is m^2 times smaller.
+        # The imbalance is a sum over points; over cells it is m^2 times smaller.
         return cg.correct(
             compliance, COARSE_SHARE * tolerance, BALANCE_SHARE * unbalanced / self._cells.m**2, trust, total
         )[1]

@@ -143,7 +143,7 @@ def survey(
 
 
 @inlined
-def _told_of(r: np.ndarray, s: np.ndarray, k: np.ndarray, begin: int, end: int) -> tuple[float, float]:
+def _told_of(r: np.ndarray, s: np.ndarray, k: np.ndarray, begin: np.uint64, end: np.uint64) -> tuple[float, float]:
     """Sum of r, and the largest |s| over points that interact (K != 0), from begin to before end."""
     imbalance, size = 0.0, np.int64(0)
     for i in range(begin, end):

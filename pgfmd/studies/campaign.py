@@ -8,6 +8,7 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +109,7 @@ class Campaign:
                 folder = self.folder(case)
                 lock = RunLock.acquire(folder, 1)
                 try:
-                    aside, error = storage.attempt(f"{folder}", lambda folder=folder: storage.set_aside(folder))
+                    aside, error = storage.attempt(f"{folder}", partial(storage.set_aside, folder))
                 finally:
                     lock.release()
                 if error is not None:
@@ -131,7 +132,7 @@ class Campaign:
         self.tell(standings)
         make_folder(self.out)
         self.make_way(chosen, standings)
-        counted = Counter()
+        counted: Counter[str] = Counter()
 
         def on_end(task: Task, ending: Ending) -> None:
             counted["ended"] += 1

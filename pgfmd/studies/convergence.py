@@ -26,6 +26,10 @@ LARGE_RESIDUAL = 0.05
 CONFIDENCE = 0.95
 
 
+Numbers = Sequence[float] | np.ndarray
+"""Of levels, one each."""
+
+
 @dataclass(frozen=True)
 class Fit:
     """A power law through points.
@@ -51,7 +55,7 @@ class Fit:
         return self.limit + self.amplitude * np.asarray(share) ** self.power
 
 
-def fit_power_law(sizes: Sequence[float], values: Sequence[float], power: float | None = None) -> Fit:
+def fit_power_law(sizes: Numbers, values: Numbers, power: float | None = None) -> Fit:
     """The law through `values` [any unit] at `sizes` (mesh size, tolerance; any unit, > 0), its power given or fitted.
 
     Raises ValueError for fewer than 2 different sizes, 3 where the power is fitted, for numbers that are not finite,
@@ -64,15 +68,16 @@ def fit_power_law(sizes: Sequence[float], values: Sequence[float], power: float 
     if np.unique(h).size < (3 if free else 2):
         raise ValueError(f"{3 if free else 2} different sizes are needed, there are {np.unique(h).size}")
     share = h / h.max()
-    best = _best_power(share, q) if free else float(power)
+    best = _best_power(share, q) if power is None else float(power)
     limit, amplitude, residuals = _linear(share, q, best)
     errors = _errors(share, amplitude, best, residuals, free)
     spare = h.size - (3 if free else 2)
     factor = _student(spare)
     interval = (limit - factor * errors[0], limit + factor * errors[0])
     return Fit(
-        limit, amplitude, best, *errors, interval, _left_out(h, q, power), float(np.sqrt(np.mean(residuals**2))), free
-    )
+        limit, amplitude, best, errors[0], errors[1], errors[2], interval, _left_out(h, q, power),
+        float(np.sqrt(np.mean(residuals**2))), free,
+    )  # fmt: skip
 
 
 def _linear(share: np.ndarray, q: np.ndarray, power: float) -> tuple[float, float, np.ndarray]:
@@ -136,7 +141,7 @@ def _left_out(h: np.ndarray, q: np.ndarray, power: float | None) -> tuple[float,
     return min(limits), max(limits)
 
 
-def local_powers(sizes: Sequence[float], values: Sequence[float]) -> list[float]:
+def local_powers(sizes: Numbers, values: Numbers) -> list[float]:
     """The power between each three successive levels, coarsest first: ln of the ratio of the two differences over ln of
     the ratio of the sizes. NaN where the differences have different signs, or one is 0. Sizes should fall evenly."""
     order = np.argsort(np.asarray(sizes, float))[::-1]
@@ -147,13 +152,13 @@ def local_powers(sizes: Sequence[float], values: Sequence[float]) -> list[float]
     ]
 
 
-def finest_limit(sizes: Sequence[float], values: Sequence[float], power: float) -> float:
+def finest_limit(sizes: Numbers, values: Numbers, power: float) -> float:
     """The limit from the two finest levels alone, with a given power."""
     order = np.argsort(np.asarray(sizes, float))[:2]
     return fit_power_law(np.asarray(sizes)[order], np.asarray(values)[order], power).limit
 
 
-def doubts(sizes: Sequence[float], values: Sequence[float], fit: Fit, noise: float = 0.0) -> list[str]:
+def doubts(sizes: Numbers, values: Numbers, fit: Fit, noise: float = 0.0) -> list[str]:
     """Why the data do not support the law, or its extrapolation; empty where nothing speaks against it.
 
     noise: error of each value known from elsewhere, in their unit.

@@ -112,7 +112,7 @@ def _doubts(
     finest = min(found, key=lambda level: level.size)
     noise = abs(finest.value) * (finest.residual or 0.0) if quantity == "loop" else 0.0
     texts = doubts(sizes, values, best, noise)
-    if free is not None and best is not free:
+    if free is not None and best is not free and expected is not None:
         texts += [text for text in doubts(sizes, values, free) if text not in texts and "power" in text]
         texts += [text for text in [disagreement(free, expected)] if text]
     return texts
@@ -134,7 +134,7 @@ def report(found: Extrapolation) -> list[str]:
             power = _with_error(fit.power, fit.power_error if fit.free else 0.0)
             limit = _with_error(fit.limit / factor, fit.limit_error / factor)
             lines.append(f"{name}: p = {power} in {found.size_name}, limit {limit} {unit}{_spread(fit, factor)}")
-    if found.finest is not None:
+    if found.finest is not None and found.best is not None:
         lines.append(f"two finest levels, p = {found.best.power:.3g}: limit {found.finest / factor:.5g} {unit}")
     known = [f"{power:.3g}" for power in found.local if not math.isnan(power)]
     if known:

@@ -142,7 +142,7 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Figure | None:
     for row in plan.grid:
         if row.case.name in drawn:
             where = plan.label(row, plan.panel_axis) if plan.panel_axis else ""
-            colour = shades[plan.label(row, plan.colour_axis)]
+            colour = shades[plan.label(row, plan.colour_axis)] if plan.colour_axis else None
             _draw_curve(places[where], drawn[row.case.name], colour, styles[plan.rest(row)])
     for number, row in enumerate(beside):
         axis = places[panels[-1]]
@@ -186,7 +186,9 @@ def _legend(figure: Figure, plan: Plan, shades: dict[str, Any], styles: dict[str
 
     handles = []
     if len(shades) > 1:
-        handles.append(Line2D([], [], linestyle="none", label=plan.names[plan.colour_axis.name]))
+        handles.append(
+            Line2D([], [], linestyle="none", label=plan.names[plan.colour_axis.name if plan.colour_axis else ""])
+        )
         every = -(-len(shades) // MOST_NAMED)
         handles += [Line2D([], [], color=shade, label=name) for name, shade in list(shades.items())[::every]]
     if len(styles) > 1:
@@ -210,7 +212,7 @@ def measures_figure(plan: Plan, title: str) -> Figure | None:
     lines = list(_lines(plan, done, others))
     shades = colours(len(lines))
     for panel, (name, (measure, unit)) in zip(panels, shown.items(), strict=True):
-        factor, unit = handy([row.measured[measure] for row in done if row.measured[measure] is not None], unit)
+        factor, unit = handy([value for row in done if (value := row.measured[measure]) is not None], unit)
         panel.set_ylabel(f"{name} ({unit})")
         for number, (label, rows) in enumerate(lines):
             points = sorted(_points(plan, rows, across, bool(numeric), measure))

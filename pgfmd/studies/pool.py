@@ -163,8 +163,8 @@ class Pool:
         try:
             yield
         finally:
-            for number, handler in previous.items():
-                signal.signal(number, signal.SIG_DFL if handler is None else handler)
+            for kept, handler in previous.items():
+                signal.signal(kept, signal.SIG_DFL if handler is None else handler)
 
 
 def launcher(ranks: int) -> list[str]:

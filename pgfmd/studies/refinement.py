@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pgfmd.errors import Problem, SceneError
 from pgfmd.forecast.estimate import memory_of
 from pgfmd.parts import confirm
-from pgfmd.scene import load_scene
+from pgfmd.scene import Scene, load_scene
 from pgfmd.schemes import registry
 
 from .cases import Case
@@ -78,7 +78,8 @@ def levels_of(
     if axis == ACCURACY and not scheme.has_accuracy:
         problem = Problem("solver.scheme", scheme.name, "a scheme with an accuracy", scheme.unread["solver.accuracy"])
         raise SceneError(source, [problem])
-    factor, remarks, cases = factor or FACTORS[axis], [], []
+    factor, remarks = factor or FACTORS[axis], []
+    cases: list[Case] = []
     for place in _places(coarse, axis, count, start, factor):
         at_accuracy = [*common, f"solver.accuracy={place!r}"]
         changes = at_accuracy if axis == ACCURACY else _grid_overrides(source, common, axis, place, cases)
@@ -94,7 +95,7 @@ def levels_of(
     return Levels(axis, cases, remarks)
 
 
-def _places(coarse, axis: str, count: int, start: str | None, factor: float) -> list:
+def _places(coarse: Scene, axis: str, count: int, start: str | None, factor: float) -> list:
     """n or the accuracy of each level."""
     kind, words = (float, "a number above 0") if axis == ACCURACY else (int, "a number of grid points")
     first = coarse.solver.accuracy if axis == ACCURACY else coarse.grid.n

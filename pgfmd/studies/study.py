@@ -17,7 +17,7 @@ from pgfmd.host import launch
 from pgfmd.host.walltime import seconds_of
 from pgfmd.restart.scene_changes import require_known
 from pgfmd.scene import Scene
-from pgfmd.scene.fields import written
+from pgfmd.scene.fields import extra_of, written
 from pgfmd.scene.given import plain
 from pgfmd.scene.model import SECTIONS
 from pgfmd.units import DIMENSIONS, UnitError, handy_quantity, parse_quantity
@@ -210,7 +210,7 @@ def _value(key: str, value: Any) -> Any:
     """A value of Python as a file has it: a number of a quantity, which is in SI units, as a text with a handy one."""
     section, _, name = key.rpartition(".")
     field = SECTIONS[section].model_fields.get(name) if section in SECTIONS else None
-    extra = (field.json_schema_extra or {}) if field else {}
+    extra = extra_of(field) if field else {}
     value = plain(value)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or extra.get("dimension") not in DIMENSIONS:
         return value
@@ -254,9 +254,11 @@ def converge(
         SceneError: for a scene that can't be; Unfinished, where levels could not be finished; ResultError: where fewer
         than two are.
     """
-    if out is None and isinstance(scene, Scene):
-        raise ValueError("converge: out names the folder that the levels go to")
-    out = Path(out) if out is not None else Path("out", f"converge-{Path(scene).stem}-{axis}")
+    if out is None:
+        if isinstance(scene, Scene):
+            raise ValueError("converge: out names the folder that the levels go to")
+        out = Path("out", f"converge-{Path(scene).stem}-{axis}")
+    out = Path(out)
     source = _scene_file(scene, out)
     ladder, plan = refined(
         source, (), axis, levels, None if start is None else f"{start!r}", factor, largest_n, ranks, out, checkpoint_every,

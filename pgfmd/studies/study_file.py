@@ -141,7 +141,7 @@ class _Reader:
     def wrong(self, key: str, value: object, expected: str, cure: str = "") -> None:
         self.problems.append(str(Problem(key, value, expected, cure)))
 
-    def typed(self, value: Any, name: str, kind: type, instead: Any) -> Any:
+    def typed(self, value: Any, name: str, kind: type[Any], instead: Any) -> Any:
         words = {str: "a text in quotes", dict: "a table", list: "a list", int: "a whole number above 0"}
         if isinstance(value, bool) or not isinstance(value, kind) or (kind is int and value < 1):
             self.wrong(name, value, words[kind])

@@ -7,6 +7,7 @@ import tomllib
 import unicodedata
 from typing import Any
 
+from pgfmd.scene.fields import extra_of
 from pgfmd.scene.model import SECTIONS, toml_text
 from pgfmd.units import DIMENSIONS
 
@@ -45,7 +46,7 @@ def slug(text: str) -> str:
 def unit_of(key: str) -> str:
     """The SI unit of a key of the scene; empty where it has none."""
     section, _, name = key.rpartition(".")
-    extra = SECTIONS[section].model_fields[name].json_schema_extra or {}
+    extra = extra_of(SECTIONS[section].model_fields[name])
     kind = DIMENSIONS.get(extra.get("dimension", ""))
     return kind.unit if kind else ""
 

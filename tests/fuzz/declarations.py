@@ -20,6 +20,7 @@ EXPONENTS = {
     "angular frequency": (0, 0, -1),
     "wavenumber": (-1, 0, 0),
     "stiffness": (1, 1, 0),
+    "stiffness per area": (-1, 1, 0),
     "number": (0, 0, 0),
 }
 """Powers of a length, a modulus and a time that a dimension is made of."""

@@ -142,7 +142,10 @@ def _other_series(pair: Pair) -> list[Fault]:
     """The same relaxation written as another series: permuted, with weights of zero, with an element in two halves."""
     scene, draw = pair.scene, pair.draw
     rheology = scene["rheology"]
-    series = series_of(scene_from_mapping(pair.made.scene, folder=pair.folder).rheology)
+    resolved = scene_from_mapping(pair.made.scene, folder=pair.folder)
+    series = series_of(resolved.rheology)
+    if rheology.get("reference") == "instantaneous":
+        scene["substrate"]["youngs_modulus"] = written(resolved.substrate.youngs_modulus, "modulus")
     elements = [(float(kappa), float(tau)) for kappa, tau in zip(series.kappa, series.tau, strict=True)]
     elements.insert(0, (0.0, float(pair.made.natural.time) * 3.0))
     if len(elements) > 1 and draw.chance(0.5):

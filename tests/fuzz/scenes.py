@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 from pgfmd.scene.model import PATTERNS, RHEOLOGIES
+from pgfmd.units import parse_quantity
 
 from .declarations import KEYS
 from .draw import Draw, Mapping, Natural, as_toml, legal, written
@@ -86,6 +87,7 @@ def plausible(draw: Draw) -> tuple[Mapping, Natural]:
         natural = Natural(natural.length, 2.65e6, natural.time)
         scene["substrate"]["youngs_modulus"] = natural.quantity(0.75, "modulus")
     scene["rheology"] = _rheology(draw, natural, single=scene["solver"].get("precision") == "single")
+    _say_reference(scene)
     reach = (length / n) * draw.choice([0.05, 0.05, draw.log(1e-2, 1.0)])
     scene["adhesion"] = _adhesion(draw, natural, length / n, reach)
     scene["drive"] = _drive(draw, natural, reach, scheme)
@@ -196,6 +198,20 @@ def _rheology(draw: Draw, natural: Natural, single: bool) -> dict:
     return rheology
 
 
+def _say_reference(scene: Mapping) -> None:
+    """Of some series the modulus of which the weights are shares; the same elastomer, by a generator of its own."""
+    rheology, substrate = scene["rheology"], scene["substrate"]
+    if rheology["model"] != "prony":
+        return
+    draw, total = Draw("reference", *rheology["tau"]), 1.0 + sum(rheology["kappa"])
+    if draw.chance(0.3):
+        rheology["reference"] = "relaxed"
+    elif draw.chance(0.5) and total < 1e5 and "compliance_file" not in substrate:
+        static = parse_quantity(substrate["youngs_modulus"], "modulus")
+        rheology |= {"reference": "instantaneous", "kappa": [weight / total for weight in rheology["kappa"]]}
+        substrate["youngs_modulus"] = written(static * total, "modulus")
+
+
 def _adhesion(draw: Draw, natural: Natural, spacing: float, reach: float) -> dict:
     """A work of adhesion by which the automatic range is `reach`, both in natural units."""
     gamma = reach**2 * (2 / math.pi**2) * 0.156 * 2 * math.pi / spacing
@@ -293,7 +309,7 @@ KNOWN = {
     "file_missing_value file_relief curvature_radius layer_step height_jitter seed hurst rms_height rms_slope longest shortest "
     "roll_off period",
     "substrate": "youngs_modulus poisson_ratio boundary thickness base prestrain compliance_file",
-    "rheology": "model modulus_ratio relaxation_time elements time_ratio exponent kappa tau",
+    "rheology": "model modulus_ratio relaxation_time elements time_ratio exponent kappa tau reference",
     "adhesion": "law work_of_adhesion range range_factor q_ref",
     "drive": "speed preload retract_speed dwell control machine_stiffness turn_time clearance",
     "grid": "n length",

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from pgfmd.assemble import assemble
 from pgfmd.output.recorder import Recorder
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.scene import load_scene, scene_from_mapping
 from tests.physics.runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 
@@ -43,9 +43,9 @@ class Path:
     covered: float
 
     @property
-    def law(self) -> CohesiveLaw:
+    def law(self) -> Cosine:
         """The law of the run."""
-        return CohesiveLaw(self.scene.adhesion.work_of_adhesion, self.scene.adhesion.range)
+        return Cosine(self.scene.adhesion.work_of_adhesion, self.scene.adhesion.range)
 
     def radius(self, area: str = "contact") -> np.ndarray:
         """Radius [m] of a disc as large as one of the areas."""

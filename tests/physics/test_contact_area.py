@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.reference import hertz, jkr, maugis
 from pgfmd.reference.cohesive_sphere import equilibrium
 from tests.physics.contact import (
@@ -35,7 +35,7 @@ def loop():
 @pytest.fixture(scope="module")
 def by_rings():
     """Indentation, force and contact radius (3, k) of the same law without a lattice, at Tabor number 1, stable."""
-    law = CohesiveLaw(WORK_OF_ADHESION, range_at(1.0))
+    law = Cosine(WORK_OF_ADHESION, range_at(1.0))
     radii = np.linspace(130e-6, 345e-6, 14)
     found = [equilibrium(float(a), law.contact_gap, SPHERE, CONTACT_MODULUS, law) for a in radii]
     curve = np.array([(one.indentation, one.force, a) for one, a in zip(found, radii, strict=True)]).T

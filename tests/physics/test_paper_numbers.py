@@ -6,7 +6,8 @@ Where the printed value isn't reproduced within its rounding, the test says by h
 import numpy as np
 import pytest
 
-from pgfmd.physics.cohesion import CohesiveLaw, range_of_adhesion
+from pgfmd.physics.adhesion.base import range_of_adhesion
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import corrugation, flat_punch, jkr, prony, tabor
 
@@ -35,7 +36,7 @@ def rounds_to(value, printed, unit):
 def test_range_of_adhesion(points):
     found = range_of_adhesion(WORK_OF_ADHESION, CONTACT_MODULUS, 0.156, 2 * np.pi * points / CELL)
     assert rounds_to(found, RANGE[points], 1e-9)
-    law = CohesiveLaw(WORK_OF_ADHESION, found)
+    law = Cosine(WORK_OF_ADHESION, found)
     assert law.stiffness == pytest.approx(0.156 * 2 * np.pi * points / CELL * CONTACT_MODULUS, rel=1e-13, abs=0)
     with_the_texts_factor = range_of_adhesion(WORK_OF_ADHESION, CONTACT_MODULUS, 0.2, 2 * np.pi * points / CELL)
     assert with_the_texts_factor < 0.89 * RANGE[points]
@@ -112,7 +113,7 @@ def test_surface_energy_over_energy_of_full_contact(pattern, printed, ours):
 def test_theoretical_strength():
     strength = tabor.theoretical_strength(WORK_OF_ADHESION, RANGE[2048])
     assert strength == pytest.approx(np.pi * 0.05 / (2 * 0.264e-6), rel=1e-14, abs=0)
-    assert CohesiveLaw(WORK_OF_ADHESION, RANGE[2048]).strength == pytest.approx(strength, rel=1e-14, abs=0)
+    assert Cosine(WORK_OF_ADHESION, RANGE[2048]).strength == pytest.approx(strength, rel=1e-14, abs=0)
 
 
 def test_ideal_punch_needs_twice_the_work_of_adhesion_at_any_modulus():

@@ -71,11 +71,13 @@ def test_the_machine_is_taken_off_and_both_ways_differ_alike():
     # A run in the cell needs F/k_cc less indentation than the ideal one; either correction brings both together.
     run = ideal.pushed_in_by(-ideal.force / cell)
     for way in ("experiment", "simulation"):
-        found = overlay([run], measured, way, machine)
+        found = overlay([run], [measured], way, machine)
         np.testing.assert_allclose(found.loops[0].indentation, found.loops[1].indentation, rtol=0, atol=1e-17)
         assert found.differences[0] == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_array_equal(overlay([run], measured, "experiment", machine).loops[0].indentation, run.indentation)
-    raw = overlay([run], measured, "none", math.inf)
+    np.testing.assert_array_equal(
+        overlay([run], [measured], "experiment", machine).loops[0].indentation, run.indentation
+    )
+    raw = overlay([run], [measured], "none", math.inf)
     assert raw.differences[0] > 1e-3 and raw.loops[1].displacement is not None
     np.testing.assert_array_equal(raw.loops[1].indentation, measured.indentation)
 
@@ -84,8 +86,8 @@ def test_an_offset_is_fitted_on_the_way_in():
     run = some_loop()
     shifted = run.pushed_in_by(1.7e-6)
     assert fitted_offset(run, shifted) == pytest.approx(-1.7e-6, rel=1e-9)
-    found = overlay([run], shifted, "none", math.inf, offset=None)
-    assert found.offset == pytest.approx(-1.7e-6, rel=1e-9) and found.differences[0] < 1e-9
+    found = overlay([run], [shifted], "none", math.inf, offset=None)
+    assert found.offsets[0] == pytest.approx(-1.7e-6, rel=1e-9) and found.differences[0] < 1e-9
     only_out = loop_of(run.displacement[200:], run.force[200:], 1)
     with pytest.raises(ValueError, match="loading branch"):
         fitted_offset(run, only_out)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pgfmd.analysis.experiment import read_experiment
-from pgfmd.characterisation.dma import MeasurementError
+from pgfmd.errors import MeasurementError
 
 ROWS = [(0.0, 0.0, 0.0), (1.0, 4.0, 2.0), (2.0, 9.0, 4.0), (0.5, 2.0, 6.0), (-1.0, -1.0, 8.0)]
 
@@ -65,10 +65,10 @@ def test_a_curve_of_pgfmd_itself_is_a_measurement_too(tmp_path):
 @pytest.mark.parametrize(
     ("header", "rows", "words"),
     [
-        ("displacement,force (mN)", ROWS, "column 'displacement': expected a unit of length, found none"),
-        ("displacement (mN),force (mN)", ROWS, '"1 mN" is a force'),
-        ("displacement (um),force (furlong)", ROWS, "found 'furlong'"),
-        ("displacement (um),moment (Nm)", ROWS, "expected columns for displacement .* found displacement"),
+        ("displacement,force (mN),time (s)", ROWS, "column 'displacement': expected a unit of length, found none"),
+        ("displacement (mN),force (mN),time (s)", ROWS, '"1 mN" is a force'),
+        ("displacement (um),force (furlong),time (s)", ROWS, "found 'furlong'"),
+        ("displacement (um),moment (Nm),time (s)", ROWS, "expected columns for displacement .* found displacement"),
         ("force (mN),load (N),displacement (um)", ROWS, "one column with force, found several"),
         ("displacement (um),force (mN)", [(0, 0), (1, "x"), (2, 3), (1, 1)], "line 3: force = 'x': expected a number"),
         ("displacement (um),force (mN)", [(0, 0), (1,), (2, 3), (1, 1)], "line 3: force = '': expected a number"),
@@ -107,7 +107,7 @@ def test_cells_beyond_the_header_need_a_name_where_commas_part_nothing(tmp_path)
 
 
 def test_many_wrong_lines_are_counted(tmp_path):
-    path = write(tmp_path / "exp.csv", "displacement (um),force (mN)", [("?", "?")] * 5)
+    path = write(tmp_path / "exp.csv", "displacement (um),force (mN)", [(1, 1), *[("?", 1), (1, "?")] * 5])
     with pytest.raises(MeasurementError, match="and 5 more like these"):
         read_experiment(path)
 

@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from pgfmd.characterisation.dma import MeasurementError, read_dma, temperature_in_kelvin
+from pgfmd.characterisation.dma import read_moduli, temperature_in_kelvin
+from pgfmd.errors import MeasurementError
 
 ROWS = [(0.1, 2.0, 0.25), (1.0, 3.5, 0.75), (10.0, 8.0, 4.0)]
 
@@ -17,12 +18,12 @@ def table(header, rows=ROWS, delimiter=","):
 def read(tmp_path, content):
     path = tmp_path / "dma.csv"
     path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
-    return read_dma(path)
+    return read_moduli(path).sweeps
 
 
 HEADERS = {
     "frequency (Hz), E' (MPa), E'' (MPa)": (2 * np.pi, 1e6, 1e6),
-    "Frequency [kHz],storage modulus [Pa],loss modulus [Pa]": (2e3 * np.pi, 1.0, 1.0),
+    "Frequency [kHz],storage modulus [kPa],loss modulus [kPa]": (2e3 * np.pi, 1e3, 1e3),
     "f / Hz,E' / GPa,E'' / kPa": (2 * np.pi, 1e9, 1e3),
     "omega (rad/s),E′ (MPa),E″ (MPa)": (1.0, 1e6, 1e6),
     "ω,E' (MPa),E'' (MPa)": (1.0, 1e6, 1e6),
@@ -84,14 +85,18 @@ GOOD = "frequency (Hz),E' (MPa),E'' (MPa)"
     [
         ("", "expected a table with the header frequency (Hz), E' (MPa)"),
         ("# only this\n", "found an empty file"),
-        ("frequency E' E''\n1 2 3\n", "line 1: expected a header of several columns"),
+        ("frequency of E'\n", "line 1: expected a header of several columns"),
         ("1,2,3\n2,3,4\n", "line 1: expected a header such as frequency (Hz)"),
         (
             "# c\nfrequency (Hz),E' (MPa)\n1,2\n",
             "line 2: expected a column E'' or tan delta, found frequency (Hz), E' (MPa)",
         ),
         ("E' (MPa),E'' (MPa)\n1,2\n", "expected a column frequency or omega"),
-        ("frequency (Hz),G' (MPa),G'' (MPa)\n1,2,3\n", "convert them by E = 2 (1 + nu) G"),
+        ("frequency (Hz),G' (MPa),E'' (MPa)\n1,2,3\n", "found both ('E'' (MPa)' and 'G' (MPa)'); say which: --modulus"),
+        ("frequency (1/s),E' (MPa),E'' (MPa)\n1,2,3\n", "write frequency (Hz) or omega (rad/s)"),
+        ("f (s^-1),E' (MPa),E'' (MPa)\n1,2,3\n", "write frequency (Hz) or omega (rad/s)"),
+        ("omega (Hz),E' (MPa),E'' (MPa)\n1,2,3\n", "an angular frequency is in rad/s, found 'Hz'"),
+        ("frequency (Hz),E' (MPa),E'' (kPa),tan delta\n1,2,3,1.5\n", "it is off by a factor of 0.001"),
         (
             "frequency,E' (MPa),E'' (MPa)\n1,2,3\n",
             "column 'frequency': expected a unit of frequency: Hz, kHz, rad/s, found none",
@@ -101,11 +106,14 @@ GOOD = "frequency (Hz),E' (MPa),E'' (MPa)"
             "frequency (Hz),E',E'' (MPa)\n1,2,3\n",
             "column 'E'': expected a unit of modulus: Pa, kPa, MPa, GPa, found none",
         ),
-        ("frequency (Hz),E' (MPa),E'' (mm)\n1,2,3\n", "found 'mm'; write for instance E'' (MPa)"),
+        (
+            "frequency (Hz),E' (MPa),E'' (mm)\n1,2,3\n",
+            "found 'mm' (\"1 mm\" is a length); write for instance E'' (MPa)",
+        ),
         ("frequency (Hz),E' (MPa),E'' (MPa),T (F)\n1,2,3,4\n", "expected a unit of temperature: C or K, found 'F'"),
         (
             "frequency (Hz),E' (MPa),E' (Pa),E'' (MPa)\n1,2,3,4\n",
-            "expected one column with storage, found 'E' (MPa)' and 'E' (Pa)'",
+            "expected one column with tensile storage, found 'E' (MPa)' and 'E' (Pa)'",
         ),
         (f"{GOOD}\n", "expected numbers below the header"),
         (f"{GOOD}\n1,2,3\n\n2,-4,1\n", "line 4: storage = '-4': expected a number above 0"),
@@ -113,13 +121,13 @@ GOOD = "frequency (Hz),E' (MPa),E'' (MPa)"
         (f"{GOOD}\n0,2,3\n", "line 2: frequency = '0': expected a number above 0"),
         (f"{GOOD}\n1,2\n", "line 2: loss = '': expected a number"),
         (f"{GOOD}\n1,n/a,n/a\n", "line 2: storage = 'n/a': expected a number"),
-        (f"{GOOD}\nn/a,n/a,n/a\n", "line 2: frequency = 'n/a'"),
+        (f"{GOOD}\nn/a,n/a,n/a\n", "expected numbers below the header in line 1, found none"),
         (f"{GOOD}\n1,nan,inf\n", "line 2: loss = 'inf'"),
         (
             "T (C),frequency (Hz),E' (MPa),E'' (MPa)\n-274,1,2,3\n",
             "line 2: temperature = '-274': expected a number above -273",
         ),
-        (b"\x81\x8d\x00\xff", "expected a text file"),
+        (b"\x81\x8d\x00\xff", "not a text file"),
     ],
 )
 def test_refusals_name_line_expectation_and_cure(tmp_path, text, words):
@@ -136,13 +144,13 @@ def test_many_wrong_lines_are_not_all_listed(tmp_path):
 
 def test_a_drifting_temperature_is_no_sweep(tmp_path):
     rows = [(20 + 0.4 * k, 1 + k, 2, 1) for k in range(20)]
-    with pytest.raises(MeasurementError, match=r"one that drifts from 20 to 27\.6 C"):
+    with pytest.raises(MeasurementError, match=r"one that drifts from 20 C to 27\.6 C"):
         read(tmp_path, table("T (C),f (Hz),E' (MPa),E'' (MPa)", rows))
 
 
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(MeasurementError, match=r"nothing\.csv: could not be read: No such file"):
-        read_dma(tmp_path / "nothing.csv")
+        read_moduli(tmp_path / "nothing.csv")
 
 
 def test_temperatures_as_options():

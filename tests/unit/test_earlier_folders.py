@@ -1,6 +1,8 @@
 """Folders as version 0.1 wrote them, whose contact is overlap: read with that meaning, and not gone on with."""
 
+import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from pgfmd.cli import app
 from pgfmd.errors import ResultError
 from pgfmd.files.table_reading import CurveTail
 from pgfmd.files.tables import CURVE
+from pgfmd.restart.checkpoint_layout import examine
 from pgfmd.results import load
 from pgfmd.results.reading import FieldsMapping
 from pgfmd.results.status import status_of
@@ -87,6 +90,24 @@ def test_an_earlier_run_is_not_gone_on_with(tmp_path):
     assert {path.name: path.read_bytes() for path in stopped.iterdir() if path.is_file()} == before
     (told,) = status_of(stopped).warnings
     assert "version 0.1" in told and "--fresh" in told
+
+
+def test_a_checkpoint_that_version_0_1_has_written_is_refused_and_left_alone(tmp_path):
+    """`run_of_0_1` is what its program left when it was stopped after 23 steps of this scene."""
+    folder = shutil.copytree(Path(__file__).parent / "run_of_0_1", tmp_path / "out")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert examine(folder / "checkpoint.h5")["pgfmd"] == "0.1.0"
+    invoked = CliRunner().invoke(app, ["run", SCENE[0], *SCENE[1][:2], "--out", str(folder)])
+    assert invoked.exit_code == 4
+    assert re.search("version 0.1 of pgfmd.*finish it with version 0.1.*--fresh", invoked.stderr.replace("\n", " "))
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    found = status_of(folder)
+    assert (found.state, found.steps, len(found.warnings)) == ("resumable", 23, 1)
+    with load(folder) as results:
+        assert results.counts_overlap and len(results.curve) == 24
+        area = results.curve["contact_area [m^2]"].iloc[-1]
+    assert 0.0 < area < 4.4e-7
+    assert CliRunner().invoke(app, ["verify", str(folder)]).exit_code == 0
 
 
 def test_an_earlier_run_that_had_not_begun_is_begun(tmp_path):

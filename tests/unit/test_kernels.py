@@ -6,13 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
+from pgfmd.physics.adhesion.repulsive import Repulsive
 from pgfmd.schemes.inertialess import retardation_kernels
 from pgfmd.solver import contact_kernels, kernels, transform_kernels
 from pgfmd.solver.grid import Grid, PunchPoints
 
 GAMMA, RHO = 0.05, 0.75e-6
-LAWS = {"cosine": CohesiveLaw(GAMMA, RHO), "repulsive": CohesiveLaw(GAMMA, RHO, attractive=False)}
+LAWS = {"cosine": Cosine(GAMMA, RHO), "repulsive": Repulsive(GAMMA, RHO)}
 
 
 @dataclass
@@ -43,7 +44,7 @@ def rng():
 
 
 def numbers(law):
-    return law.stiffness, law.range, 1.0 if law.attractive else 0.0
+    return law.numbers
 
 
 def row_sums(values, points):

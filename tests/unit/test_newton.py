@@ -6,7 +6,8 @@ import scipy.fft
 import scipy.optimize
 from mpi4py import MPI
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
+from pgfmd.physics.adhesion.repulsive import Repulsive
 from pgfmd.physics.free_kernel import FreeHalfSpace
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.solver.grid import Grid, PunchPoints
@@ -29,7 +30,7 @@ class Problem:
             self.convolve = Convolution(points, scipy.fft.next_fast_len(2 * points.nb - 1, real=True), make)
         else:
             self.convolve = Convolution(points, n, periodic_multiplier(HalfSpace(MODULUS), LENGTH))
-        self.law = CohesiveLaw(GAMMA, RANGE, attractive)
+        self.law = (Cosine if attractive else Repulsive)(GAMMA, RANGE)
         self.rng = np.random.default_rng(seed)
         height = roughness * RANGE * self.rng.random(points.size)
         self.height = height - height.min()
@@ -38,7 +39,7 @@ class Problem:
         unit = np.eye(points.size)
         self.dense = np.array([self.convolve(row, points.zeros()).copy() for row in unit]).T
         self.dense = 0.5 * (self.dense + self.dense.T)
-        self.scale = self.law.strength
+        self.scale = Cosine(GAMMA, RANGE).strength
 
     def solve(self, position, history, compliance, tolerance, w=None, jump=False):
         w = self.points.zeros() if w is None else w.copy()

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from pgfmd.files.table_writing import TableFile
 from pgfmd.files.tables import PATCHES, SITES
 from pgfmd.output.patch_observer import ContactWatch, PatchTable
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.contact_sites import ContactSites, contact_sites
 from pgfmd.physics.topography import Topography
 from pgfmd.solver.grid import Grid, PunchPoints
@@ -17,7 +17,7 @@ from pgfmd.solver.sites import SitePoints
 
 N = 20
 POINTS = PunchPoints(Grid(N, 1.0), None, MPI.COMM_SELF)
-LAW = CohesiveLaw(work_of_adhesion=1.0, range=1.0)
+LAW = Cosine(work_of_adhesion=1.0, range=1.0)
 
 
 def sites(*places):

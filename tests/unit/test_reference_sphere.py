@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.reference import cohesive_sphere, hertz, jkr, maugis
 
 RADIUS, MODULUS, WORK = 10e-3, 2.65e6, 0.05
@@ -14,7 +14,7 @@ TENSION = math.pi * WORK * RADIUS
 
 
 def law_of(tabor):
-    return CohesiveLaw(WORK, RADIUS ** (1 / 3) * (WORK / MODULUS) ** (2 / 3) / tabor)
+    return Cosine(WORK, RADIUS ** (1 / 3) * (WORK / MODULUS) ** (2 / 3) / tabor)
 
 
 def solved(contact_radius, tabor, rings_per_zone=32):
@@ -124,7 +124,7 @@ def test_rings_tend_to_jkr():
 
 def test_rings_tend_to_hertz():
     """A force far above pi w R, through a stiff overlap."""
-    law = CohesiveLaw(1e-7, 2e-10)
+    law = Cosine(1e-7, 2e-10)
     found = cohesive_sphere.equilibrium(100e-6, 1e-10, RADIUS, MODULUS, law)
     assert found.force == pytest.approx(float(hertz.force(found.indentation, RADIUS, MODULUS)), rel=5e-3)
     assert float(hertz.contact_radius(found.indentation, RADIUS)) == pytest.approx(100e-6, rel=0.01)

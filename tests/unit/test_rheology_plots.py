@@ -11,10 +11,9 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from pgfmd.characterisation.dma import MeasurementError
 from pgfmd.characterisation.rheology_table import characterise, wlf_constants
 from pgfmd.characterisation.temperature_shift import WLF
-from pgfmd.errors import ResultError
+from pgfmd.errors import MeasurementError, ResultError
 from pgfmd.parts import series_of
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.plots import rheology as rheology_plots
@@ -125,7 +124,7 @@ def test_what_can_not_be_a_scene_is_refused(tmp_path):
     steep = PronySeries.geometric(1e8, 1e-6, elements=12, time_ratio=8, exponent=0.9)
     omega = np.geomspace(1e-6, 1e8, 150)
     rows = [f"{w},{e},{v}" for w, e, v in zip(omega, steep.storage(omega), steep.loss(omega), strict=True)]
-    (tmp_path / "steep.csv").write_text("\n".join(["omega,E' (MPa),E'' (MPa)", *rows]))
+    (tmp_path / "steep.csv").write_text("\n".join(["omega,E' (kPa),E'' (kPa)", *rows]))
     with pytest.raises(MeasurementError, match=r"a scene takes at most 1e\+06; leave out the highest"):
         characterise(tmp_path / "steep.csv")
 

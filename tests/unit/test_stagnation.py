@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.schemes.quasistatic.machine import SprungConvolution
 from pgfmd.solver.grid import Grid, PunchPoints
@@ -58,7 +58,7 @@ class Sprung:
         self.spring = far * RANGE / self.force
         self.area = grid.cell_area
         self.sprung = SprungConvolution(self.convolve, self.spring, 1.0)
-        law = CohesiveLaw(GAMMA, RANGE)
+        law = Cosine(GAMMA, RANGE)
         self.solver = NewtonSolver(points, self.sprung, points.zeros(dtype), law, preload)
 
     def solve(self, above: float, tolerance: float = 1e-3, **options):

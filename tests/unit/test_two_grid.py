@@ -8,7 +8,7 @@ from pgfmd import coarsening
 from pgfmd.assemble import assemble
 from pgfmd.commands.check import report
 from pgfmd.forecast.effort import effort_of
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.scene import load_scene
 from pgfmd.solver.conjugate_gradients import ConjugateGradients
@@ -109,7 +109,7 @@ def test_the_dual_of_a_direction_is_the_residual_without_what_the_cells_correct(
 
 def solvers(n=96, m=4, mirror="x", dtype=np.float64):
     """Conjugate gradients with a coarser grid and without, on the same points."""
-    points, law = points_of(n, 0.25, mirror), CohesiveLaw(0.05, 2e-6)
+    points, law = points_of(n, 0.25, mirror), Cosine(0.05, 2e-6)
     coarse = coarse_points_of(points, m, MPI.COMM_SELF)
     shortest = float(HalfSpace(MODULUS)(np.pi / coarse.grid.spacing, 0.0))
     grid = CoarseGrid(coarse, operator_on(coarse, dtype), shortest)

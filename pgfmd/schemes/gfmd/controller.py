@@ -1,5 +1,5 @@
-"""Steps of one length, for explicit schemes: shortened a little to end on the spot where a phase or a wanted time
-does."""
+"""Steps of constant length for explicit schemes, slightly shortened to end at the end of a phase or at a requested
+time."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pgfmd.schemes.base import ExplicitScheme
 from pgfmd.solver.state import State
 
 LEAST_SHARE = 0.02
-"""Shortest step taken to meet the preload, as a share of the usual one."""
+"""Shortest step to meet the preload, as a fraction of the usual one."""
 
 
 @dataclass(frozen=True)
 class Taken:
-    """A step that was taken. An explicit scheme with inertia doesn't jump: its surface takes its time."""
+    """A completed step. A scheme with inertia has no jumps, because its surface moves at a finite speed."""
 
     is_jump: bool = False
 
@@ -46,7 +46,8 @@ class FixedSteps:
         return Taken(), why
 
     def _fit(self, end: float, until: float) -> tuple[float, str]:
-        """Equal steps, no longer than the usual one, to the phase's end or the wanted time, whichever is first."""
+        """Equal steps, no longer than the usual one, to the end of the phase or the requested time, whichever is
+        first."""
         target, why = (end, "duration") if end <= until else (until, "time")
         if math.isinf(target):
             return self.step, ""
@@ -54,7 +55,7 @@ class FixedSteps:
         return target / count, why if count == 1 else ""
 
     def _not_past_preload(self, state: State, step: float, why: str) -> tuple[float, str]:
-        """A step that ends at the preload, where the force is on the way to pass it."""
+        """Shortens a step to end at the preload, if the force is about to exceed it."""
         missing = self.preload - state.force
         rate = (state.force - state.past_forces[0]) / state.last_step if state.past_forces else 0.0
         if rate <= 0.0 or missing >= rate * step:

@@ -2,7 +2,7 @@
 
 Source: the paper, "Reproducing viscoelastic properties using GFMD". Every mode u(q) carries a mass m = k_inf / omega^2
 and the damping eta_0 = 2 m omega, critical for its stiffness k_inf = kappa_inf / G0(q). The step resolves omega,
-and omega the shortest relaxation time; where the punch moves faster than that, both follow the motion.
+and omega resolves the shortest relaxation time; for a fast punch, both follow its motion.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
     from pgfmd.physics.drive import Drive
     from pgfmd.physics.rheology import PronySeries
     from pgfmd.scene.solver_section import GfmdKeys
@@ -43,13 +43,13 @@ class Inertia:
         return self.frequency * self.step * math.sqrt(1.0 + contact_stiffness / kappa_inf)
 
     def added_viscosity(self, series: PronySeries) -> float:
-        """What the damping adds at low frequencies, 2 kappa_inf/omega, relative to the material's own sum kappa_n
+        """The additional viscosity at low frequencies, 2 kappa_inf/omega, relative to that of the material, sum kappa_n
         tau_n."""
         return 2.0 * series.kappa_inf / self.frequency / float((series.kappa * series.tau).sum())
 
 
 def inertia_of(keys: GfmdKeys, series: PronySeries, law: CohesiveLaw, drive: Drive) -> Inertia:
-    """The inertia that a scene's [solver.gfmd] means.
+    """The inertia for a scene's [solver.gfmd].
 
     keys: the section (omega_tau, steps_per_tau, fast_pull; omega and dt, given both, overrule them). series:
     PronySeries; law: CohesiveLaw; drive: Drive. Raises ValueError for an elastic substrate without omega and dt.
@@ -60,25 +60,26 @@ def inertia_of(keys: GfmdKeys, series: PronySeries, law: CohesiveLaw, drive: Dri
         raise ValueError("an elastic substrate has no relaxation time to derive omega and dt from")
     shortest = float(series.tau.min())
     by_time = shortest / keys.steps_per_tau
-    by_motion = keys.fast_pull * law.range / max(drive.speed, drive.retract_speed)
+    by_motion = keys.fast_pull * law.length / max(drive.speed, drive.retract_speed)
     # omega dt is the same by either rule, pi/10 with the paper's numbers.
     step, limited_by = (by_time, "relaxation") if by_time <= by_motion else (by_motion, "motion")
     return Inertia(keys.omega_tau / keys.steps_per_tau / step, step, limited_by)
 
 
 def contact_stiffness(compliance: Compliance, law: CohesiveLaw, n: int, length: float) -> float:
-    """K_0 max G0(q): stiffness of contact, relative to that of the softest wave of the cell (dimensionless).
+    """K_0 max G0(q): stiffness of contact, relative to that of the softest wave of the cell (dimensionless). K_0: the
+    largest stiffness of the law, overlaps included.
 
     compliance: G0(qx, qy) of a periodic cell of side `length` [m] with n points a side. Along the axes, as |q| decides,
     and a prestrain has its extremes there.
     """
     q = 2.0 * np.pi / length * np.arange(n // 2 + 1)
     zero = np.zeros_like(q)
-    return law.stiffness * float(max(compliance(q, zero).max(), compliance(zero, q).max()))
+    return max(law.stiffness, law.overlap_stiffness) * float(max(compliance(q, zero).max(), compliance(zero, q).max()))
 
 
 def instability(inertia: Inertia, stiffness: float, kappa_inf: float) -> str:
-    """What to change where the step is too long for stability; empty where it is not."""
+    """What to change if the step is too long for stability; empty if it is not."""
     number = inertia.stiffest(stiffness, kappa_inf)
     if number < STABLE:
         return ""

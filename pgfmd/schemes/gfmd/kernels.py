@@ -7,14 +7,16 @@ import math
 
 import numpy as np
 
+from pgfmd.physics.adhesion.base import Numbers
 from pgfmd.solver.compiled import compiled
-from pgfmd.solver.contact_kernels import _cosine_of, _sine_of, count_below
+from pgfmd.solver.contact_kernels import count_below
+from pgfmd.solver.inlined_laws import attraction
 from pgfmd.solver.kernels import _compile, _compile_maxima, _compile_sums
 
 
 @_compile
-def spread(traction, offset, first, top, left, plane):
-    """The traction of the points under the punch on the rows of the plane, zero elsewhere.
+def spread(traction: np.ndarray, offset: np.ndarray, first: np.ndarray, top: int, left: int, plane: np.ndarray) -> None:
+    """Copies the traction of the points under the punch to the rows of the plane, zero elsewhere.
 
     top: the plane's local row of the first local row of the punch block; left: the block's first column.
     """
@@ -32,17 +34,16 @@ def spread(traction, offset, first, top, left, plane):
 
 
 @_compile_maxima
-def touch(plane, top, left, first, height, position, law, levels, offset, u, f, rows):
-    """The surface under the punch, out of the plane, and the traction there: u, f = Gamma'(d + z - u).
+def touch(
+    plane: np.ndarray, top: int, left: int, first: np.ndarray, height: np.ndarray, position: float,
+    law: Numbers, levels: tuple[float, float, float], offset: np.ndarray, u: np.ndarray, f: np.ndarray,
+    rows: np.ndarray,
+) -> None:  # fmt: skip
+    """The surface under the punch from the plane, and the traction there: u, f = Gamma'(d + z - u).
 
     rows: [0], [1], [2] points with a gap below each of the levels [m], [3] Gamma [J/m^2], [4] f [Pa], [5] minus the
     smallest gap [m].
     """
-    stiffness, reach, attractive = law
-    strength = attractive * stiffness * reach / math.pi
-    depth = strength * reach / math.pi
-    per_range = 1.0 / reach
-    limit = reach if attractive > 0.0 else 0.0
     for row in range(offset.size - 1):
         source = plane[top + row]
         begin = left + first[row]
@@ -52,16 +53,15 @@ def touch(plane, top, left, first, height, position, law, levels, offset, u, f, 
             here = source[begin + i]
             gap = position + height[start + i] - here
             overlap = min(gap, 0.0)
-            y = min(max(gap * per_range, 0.0), 1.0) - 0.5
-            sine, minus_cosine = _cosine_of(y * y), y * _sine_of(y * y)
-            near = gap < limit
-            traction = stiffness * overlap + (strength * sine if near else 0.0)
+            drawn, _, depth, level = attraction(gap, law)
+            near = gap < law.reach
+            traction = law.overlap * overlap + (drawn if near else 0.0)
             u[start + i] = here
             f[start + i] = traction
-            energy += 0.5 * stiffness * overlap * overlap + (depth * (minus_cosine - 1.0) if near else 0.0)
+            energy += 0.5 * law.overlap * overlap * overlap + (depth * level if near else 0.0)
             pull += traction
             closest = min(closest, gap)
-        # Apart from the sums above: those would be added up in another order beside them.
+        # In a separate loop, because otherwise the order of the sums above would change.
         rows[0, row], rows[1, row], rows[2, row] = count_below(height, position, u, start, offset[row + 1], levels)
         rows[3, row] = energy
         rows[4, row] = pull
@@ -70,23 +70,10 @@ def touch(plane, top, left, first, height, position, law, levels, offset, u, f, 
 
 @_compile
 def advance_modes(
-    buffer,
-    compliance,
-    u,
-    v,
-    branches,
-    weights,
-    rates,
-    keep,
-    kick,
-    step,
-    decay,
-    old_gain,
-    new_gain,
-    stiffness,
-    fold,
-    sums,
-):
+    buffer: np.ndarray, compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray,
+    weights: np.ndarray, rates: np.ndarray, keep: float, kick: float, step: float, decay: np.ndarray,
+    old_gain: np.ndarray, new_gain: np.ndarray, stiffness: float, fold: np.ndarray, sums: np.ndarray,
+) -> None:  # fmt: skip
     """One step of every mode; `buffer` holds the traction and is given the new u, both (n, 2 columns).
 
     v = keep v + kick (G0 f + sum_m kappa_m u_m - kappa_inf u);  u_new = u + step v
@@ -114,8 +101,10 @@ def advance_modes(
 
 @compiled(fastmath={"contract"})
 def _advance_row(
-    buffer, compliance, u, v, branches, i, weights, keep, kick, step, decay, old_gain, new_gain, stiffness, work
-):
+    buffer: np.ndarray, compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray, i: int,
+    weights: np.ndarray, keep: float, kick: float, step: float, decay: np.ndarray, old_gain: np.ndarray,
+    new_gain: np.ndarray, stiffness: float, work: np.ndarray,
+) -> None:  # fmt: skip
     width = buffer.size
     for c in range(width):
         work[c] = compliance[c] * buffer[c] - stiffness * u[c]
@@ -138,7 +127,10 @@ def _advance_row(
 
 
 @_compile_sums
-def _add_energies(compliance, u, v, branches, i, weights, rates, fold, stored, loss, sums):
+def _add_energies(
+    compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray, i: int, weights: np.ndarray,
+    rates: np.ndarray, fold: np.ndarray, stored: np.ndarray, loss: np.ndarray, sums: np.ndarray,
+) -> None:  # fmt: skip
     width = u.size
     for c in range(width):
         stored[c] = u[c] * u[c]

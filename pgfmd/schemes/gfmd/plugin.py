@@ -1,4 +1,4 @@
-"""Scenes with the paper's scheme: what is built of them, what they need, and what is to be said of their inertia."""
+"""The scheme gfmd and scenes: building it, its cost, and remarks on its inertia."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pgfmd.errors import Problem
 from pgfmd.forecast.effort import Effort, effort_of_steps
 from pgfmd.forecast.estimate import Memory, map_bytes_of, output_bytes, punch_points
 from pgfmd.forecast.progress import Moment, Way, time_left
+from pgfmd.physics.adhesion.registry import law_of
 
 from .inertia import Inertia, contact_stiffness, inertia_of, instability
 
@@ -26,12 +27,12 @@ if TYPE_CHECKING:
 STEP_COST = 1.2
 """Time of a step relative to that of two pairs (estimate.pair_seconds): its pair has all rows."""
 WORTH_TELLING = 0.01
-"""Share of the material's viscosity that the inertia may add without a remark."""
+"""Additional viscosity due to inertia, relative to that of the material, above which there is a remark."""
 
 
 def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Gfmd, FixedSteps]:
     """Scheme and controller of a scene. Collective."""
-    # Not at the top: what a run costs is told without MPI.
+    # Not at the top, because forecasts need no MPI.
     from pgfmd.assemble import heights_of
     from pgfmd.solver.grid import Grid, PunchPoints
     from pgfmd.solver.transform import Plane
@@ -42,7 +43,7 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Gfmd, FixedSteps]
     plane = Plane(comm, scene.grid.n)
     slab = (plane.row_start, plane.real.shape[0])
     points = PunchPoints(Grid(scene.grid.n, scene.grid.length), scene.punch.radius, comm, slab)
-    law, series, inertia = parts.law_of(scene.adhesion), parts.series_of(scene.rheology), inertia_of_scene(scene)
+    law, series, inertia = law_of(scene.adhesion), parts.series_of(scene.rheology), inertia_of_scene(scene)
     compliance, height, output = parts.compliance_of(scene), heights_of(scene, points), scene.output
     scheme = Gfmd(points, plane, compliance, height, law, series, inertia, output.energy, output.near_gap)
     return scheme, FixedSteps(scheme, inertia.step, scene.drive.preload)
@@ -50,14 +51,14 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Gfmd, FixedSteps]
 
 def inertia_of_scene(scene: Scene) -> Inertia:
     """The auxiliary inertia of a scene."""
-    series, law = parts.series_of(scene.rheology), parts.law_of(scene.adhesion)
+    series, law = parts.series_of(scene.rheology), law_of(scene.adhesion)
     return inertia_of(scene.solver_gfmd, series, law, parts.drive_of(scene))
 
 
 def memory(scene: Scene, ranks: int) -> Memory:
-    """Memory of the rank with the largest share: whole-plane modes u, their velocity and N elements, complex, (n, columns),
-    and twice G0 on half of them; heights, u and f of the points, of which one rank may hold all; the transform's real plane,
-    and two spectral arrays before and after the transpose."""
+    """Memory of the rank with the largest share: whole-plane modes u, their velocity and N elements, complex, (n,
+    columns), and twice G0 on half of them; heights, u and f of the points, of which one rank may hold all; the
+    transform's real plane, and two spectral arrays before and after the transpose."""
     n, points = scene.grid.n, punch_points(scene)
     columns, rows = math.ceil((n // 2 + 1) / ranks), math.ceil(n / ranks)
     spectral = 16.0 * n * columns
@@ -76,7 +77,7 @@ def effort(scene: Scene) -> Effort:
 
 
 def steps_left(scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:
-    """By the time that is left."""
+    """From the remaining time."""
     return time_left(scene, moment, way) / inertia_of_scene(scene).step, ""
 
 
@@ -87,14 +88,14 @@ def numerics(scene: Scene) -> dict[str, float]:
 
 
 def warm_up(precision: str) -> tuple[Overrides, ...]:
-    """Every step uses every kernel."""
+    """A single scene: every step uses every kernel."""
     return (["solver.max_steps=3"],)
 
 
 def problems(scene: Scene) -> list[Problem]:
-    """A start within reach, and steps that are too long."""
+    """Problems: a start within the range of adhesion, and steps that are too long."""
     found = []
-    law, clearance = parts.law_of(scene.adhesion), scene.drive.clearance
+    law, clearance = law_of(scene.adhesion), scene.drive.clearance
     if clearance < law.reach:
         cure = 'leave it out, or set solver.scheme = "inertialess"'
         expected = f"a start out of reach, at least {law.reach:.3g} m, as gfmd begins with a surface at rest"
@@ -107,7 +108,7 @@ def problems(scene: Scene) -> list[Problem]:
 
 
 def lines(scene: Scene) -> Iterator[tuple[str, float, str, str]]:
-    """Inertia, step, stability, and what the inertia adds to the material."""
+    """Inertia, step, stability, and additional viscosity."""
     inertia, series = inertia_of_scene(scene), parts.series_of(scene.rheology)
     yield "frequency omega of the inertia", inertia.frequency, "rad/s", ""
     yield "time step", inertia.step, "s", f"set by the {inertia.limited_by}"
@@ -119,7 +120,7 @@ def lines(scene: Scene) -> Iterator[tuple[str, float, str, str]]:
 
 
 def remarks(scene: Scene) -> Iterator[str]:
-    """The paper's choice of omega is called sufficient there; what it adds can be told exactly."""
+    """The additional viscosity due to inertia, which the paper neglects but is known exactly."""
     series = parts.series_of(scene.rheology)
     if not series.elements:
         return
@@ -132,5 +133,5 @@ def remarks(scene: Scene) -> Iterator[str]:
 
 
 def _contact_stiffness(scene: Scene) -> float:
-    law = parts.law_of(scene.adhesion)
+    law = law_of(scene.adhesion)
     return contact_stiffness(parts.compliance_of(scene), law, scene.grid.n, scene.grid.length)

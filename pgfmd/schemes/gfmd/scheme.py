@@ -2,8 +2,9 @@
 
     m u'' + eta_0 u' + k_inf u = f + sum_m k_m u_m,   tau_m u_m' = u - u_m      for each mode u(q), all k ~ k_0 = 1/G0
 
-with m = k_inf / omega^2 and eta_0 = 2 m omega. Leapfrog with central damping, the elements exactly for a u that is
-linear within the step; one forward and one backward transform of the whole plane a step. Source: the paper,
+with m = k_inf / omega^2 and eta_0 = 2 m omega. The integrator is leapfrog with central damping; the elements are
+integrated exactly for a u that is linear within the step. One forward and one backward transform of the whole plane per
+step. Source: the paper,
 "Reproducing viscoelastic properties using GFMD".
 """
 
@@ -23,17 +24,20 @@ from . import kernels
 from .inertia import Inertia
 
 if TYPE_CHECKING:
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
     from pgfmd.solver.grid import PunchPoints
     from pgfmd.solver.multiplier import Compliance
     from pgfmd.solver.transform import Plane
 
 
+Coefficients = tuple[float, float, np.ndarray, np.ndarray, np.ndarray]
+
+
 class Gfmd:
-    """Steps of the paper's scheme. `step` moves a state on by one step of given length.
+    """Steps of the paper's scheme. `step` advances a state by one step of given length.
 
     points: PunchPoints whose rows are those of `plane`'s slab; plane: transform.Plane; compliance: the periodic
-    G0(qx, qy); height z [m] (size,); law: CohesiveLaw; series: PronySeries; inertia: Inertia. audit: whether to follow
+    G0(qx, qy); height z [m] (size,); law: CohesiveLaw; series: PronySeries; inertia: Inertia. audit: whether to compute
     energies. near_gap [m]: below which a point is near.
     """
 
@@ -55,7 +59,7 @@ class Gfmd:
     ):
         self.points, self.plane, self.height, self.law = points, plane, height, law
         self.series, self.inertia, self.audit = series, inertia, audit
-        self.law_numbers = (law.stiffness, law.range, 1.0 if law.attractive else 0.0)
+        self.law_numbers = law.numbers
         grid = points.grid
         unit = 2.0 * np.pi / grid.length
         # Of the un-normalised transform, for the real view of the spectrum: each column twice.
@@ -71,7 +75,7 @@ class Gfmd:
         self._rows = np.zeros((6, points.rows))
         self._sums, self._rates = np.zeros((3, plane.kx.size if audit else 0)), 1.0 / series.tau
         self._far = FarPoints(plane)
-        self._lengths, self._coefficients = None, ()
+        self._lengths: tuple[float, float] | None = None
 
     @property
     def pairs(self) -> int:
@@ -84,19 +88,20 @@ class Gfmd:
         return self.plane.seconds
 
     def place(self, state: State) -> float:
-        """Position d of the punch [m]."""
+        """Displacement d of the punch [m]."""
         return state.position
 
     def surface_of(self, state: State) -> np.ndarray:
         """The surface of the whole cell, this rank's rows of it."""
-        return self.plane.real.ravel()
+        rows: np.ndarray = self.plane.real.ravel()
+        return rows
 
     def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
-        """The same as rows, and the first one's index."""
+        """The surface as rows, and the index of the first one."""
         return kept.reshape(self.plane.real.shape), self.plane.row_start
 
     def new_state(self, position: float) -> State:
-        """A state with the surface at rest, the punch at `position` [m] out of reach."""
+        """A state with the surface at rest, and the punch at `position` [m] beyond the range of adhesion."""
         points, shape = self.points, self.plane.spectral.shape
         zeros = points.zeros
         state = State(
@@ -107,12 +112,12 @@ class Gfmd:
         return state
 
     def start(self, state: State) -> float:
-        """Puts the surface at rest under the punch; returns the force on it [N], zero as it is out of reach."""
+        """Initialises the surface at rest; returns the force on the punch [N], zero beyond the range of adhesion."""
         self.plane.real[:] = 0.0
         return self._touch(state)
 
     def step(self, state: State, phase: Phase, step: float) -> None:
-        """Moves the state on by `step` [s] within the phase. Collective."""
+        """Advances the state by `step` [s] within the phase. Collective."""
         points, plane, energies = self.points, self.plane, state.energies
         kernels.spread(state.traction, points.offset, points.first, self._top, self._left, plane.real)
         plane.forward()
@@ -126,7 +131,7 @@ class Gfmd:
         moved = state.position - before
         energies.work -= 0.5 * (force + state.force) * moved
         if phase.velocity_end > 0.0 and moved > 0.0:
-            # A step is short: the force is a straight line, and one through zero pulls next to nothing.
+            # Steps are short: the force is linear within a step, and work under tension in a step through zero is negligible.
             energies.work_of_separation -= 0.5 * (min(force, 0.0) + min(state.force, 0.0)) * moved
         if self.audit:
             self._follow_energies(state, step)
@@ -141,12 +146,14 @@ class Gfmd:
         """
 
     def _advance(self, state: State, step: float) -> None:
-        """Modes, velocities (of the middle of the step) and elements; the transform's buffer is given the new modes."""
+        """Advances modes, velocities (of the middle of the step) and elements; writes the new modes to the transform's
+        buffer."""
         series = self.series
-        # The velocity is that of the middle of the last step; it is moved to the middle of this one.
+        # The velocity advances from the middle of the last step to the middle of this one.
         lengths = step, 0.5 * (step + (state.last_step or step))
         if lengths != self._lengths:
             self._lengths, self._coefficients = lengths, self._coefficients_of(*lengths)
+        assert state.modes is not None and state.mode_velocities is not None, "states are those of `new_state`"
         keep, kick, decay, old_gain, new_gain = self._coefficients
         kernels.advance_modes(
             _real(self.plane.spectral), self._compliance, _real(state.modes), _real(state.mode_velocities),
@@ -154,8 +161,9 @@ class Gfmd:
             self._fold, self._sums,
         )  # fmt: skip
 
-    def _coefficients_of(self, step: float, between: float) -> tuple:
-        """Of the velocity (what it keeps, its gain from the force), and of the elements; `between` the middles [s]."""
+    def _coefficients_of(self, step: float, between: float) -> Coefficients:
+        """Coefficients of the velocity (decay, gain from the force) and of the elements; between: time [s] between the
+        middles."""
         damping = self.inertia.frequency * between
         keep = (1.0 - damping) / (1.0 + damping)
         kick = damping * self.inertia.frequency / (self.series.kappa_inf * (1.0 + damping))
@@ -164,7 +172,7 @@ class Gfmd:
         return keep, kick, decay, mean - decay, 1.0 - mean
 
     def _touch(self, state: State) -> float:
-        """Takes the surface under the punch from the plane, and the traction there; returns the force on the punch
+        """Copies the surface under the punch from the plane, and computes the traction; returns the force on the punch
         [N]."""
         points = self.points
         kernels.touch(
@@ -177,10 +185,11 @@ class Gfmd:
         state.smallest_gap = -rows[5].max()
         state.far_displacement = self._far.displacement()
         state.energies.adhesive = energy * points.grid.cell_area
-        return -pull * points.grid.cell_area
+        force: float = -pull * points.grid.cell_area
+        return force
 
     def _follow_energies(self, state: State, step: float) -> None:
-        """Stored energy (that of the masses included), and what dashpots have taken by the trapezoidal rule."""
+        """Computes the stored energy (including kinetic energy), and the dissipation by the trapezoidal rule."""
         series, omega = self.series, self.inertia.frequency
         area = self.points.grid.length**2
         stored, moving, lost = self.plane.total_of(self._sums) * (area / self.points.grid.n**2)
@@ -190,5 +199,5 @@ class Gfmd:
 
 
 def _real(array: np.ndarray) -> np.ndarray:
-    """A complex array as the kernels take it: real and imaginary parts side by side along the last axis."""
+    """The real view of a complex array: real and imaginary parts alternate along the last axis."""
     return array.view(float)

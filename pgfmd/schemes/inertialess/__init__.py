@@ -1,4 +1,4 @@
-"""The massless limit of the paper's model, by implicit steps of second order whose length follows the error."""
+"""The massless limit of the paper's model, by implicit steps of second order with an adaptive length."""
 
 from pgfmd.schemes.entry import SchemeEntry
 

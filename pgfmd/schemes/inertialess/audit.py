@@ -1,6 +1,8 @@
-"""The energy audit of the massless model: what a step stores and dissipates, and whether that is the work of the punch.
+"""The energy audit of the massless model: energies stored and dissipated in a step, compared with the work of the
+punch.
 
-It needs no transform: with psi_m = G0 phi_m kept beside the branches, all energies are sums over points (docs: model).
+It needs no transform: the images psi_m = G0 phi_m of the internal variables are stored, and all energies are sums over
+points (docs: model).
 """
 
 from __future__ import annotations
@@ -22,33 +24,41 @@ from .retardation import StagedTrial, StepWeights, Tableau
 if TYPE_CHECKING:
     from numpy.typing import DTypeLike
 
-    from pgfmd.physics.cohesion import CohesiveLaw
+    from pgfmd.physics.adhesion.base import CohesiveLaw
     from pgfmd.solver.grid import PunchPoints
 
-FINE, ENERGY_SHARE, LEAST_SHARE = 1.5e-3, 7.0, 1e-3
-"""From this tolerance on, the audit's residual of a step is bounded too: by this multiple of the tolerance, but no less
-than this, as a share of the energy dissipated."""
-LEAST_WAY, SMALLEST_LOOP = 1e-3, 1e-7
-"""Least part of the way of the punch that a step counts as (below it are the errors of the solves), and the least
-energy that a loop is supposed to dissipate, as a share of the elastic energy and of the adhesive energy of a whole
-contact."""
-POINTS_OF_WORK, NEAREST_PAST = 3, 0.2
-"""The work of a step comes from at most so many forces; the last step's start is one, unless that was shorter than this
-share of the step: too close to tell a slope."""
+FINE = 1.5e-3
+"""At tolerances below this, the audit's residual of a step limits the step as well."""
+ENERGY_SHARE = 7.0
+"""Largest residual of a step at these tolerances, relative to the dissipated energy, as a multiple of the tolerance."""
+LEAST_SHARE = 1e-3
+"""Lower bound of this limit."""
+LEAST_WAY = 1e-3
+"""Added to the fraction of the punch's travel that a step covers, for the errors of the solves in short steps."""
+SMALLEST_LOOP = 1e-7
+"""Least energy that a loop is assumed to dissipate, as a fraction of the elastic energy and of the adhesive energy of
+full contact."""
+POINTS_OF_WORK = 3
+"""Most forces from which the work of a step is interpolated."""
+NEAREST_PAST = 0.2
+"""The start of the last step is one of them if that step was at least this fraction of the present one: a closer point
+does not determine a slope."""
 TENSION_SAMPLES = 65
-"""Points of a step at which its force is looked at for tension."""
-FINE_SHARPNESS, SPENT_SHARPNESS = 0.1, 5.0
-"""The work of the punch has the error of its forces, and in a nearly elastic loop, thousands of times smaller than the
-energies that come and go, it would show. So fine steps are solved to a smaller share of the tolerance where less than
-one over the second number of the energy stored has been dissipated: to no less than the first. (With 50 instead of 5, a
-spectrum of two elements twelve decades apart took three times the steps, and its audit did not close.)"""
+"""Points of a step at which its force is examined for tension."""
+SPENT_SHARPNESS = 5.0
+"""The error of the forces enters the work of the punch, and would dominate a nearly elastic loop, whose work is
+thousands of times smaller than the stored energies. So fine steps are solved to a smaller fraction of the tolerance if
+less than 1/SPENT_SHARPNESS of the stored energy has been dissipated. (With 50 instead of 5, a spectrum of two elements
+twelve decades apart took three times the steps, and its audit did not close.)"""
+FINE_SHARPNESS = 0.1
+"""Smallest fraction of the tolerance used for this reason."""
 
 
 class EnergyAudit:
-    """Follows stored and dissipated energy; on demand bounds the residual of each step.
+    """Computes stored and dissipated energy; optionally limits the residual of each step.
 
     points: PunchPoints; law: CohesiveLaw; tableau: of the steps; tolerance: of a step, in ranges of adhesion; dtype of
-    the fields. bounds_steps: whether steps this fine are to be bounded.
+    the fields. bounds_steps: whether steps of this tolerance are limited.
     """
 
     def __init__(
@@ -61,14 +71,14 @@ class EnergyAudit:
         dtype: DTypeLike,
     ):
         self.points, self.creep, self.law, self.tableau, self.tolerance = points, creep, law, tableau, tolerance
-        # Without attraction and retardation nothing is dissipated that an error could be compared with.
+        # Without attraction and retardation there is no dissipation to which an error could be compared.
         self.bounds_steps = tolerance <= FINE and (creep.elements > 0 or law.attractive)
         # In single precision the energies have an error that does not shrink with the step.
         self._noise = SINGLE_NOISE if np.dtype(dtype) == np.float32 else 0.0
         self._rows = np.zeros((3, points.rows))
 
     def sharpness(self, energies: Energies) -> float:
-        """To which share of the tolerance steps have to be solved for the audit's sake, 1 where it makes no demand."""
+        """Fraction of the tolerance to which steps have to be solved for the audit; 1 without a requirement."""
         stored = energies.elastic + abs(energies.adhesive)
         if not self.bounds_steps or stored <= 0.0:
             return 1.0
@@ -76,13 +86,13 @@ class EnergyAudit:
         return max(FINE_SHARPNESS, min(1.0, SPENT_SHARPNESS * spent / stored))
 
     def error(self, state: State, trial: StagedTrial, u: list[np.ndarray], f: np.ndarray, adhesive: float) -> float:
-        """The step's share of the energy audit's residual, relative to what is allowed to it.
+        """The step's contribution to the residual of the audit, relative to the allowed one.
 
-        That is a small part of what the step dissipates; and of all that has been dissipated, shared out over the way
-        of the punch. u [m], f [Pa] at the stages; adhesive [J]: energy of the interface at the end of the step.
-        Collective.
+        A small fraction of the energy dissipated in the step is allowed, plus the same fraction of all dissipated
+        energy in proportion to the travel of the punch. u [m], f [Pa] at the stages; adhesive [J]: energy of the
+        interface at the end of the step. Collective.
         """
-        energies, reach = state.energies, self.law.range
+        energies, reach = state.energies, self.law.length
         elastic, viscous = self.energies(state, trial.weights, u, f, keep=False)
         gained = elastic - energies.elastic + adhesive - energies.adhesive
         residual = work_of(state, trial, self.tableau) - gained - viscous
@@ -98,8 +108,8 @@ class EnergyAudit:
     ) -> tuple[float, float]:
         """Elastic energy at the end of a step, and energy dissipated in it [J].
 
-        u [m], f [Pa] at the stages; keep: move the branches and their images phi_m, G0 phi_m on to the step's end. No
-        transform: G0 f = (u - G0 w_hist) / J. Collective.
+        u [m], f [Pa] at the stages; keep: advance the internal variables phi_m and their images G0 phi_m to the end
+        of the step. No transform: G0 f = (u - G0 w_hist) / J. Collective.
         """
         final, area = self.tableau.stages - 1, self.points.grid.cell_area
         retardation_kernels.advance_branches_and_energy(
@@ -116,8 +126,8 @@ def work_of(state: State, trial: Trial, tableau: Tableau) -> float:
     """Work of the punch [J] over the step: its velocity times the polynomial through the forces at the start, at the
     stages, and at ends of steps before.
 
-    A jump happens at the new positions, and what it releases is counted from there: up to each of them, the punch has
-    met the force of the surface as it was.
+    A jump is taken to happen at the new positions, and its released energy is counted from there: up to each of them,
+    the force is that of the old surface.
     """
     h, start, phase = trial.step, state.elapsed, trial.phase
     times, forces = [0.0, *(node * h for node in tableau.nodes)], [state.force, *trial.forces]
@@ -132,11 +142,11 @@ def work_of(state: State, trial: Trial, tableau: Tableau) -> float:
 
 
 def tension_of(state: State, trial: Trial, tableau: Tableau, work: float) -> tuple[float, float]:
-    """Lowest force [N] within a step, and the work [J] of a retracting punch where it pulls; work [J]: of the whole
+    """Lowest force [N] within a step, and the work [J] of a retracting punch under tension; work [J]: of the whole
     step.
 
-    By the parabola through the forces at the start, at the first stage and at the end: a step may well be as long as
-    the peak of the pull-off is wide. A jump, or a step of one stage, has its ends alone.
+    From the parabola through the forces at the start, at the first stage and at the end, because a step may be as long
+    as the pull-off peak is wide. For a jump, or a step of one stage, from the ends only.
     """
     start, phase = state.elapsed, trial.phase
     lowest, highest = min(state.force, *trial.forces), max(state.force, *trial.forces)
@@ -149,7 +159,7 @@ def tension_of(state: State, trial: Trial, tableau: Tableau, work: float) -> tup
         known = [0.0, 1.0], [state.force, trial.force]
     curve = np.polyval(np.polyfit(*known, len(known[0]) - 1), places)
     dip = float(curve.min())
-    # Not what rounding makes of a parabola that ends at zero.
+    # Exclude rounding errors of a parabola that ends at zero.
     lowest = dip if dip < lowest - 1e-9 * (highest - lowest) else lowest
     if phase.velocity_end <= 0.0 or lowest >= 0.0:
         return lowest, 0.0

@@ -1,9 +1,9 @@
-"""Which steps are tried, and which are taken.
+"""The adaptive step control.
 
-A step is taken when its error is below the tolerance; the next one aims at 0.85 of it. Phases with a duration and
-wanted times end on the spot. The end of the approach, where the force passes the preload, is found by regula falsi on
-the step. A step that is still refused when it is far shorter than anything the material can resolve is a jump of the
-surface: it is taken as such.
+A step is accepted if its error is below the tolerance; the length of the next one is chosen for 0.85 of it. Ends of
+phases and requested times are met exactly. The end of the approach, where the force reaches the preload, is found by
+regula falsi on the length of the step. A step that is rejected even though it is far shorter than all relaxation times
+is a jump of the surface, and is accepted as one.
 """
 
 from __future__ import annotations
@@ -20,14 +20,18 @@ from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
 
 CUT_ON_FAILURE = 0.25
 TELLING = 2.0
-"""How many times longer than a step another one has to be for their changes to tell a jump from a motion."""
-ENERGY_CUT, WORTH_AGAIN, MOST_REPEATS = {1: 8.0, 2: 24.0}, 0.6, 3
-"""For the sake of the energy audit steps get shorter by at most this factor (by the scheme's order; in elastic scenes
-the errors of the solves, which don't shrink with the step, come sooner), and are taken again where they should have
-been shorter than this share of what they were, at most so many times."""
-JUMP_STEP, JUMP_MOTION = 1e-3, 0.5
-"""A refused step becomes a jump when it is below this fraction of the shortest relaxation time, and below this fraction
-of the time in which the punch moves by tolerance times range."""
+"""Ratio of the lengths of two rejected steps from which on their changes distinguish a jump from a motion."""
+ENERGY_CUT = {1: 8.0, 2: 24.0}
+"""Largest factor by which the energy audit may shorten a step, by the order of the scheme. (In elastic scenes errors of
+the solves, which do not shrink with the step, limit it sooner.)"""
+WORTH_AGAIN = 0.6
+"""A step is repeated for the audit if it should have been shorter than this fraction of its length."""
+MOST_REPEATS = 3
+"""Most repetitions of a step for this reason."""
+JUMP_STEP = 1e-3
+"""A rejected step may be a jump if it is below this fraction of the shortest relaxation time, and JUMP_MOTION holds."""
+JUMP_MOTION = 0.5
+"""The step must also be below this fraction of the time in which the punch moves by tolerance times range."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +39,7 @@ class StepLimits:
     """tolerance of a step's error [ranges of adhesion]; range [m]; shortest relaxation time [s], infinite where
     elastic.
 
-    attractive: whether the law attracts. Without attraction nothing snaps: no jumps, and steps as long as the error
-    allows.
+    attractive: whether the law attracts. Without attraction there are no jumps, and only the error limits the step.
     """
 
     tolerance: float
@@ -45,17 +48,17 @@ class StepLimits:
     attractive: bool
 
     def largest(self, phase: Phase) -> float:
-        """Longest step [s]: the punch moves by at most one range, so that no contact is passed over."""
+        """Longest step [s]: the punch moves by at most one range of adhesion, so that no contact is missed."""
         return self.range / phase.fastest if self.attractive and phase.fastest > 0.0 else math.inf
 
     def first(self, phase: Phase) -> float:
-        """A step [s] to begin a phase with, where nothing is known yet."""
+        """First step [s] of a phase, without information about the error."""
         if phase.fastest > 0.0:
             return self.tolerance * self.range / phase.fastest
         return self.shortest_time if math.isfinite(self.shortest_time) else phase.duration
 
     def jump(self, phase: Phase) -> float:
-        """Refused steps [s] below this are jumps."""
+        """Length [s] below which a rejected step may be a jump."""
         if phase.fastest == 0.0:
             return JUMP_STEP * self.shortest_time if math.isfinite(self.shortest_time) else 0.0
         motion = JUMP_MOTION * self.tolerance * self.range / phase.fastest
@@ -63,7 +66,7 @@ class StepLimits:
 
 
 class Controller:
-    """Takes one step at a time with a scheme; every decision follows from numbers that are the same on all ranks."""
+    """Performs one step at a time with a scheme; all decisions use numbers that are the same on all ranks."""
 
     largest_try_count = 200
 
@@ -72,22 +75,23 @@ class Controller:
         self.slack = slack_of(preload, limits.tolerance)
 
     def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Trial, str]:
-        """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted Trial, why it
+        """Performs one step of the phase, at most to the time `until` [s] from now; returns (the accepted Trial, why it
         ended).
 
-        The second is "preload" when the preload has been met, "duration" at the end of the phase, "time" at `until`,
-        else "". Raises RunError where no step, however short, can be solved.
+        The reason is "preload" if the preload has been met, "duration" at the end of the phase, "time" at `until`, else
+        "". Raises RunError if no step, however short, can be solved.
         """
         limits = self.limits
         end = phase.duration - state.elapsed
         wanted = state.step or limits.first(phase)
         step, why = fit(min(wanted, limits.largest(phase)), end, until)
-        search, refused, repeats = PreloadSearch(phase, state.force, self.preload, self.slack), [], 0
+        search, repeats = PreloadSearch(phase, state.force, self.preload, self.slack), 0
+        refused: list[Trial] = []
         for _ in range(self.largest_try_count):
             short = step < limits.jump(phase) or state.elapsed + step == state.elapsed
             last_resort = bool(refused) and search.bracket is None and short
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=last_resort)
-            # Without attraction nothing jumps: what kept the step from being taken was a loose solve before it.
+            # Without attraction there are no jumps: the cause of the rejection was an inaccurate earlier solve.
             trial.is_jump = last_resort and limits.attractive and trial.converged and _jumped(trial, refused)
             state.counters.take(trial)
             if not trial.converged or not (last_resort or trial.error <= limits.tolerance):
@@ -123,9 +127,9 @@ class Controller:
         growth = self._wish(phase, trial)
         proposal = trial.step * min(LARGEST_GROWTH, max(STRONGEST_CUT, growth))
         if trial.error > self.limits.tolerance:
-            # Taken as a last resort: shorter steps have not helped.
+            # Accepted as a last resort: shorter steps have not helped.
             proposal = max(proposal, trial.step)
-        # A step cut short by an event says nothing against the one that was wanted.
+        # A step shortened by an event is no reason to shorten the next one.
         state.step = max(proposal, wanted) if wanted > trial.step and growth >= 1.0 else proposal
 
     def _cut(self, phase: Phase, trial: Trial) -> float:
@@ -134,10 +138,11 @@ class Controller:
         return min(0.8, max(STRONGEST_CUT, self._wish(phase, trial)))
 
     def _wish(self, phase: Phase, trial: Trial) -> float:
-        """By which factor the step might have been longer."""
-        by_error = SAFETY * (self.limits.tolerance / max(trial.error, 1e-300)) ** (1.0 / (self.scheme.order + 1))
+        """Factor by which the step could have been longer."""
+        share: float = (self.limits.tolerance / max(trial.error, 1e-300)) ** (1.0 / (self.scheme.order + 1))
+        by_error = SAFETY * share
         by_error = min(by_error, self.limits.largest(phase) / trial.step)
-        by_energy = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
+        by_energy: float = SAFETY * max(trial.energy_error, 1e-300) ** -0.5
         return min(by_error, max(by_energy, by_error / ENERGY_CUT[self.scheme.order]))
 
     def _stuck(self, state: State, phase: Phase, trial: Trial) -> str:
@@ -149,13 +154,14 @@ class Controller:
 
 
 def _jumped(trial: Trial, refused: list[Trial]) -> bool:
-    """Whether a step that was refused again and again jumps: whether its change has not shrunk with the step.
+    """Whether a repeatedly rejected step is a jump, that is, whether its change has not decreased with the step.
 
-    Without a history, as after a jump, any change counts as an error, and a surface that just moves faster than the
-    punch is refused as well. Taken for a jump, it would lose its history again, and so forth.
+    Without a history, as after a jump, the whole change counts as an error, and a surface that just moves faster than
+    the punch is rejected as well. If that were taken for a jump, the history would be lost again, and so on.
     """
-    known = [other for other in refused if other.change is not None]
-    longer = [other for other in known if other.step >= TELLING * trial.step] or known[:1]
-    if not longer:
+    known = [(other.step, other.change.largest) for other in refused if other.change is not None]
+    longer = [other for other in known if other[0] >= TELLING * trial.step] or known[:1]
+    if not longer or trial.change is None:
         return True
-    return trial.change.largest > longer[-1].change.largest * math.sqrt(trial.step / longer[-1].step)
+    step, change = longer[-1]
+    return trial.change.largest > change * math.sqrt(trial.step / step)

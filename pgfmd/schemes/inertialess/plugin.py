@@ -1,4 +1,4 @@
-"""Scenes with the massless limit: what is built of them, what it needs, and which ones use every kernel."""
+"""The scheme inertialess and scenes: building it, its memory, and scenes that use every kernel."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Inertialess, Controller]:
     """Scheme and controller of a scene. Collective."""
-    # Not at the top: what a run costs is told without MPI.
+    # Not at the top, because forecasts need no MPI.
     from pgfmd.assemble import far_weights_of, newton_solver, tolerance_of
 
     from .controller import Controller, StepLimits
@@ -33,16 +33,16 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Inertialess, Cont
         solver, series.to_creep(), tolerance, output.energy, weights, output.near_gap, scene.solver.order
     )
     shortest = float(series.tau.min()) if series.elements else math.inf
-    limits = StepLimits(tolerance, law.range, shortest, law.attractive)
+    limits = StepLimits(tolerance, law.length, shortest, law.attractive)
     return scheme, Controller(scheme, limits, scene.drive.preload)
 
 
 def memory(scene: Scene, ranks: int) -> Memory:
     """Memory of the rank with the largest share.
 
-    State: u, w, f, two past u and w; N branches; their N images where energies are followed. Scheme: u, w, f, history a
-    stage; two stages, one where elastic or of first order. Newton: heights and f, and K, r, s, t, p, y, z, of `rough` the
-    size; with a coarser grid, other work vectors (two_grid.py). Weights of the far field.
+    State: u, w, f, two past u and w; N internal variables; their N images with the energy audit. Scheme: u, w, f,
+    history per stage; two stages, one if elastic or of first order. Newton: heights and f, and K, r, s, t, p, y, z with
+    the precision of `rough`; with a coarse grid, other work vectors (two_grid.py). Weights of the far field.
     """
     elements, rough = parts.series_of(scene.rheology).elements, rough_share(scene)
     stages, periodic = scene.solver.order if elements else 1, scene.substrate.boundary == "periodic"
@@ -52,5 +52,5 @@ def memory(scene: Scene, ranks: int) -> Memory:
 
 
 def warm_up(precision: str) -> tuple[Overrides, ...]:
-    """Of half a punch, with a coarser grid and without, of a quarter of one, and of a whole one."""
+    """Half a punch with and without a coarse grid, a quarter, and a whole punch."""
     return ["solver.coarse_grid=always"], ["output.energy=false"], ["punch.pattern=flat"], ["rheology.model=elastic"]

@@ -2,16 +2,16 @@
 
     w = J_inf f + sum_m J_m phi_m,    lambda_m dphi_m/dt = f - phi_m
 
-Over one step h the stages obey phi_i = phi_n + (h/lambda) sum_{j<=i} a_ij k_j with the rates k_j = f_j - phi_j. They
-are linear in phi_n and in the stages' tractions, so that each stage is a static problem w_i = J_i f_i + history_i:
+phi_m are the internal variables, w is the effective traction. Over one step h the stages obey
+phi_i = phi_n + (h/lambda) sum_{j<=i} a_ij k_j with the rates k_j = f_j - phi_j. They are linear in phi_n and in the
+tractions of the stages, so that each stage is a static problem w_i = J_i f_i + history_i:
 
     k_i       = rate_decay_i phi_n + sum_{j<=i} rate_gain_ij f_j            (per element m)
     history_i = sum_m branch_weight_im phi_nm + sum_{j<i} stage_weight_ij f_j
     phi_{n+1} = decay phi_n + sum_i gain_i f_i                              (per element m)
 
-The recursion runs in the rates, so that elements with lambda << h and lambda >> h lose no digits. The methods are
-L-stable and stiffly accurate: the last stage is the end of the step, and an element much faster than the step just
-follows.
+The recursion uses the rates, so that elements with lambda << h and lambda >> h lose no digits. The methods are L-stable
+and stiffly accurate: the last stage is the end of the step, and an element much faster than the step is in equilibrium.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ SDIRK2 = Tableau(((_G, 0.0), (1.0 - _G, _G)), 2, abs(1.0 / 6.0 - 3.0 * _G**2 + 2
 
 @dataclass(frozen=True)
 class StepWeights:
-    """The weights of one step; shapes with s stages and N elements are given behind each."""
+    """The weights of one step, with s stages and N elements."""
 
     compliance: np.ndarray  # J_i (s,)
     branch_weight: np.ndarray  # (s, N)
@@ -82,6 +82,6 @@ def step_weights(creep: CreepSeries, tableau: Tableau, step: float) -> StepWeigh
 
 @dataclass
 class StagedTrial(Trial):
-    """A trial of several stages, with the weights of its step."""
+    """A trial step of several stages, with its weights."""
 
     weights: StepWeights = field(kw_only=True, repr=False)

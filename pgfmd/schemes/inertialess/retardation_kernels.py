@@ -1,4 +1,4 @@
-"""Compiled kernels of the retardation: histories of the traction, one a branch, weighed and moved on (kernels.py).
+"""Compiled kernels of retardation: weighted sums and the time step of the internal variables (kernels.py).
 
 Each stands beside the line of mathematics it evaluates.
 """
@@ -14,7 +14,7 @@ from pgfmd.solver.kernels import _compile, _compile_sums
 def weights_of(
     a: np.ndarray, compliances: np.ndarray, times: np.ndarray, instantaneous: float, step: float
 ) -> tuple[np.ndarray, ...]:
-    """What StepWeights (retardation.py) holds, in its order. a (s, s); compliances J_m and retardation times (N,)."""
+    """The fields of StepWeights (retardation.py), in its order. a (s, s); compliances J_m and retardation times (N,)."""
     count, elements = a.shape[0], times.size
     last = count - 1
     weighted = np.zeros((count, count))
@@ -55,7 +55,7 @@ def weights_of(
     return compliance, branch_weight, weighted, decay, gain, rate_decay, rate_gain, quadrature
 
 
-# Whole branches one after another, although stages and sums are read anew for each: going through all branches a
+# Whole internal variables one after another, although stages and sums are read again for each: going through all of them a
 # stretch at a time, to keep those in cache, took half as long again.
 @_compile
 def weigh_branches(branches: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
@@ -101,8 +101,8 @@ def stage_of(total: np.ndarray, history: np.ndarray, compliance: float, out: np.
 def stage_and_history(
     total: np.ndarray, history: np.ndarray, compliance: float, weight: float, out: np.ndarray, following: np.ndarray
 ) -> None:
-    """out = (total - history) / compliance, as `stage_of`; and what it adds to the next stage's history: following +=
-    weight out."""
+    """out = (total - history) / compliance, as `stage_of`, and its contribution to the history of the next stage:
+    following += weight out."""
     inverse = 1.0 / compliance
     for p in range(out.size):
         stage = (total[p] - history[p]) * inverse
@@ -114,7 +114,7 @@ def stage_and_history(
 def advance_branches(branches: np.ndarray, decay: np.ndarray, stages: np.ndarray, gain: np.ndarray, count: int) -> None:
     """branches[m] = decay[m] branches[m] + sum_{j < count} gain[m, j] stages[j], with 1 or 2 stages.
 
-    Two branches at a time, so that stages are read half as often; with four, it took longer again.
+    Two at a time, so that stages are read half as often; four at a time are slower.
     """
     elements, size = branches.shape
     first, last, two = stages[0], stages[count - 1], count > 1
@@ -136,7 +136,7 @@ def advance_branches(branches: np.ndarray, decay: np.ndarray, stages: np.ndarray
 
 
 PIECE = 1024
-"""Points that go through all of an audit's passes together, in cache: whole rows, at least one."""
+"""Points that are processed by all passes of the audit together, in cache: whole rows, at least one."""
 
 
 @_compile
@@ -180,8 +180,8 @@ def advance_branches_and_energy(
     images g_i = G0 f_i of the stages follow from their surfaces u_i, `first` and `last`, the same for one stage.
 
     The rates of stage i are k_i = f_i - phi_i = rate_decay[m, i] phi_n + sum_{j <= i} rate_gain[m, i, j] f_j, likewise
-    for psi. Written out for two stages, as loops over them would not vectorise; a single one has no second term.
-    Without `keep` phi and psi stay as they are.
+    for psi. Written out for two stages, because loops over them would not vectorise; a single one has no second term.
+    Without `keep`, phi and psi do not change.
     rows[0] of sum_m J_m phi_m psi_m / 2;  rows[1] of sum_m sum_i quadrature[m, i] k_i G0 k_i;  rows[2] of f g of the last
     stage,  [Pa m].
     """

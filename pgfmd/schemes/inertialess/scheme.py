@@ -2,8 +2,9 @@
 
     u = G0 w,   w = J_inf f + sum_m J_m phi_m,   lambda_m dphi_m/dt = f - phi_m,   f = Gamma'(d(t) + z - u)
 
-Each stage of a step (retardation.py) is a static contact problem (newton.py) with the compliance J_i G0, begun where
-the last ends of steps point (path_following.py).
+w is the effective traction, phi_m are the internal variables. Each stage of a step (retardation.py) is a static contact
+problem (newton.py) with the compliance J_i G0. Its start is extrapolated from the last ends of steps
+(path_following.py).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from pgfmd.errors import RunError
-from pgfmd.physics.drive import Phase
+from pgfmd.physics.drive import AT_REST, Phase
 from pgfmd.physics.rheology import CreepSeries
 from pgfmd.schemes.path_following import EVENT_TOLERANCE, PathFollowing
 from pgfmd.solver import kernels
@@ -24,26 +25,29 @@ from .audit import EnergyAudit, tension_of, work_of
 from .retardation import IMPLICIT_EULER, SDIRK2, StagedTrial, step_weights
 
 LOOSEST_TOLERANCE = 2e-2
-"""Largest tolerance of any solve, whatever error a step may make: the step's end has to be a state at all."""
+"""Largest tolerance of a solve, whatever the allowed error of the step, so that its end is close to equilibrium."""
 EVENT_SHARE = 0.25
-"""Largest share of the usual tolerance in solves that look for an event: the force is then good to half of what the
-preload has to be met to."""
+"""Tolerance of solves that locate an event, as a fraction of the usual one: the error of the force is then half of the
+allowed error of the preload."""
 JUMP_SHARPNESS = 1e-3
-"""Share of the tolerance to which jumps are solved: just past the loss of stability the residual of the lost branch is
-tiny, and a loose solve lingers on it."""
-NEARLY_ELASTIC, ELASTIC_PATIENCE = 0.5, 2
-"""Patience of CG (newton.py) where more than this share of the compliance is instantaneous, as where it is elastic."""
+"""Tolerance of solves in a jump, as a fraction of the usual one: just after the loss of stability the residual on the
+unstable branch is tiny, and a solve with a large tolerance would stay on it."""
+NEARLY_ELASTIC = 0.5
+"""An elastomer is nearly elastic if more than this fraction of its compliance is instantaneous."""
+ELASTIC_PATIENCE = 2
+"""Patience of the conjugate gradients (newton.py) for elastic and nearly elastic elastomers."""
 ELASTIC_SHARPNESS = 0.25
-"""Elastic scenes: share of the tolerance to which steps are solved: an elastic step's only error is its solve's."""
+"""Tolerance of the solves in elastic scenes, as a fraction of that of the step: they are the only source of error."""
 
 
 class Inertialess(PathFollowing):
-    """Steps of the massless model. `try_step` leaves the state alone; `accept` moves it on.
+    """Steps of the massless model. `try_step` does not change the state; `accept` advances it.
 
     solver: NewtonSolver. creep: CreepSeries. tolerance: of a step, in ranges of adhesion; the static problems are
     solved to the same tolerance, as their errors enter the error estimate with a tenth of their size. audit: whether to
-    follow energies. far_weights: of the far displacement (far_field.py), empty where there is none. near_gap [m]: below
-    which a point is near. order: 2 or 1, of steps with retardation. All fields have the precision of the solver's convolution.
+    compute energies. far_weights: of the far displacement (far_field.py), empty if there is none. near_gap [m]: below
+    which a point is near. order: 2 or 1, of steps with retardation. All fields have the precision of the solver's
+    convolution.
     """
 
     cure = "Try a smaller solver.accuracy, or a larger adhesion.range."
@@ -78,20 +82,20 @@ class Inertialess(PathFollowing):
         return State(u, w, f, branches, images, position, phase_start=position)
 
     def start(self, state: State) -> float:
-        """Brings the surface into instantaneous balance with the punch at its first position; returns the force [N].
+        """Computes the instantaneous equilibrium with the punch at its first position; returns the force [N].
 
-        Nothing to do, and nothing done, for a punch out of reach. RunError if there is no balance.
+        Does nothing if the punch is beyond the range of adhesion. Raises RunError if there is no equilibrium.
         """
         solver = self.solver
         history, solve = self._history[0], solver.solve
         history[:] = 0.0
         if not self.creep.elements and state.position < self.law.reach:
-            # From a relaxed surface at rest the way is long, and most of Newton's corrections on it would be cut.
+            # The start is far from a relaxed surface at rest, and most of Newton's corrections would be truncated.
             from pgfmd.solver.descent import Descent
 
             solve = Descent(solver).solve
         for jump in (False, True):
-            # Where the punch starts in contact, the way from the surface at rest may be long.
+            # If the punch starts in contact, the equilibrium may be far from the surface at rest.
             outcome = solve(
                 state.position, history, self.creep.J_inf, state.displacement, state.load, 0.1 * self.tolerance, jump,
                 largest_force=solver.force_scale,
@@ -100,7 +104,7 @@ class Inertialess(PathFollowing):
             if outcome.converged:
                 break
         else:
-            first = Trial(0.0, state.position, None, converged=False, left_over=outcome.left_over)
+            first = Trial(0.0, state.position, AT_REST, converged=False, left_over=outcome.left_over)
             where = f"d = {state.position:.6g} m"
             raise RunError(f"no equilibrium found at the start ({where}). {self.advice(state, first)}")
         state.traction[:] = solver.traction
@@ -113,8 +117,8 @@ class Inertialess(PathFollowing):
     def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> StagedTrial:
         """Solves the stages of a step of `step` [s] from `state`. Collective.
 
-        sharp: solve tighter, for finding events. jump: solve tighter still, and start each stage from the last one
-        instead of extrapolating, so that the potential drop is that of the surface's jump.
+        sharp: smaller tolerance, to locate events. jump: even smaller tolerance, and start each stage from the last one
+        instead of extrapolating, so that the decrease of the potential is that of the surface's jump.
         """
         weights = step_weights(self.creep, self.tableau, step)
         retardation_kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
@@ -157,7 +161,7 @@ class Inertialess(PathFollowing):
         return trial
 
     def accept(self, state: State, trial: StagedTrial) -> None:
-        """Moves fields, history and energies of the state to the end of the trial step."""
+        """Advances fields, history and energies of the state to the end of the trial step."""
         weights = trial.weights
         work = work_of(state, trial, self.tableau)
         state.energies.work += work

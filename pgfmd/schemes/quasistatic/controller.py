@@ -1,8 +1,8 @@
-"""Which load steps a quasi-static run tries, and which it takes.
+"""The step control of quasi-static runs.
 
-Steps that meet no instability are as long as their error allows. One that does is given up at once and cut, down to a
-length at which the jump is followed to its end. The jump is somewhere within that step; how well its energy is known
-decides whether that is near enough.
+Steps without instability are as long as their error allows. A step with an instability is abandoned immediately and
+shortened, until it is so short that the jump is followed to its end. The place of the jump within that step is unknown;
+the uncertainty of its energy decides whether the step is short enough.
 """
 
 from __future__ import annotations
@@ -17,21 +17,25 @@ from pgfmd.solver.trial import LARGEST_GROWTH, SAFETY, STRONGEST_CUT, Trial
 
 from .scheme import Quasistatic
 
-FOLLOWED, FINEST = 1.0, 0.25
-"""Jumps are followed in steps of at most so many tolerances, and located to no less than this share of one."""
+FOLLOWED = 1.0
+"""Longest step in which a jump is followed, in tolerances."""
+FINEST = 0.25
+"""Shortest step to which a jump is located, in tolerances."""
 UNCERTAINTY = 10.0
-"""Accepted uncertainty of the energy that a jump releases, in tolerances."""
-LONGEST_FOLLOWED, ROOM = 0.25, 0.25
-"""Jumps that hardly count, their uncertainty being below this part of what is allowed, are followed in longer and
-longer steps: up to this part of the range of adhesion."""
+"""Accepted uncertainty of the energy released by a jump, in tolerances."""
+ROOM = 0.25
+"""A jump is negligible if the uncertainty of its energy is below this fraction of the accepted one. It is followed in
+longer and longer steps."""
+LONGEST_FOLLOWED = 0.25
+"""Longest step in which a negligible jump is followed, in ranges of adhesion."""
 CUT = 0.25
 LONGEST_PULLING = 0.125
-"""Longest step in which the punch pulls, in ranges of adhesion: there the force turns round within about one of
-them, and the largest tension is that at the end of a step."""
+"""Longest step under tension, in ranges of adhesion: the minimum of the force is about one range wide, and the largest
+tension is taken at the ends of steps."""
 
 
 class LoadSteps:
-    """Takes one load step at a time; every decision follows from numbers that are the same on all ranks.
+    """Performs one quasi-static step at a time; all decisions use numbers that are the same on all ranks.
 
     tolerance: of a step [ranges of adhesion]; reach [m]: the range of adhesion; preload [N]; attractive: whether the
     law attracts.
@@ -45,15 +49,15 @@ class LoadSteps:
         self.slack = slack_of(preload, tolerance)
 
     def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Trial, str]:
-        """Takes one step of the phase, at most to the time `until` [s] from now; returns (the accepted trial, why it
+        """Performs one step of the phase, at most to the time `until` [s] from now; returns (the accepted trial, why it
         ended): "preload", "duration", "time", or "".
 
-        Raises RunError where no equilibrium is found.
+        Raises RunError if no equilibrium is found.
         """
         unit = self._unit(state, phase)
         finest = FINEST * self.tolerance * unit
         shortest = FOLLOWED * self.tolerance * unit
-        # Under tension the next jump may be the pull-off, whose force is wanted.
+        # Under tension the next jump may be the pull-off, whose force is needed.
         followed = shortest if state.force < 0.0 else min(max(state.followed, shortest), LONGEST_FOLLOWED * unit)
         end = phase.duration - state.elapsed
         wanted = state.step or self.tolerance * unit
@@ -82,14 +86,14 @@ class LoadSteps:
                 step, why = other, ""
                 continue
             if trial.is_jump:
-                # Short of what could be allowed: where jumps hardly count, they need not be placed as well.
+                # Negligible jumps need not be located as accurately.
                 room = trial.uncertainty / self._allowed(trial, state.energies.released)
                 followed = LARGEST_GROWTH * followed if room < ROOM and step > 0.5 * followed else followed
             state.followed, met = followed, search.is_met(trial.force)
             if met:
                 self.scheme.require_preload(state, trial, self.slack)
             self.scheme.accept(state, trial)
-            # A longer step than may be followed would meet the next instability, and be given up.
+            # A longer step than may follow a jump would meet the next instability, and be abandoned.
             followed = shortest if state.force < 0.0 else followed
             state.step = self._next(trial, wanted if why else step, followed)
             return trial, "preload" if met else why
@@ -101,9 +105,9 @@ class LoadSteps:
         )
 
     def _unit(self, state: State, phase: Phase) -> float:
-        """Time [s] in which the punch moves by one range of adhesion, about."""
+        """Approximate time [s] in which the punch moves by one range of adhesion."""
         scheme = self.scheme
-        # Where punch and elastomer hold each other, a spring has its share of the machine's way.
+        # In contact, part of the machine's travel stretches the spring.
         shared = scheme.machine_compliance > 0.0 and scheme.interacting(state) > 0
         share = 1.0 + scheme.contact_stiffness * scheme.machine_compliance if shared else 1.0
         return share * self.reach / phase.fastest
@@ -111,8 +115,8 @@ class LoadSteps:
     def _shorter(
         self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float, passed: bool
     ) -> float | None:
-        """The step to try instead; None where the trial can be taken. passed: whether it went over a jump that may be
-        the pull-off."""
+        """The shorter step to try next; None if the trial is accepted. passed: whether it passed over a jump that may
+        be the pull-off."""
         if not trial.converged or passed:
             return max(CUT * step, min(followed, 0.99 * step)) if not follow else CUT * step
         if trial.is_jump:
@@ -123,14 +127,14 @@ class LoadSteps:
         return step * min(0.8, max(STRONGEST_CUT, self._growth(trial)))
 
     def _allowed(self, trial: Trial, released: float) -> float:
-        """Uncertainty [J] that a jump may have: errors of many small jumps average out."""
+        """Accepted uncertainty [J] of a jump: errors of many small jumps average out."""
         return UNCERTAINTY * self.tolerance * math.sqrt(trial.potential_drop * (trial.potential_drop + released))
 
     def _growth(self, trial: Trial) -> float:
         return SAFETY * math.sqrt(self.tolerance / max(trial.error, 1e-300))
 
     def _next(self, trial: Trial, wanted: float, followed: float) -> float:
-        """The step to try next. After a jump the surface is a new one, about which nothing is known."""
+        """The step to try next. After a jump there is no history of the surface."""
         if trial.is_jump:
             return max(trial.step, followed)
         growth = self._growth(trial)

@@ -1,11 +1,11 @@
-"""The loading machine: a spring between what is driven and the punch.
+"""The loading machine: a spring between the driven end and the punch.
 
-The machine's end D(t) is driven; a spring of stiffness k_M carries the punch at d = D + F/k_M. Seen from the machine's
-end, the surface u' = u - (d - D) = G0 w - (1/k_M) F is that of a body with one more compliance, the same everywhere:
+The machine's end D(t) is driven; a spring of stiffness k_M holds the punch at d = D + F/k_M. In the frame of the
+machine, the surface u' = u - (d - D) = G0 w - (1/k_M) F is that of a body with an additional uniform compliance:
 
     u' = G0' w,   G0' = G0 + 1 1^T h^2 / (J k_M),   w = J f
 
-so all that is said of equilibria with G0 holds for G0'. Load control is the limit of a soft spring.
+so equilibria with G0' are found in the same way as with G0. Force control is the limit of a soft spring.
 """
 
 from __future__ import annotations
@@ -62,5 +62,5 @@ def total(points: PunchPoints, values: np.ndarray, rows: np.ndarray) -> float:
 
 
 def sprung(convolve: Convolves, spring: float, compliance: float) -> Convolves:
-    """The convolution with the machine's spring in it; as it is where the machine is rigid."""
+    """The convolution including the machine's spring; unchanged for a rigid machine."""
     return SprungConvolution(convolve, spring, compliance) if spring else convolve

@@ -1,4 +1,4 @@
-"""Scenes without time: what is built of them, what it needs, and which ones use every kernel."""
+"""The scheme quasistatic and scenes: building it, its memory, and scenes that use every kernel."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Quasistatic, LoadSteps]:
     """Scheme and controller of a scene. Collective."""
-    # Not at the top: what a run costs is told without MPI.
+    # Not at the top, because forecasts need no MPI.
     from pgfmd.assemble import far_weights_of, newton_solver, tolerance_of
 
     from .controller import LoadSteps
@@ -33,19 +33,19 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Quasistatic, Load
     dead = scene.drive.control == "load"
     weights, near = far_weights_of(scene, solver), scene.output.near_gap
     scheme = Quasistatic(solver, compliance, tolerance, weights, near, spring, stiffness, dead)
-    return scheme, LoadSteps(scheme, tolerance, law.range, scene.drive.preload, law.attractive)
+    return scheme, LoadSteps(scheme, tolerance, law.length, scene.drive.preload, law.attractive)
 
 
 def memory(scene: Scene, ranks: int) -> Memory:
     """Memory of the rank with the largest share.
 
-    State: u, w, f, two past u and w; the softest mode and its dual, and as they were before the step. Scheme: u, w, and
-    zeros for the history; Newton's vectors.
+    State: u, w, f, two past u and w; the softest mode and its dual, now and before the step. Scheme: u, w, and zeros
+    for the history; vectors of Newton's method.
     """
     rough, periodic = rough_share(scene), scene.substrate.boundary == "periodic"
     return memory_of_vectors(scene, ranks, (7 + 2 * rough, 3 + 2 + 9 * rough + periodic))
 
 
 def warm_up(precision: str) -> tuple[Overrides, ...]:
-    """Of a machine with a spring, which single precision has none of."""
+    """Scenes with and without a machine's spring, which single precision does not support."""
     return ([] if precision == "single" else ["drive.machine_stiffness=1 kN/m"],)

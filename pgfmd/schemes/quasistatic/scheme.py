@@ -1,14 +1,14 @@
-"""Infinitely slow loading: a path of equilibria, and the jumps between them (docs: model, "Without time").
+"""Quasi-static loading: a path of equilibria, and the jumps between them (docs: model, "Quasi-static equilibria").
 
     u = G0 w,   w = J f,   f = Gamma'(d + z - u),   A^-1 + K > 0,   A = J G0
 
-Each load step ends in a minimum of the potential
+Each step of the machine ends in a minimum of the potential
 
     Phi(u) = sum u w / (2 J) + Gamma(d + z - u)        [+ F^2/(2 k_M), the machine's spring]
 
-that is reached downhill from the last one. A step that meets no instability is reversible: its work is stored. What is
-left of the work of a step that met one is the energy that the jump has released. Each minimum is confirmed by a search
-for its lowest curvature (soft_mode.py). Time only counts how far the machine has gone.
+that is reached downhill from the last one. A step without an instability is reversible: its work is stored. In a step
+with an instability, the work minus the change of stored energy is the energy released by the jump. Each minimum is
+confirmed by a search for its lowest curvature (soft_mode.py). Time is only a measure of the travel of the machine.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import math
 import numpy as np
 
 from pgfmd.errors import RunError
-from pgfmd.physics.drive import Phase
-from pgfmd.schemes.path_following import EVENT_TOLERANCE, SINGLE_NOISE, PathFollowing
+from pgfmd.physics.drive import AT_REST, Phase
+from pgfmd.schemes.path_following import EVENT_TOLERANCE, SINGLE_NOISE, PathFollowing, known_change
 from pgfmd.solver import kernels
 from pgfmd.solver.descent import Descent
 from pgfmd.solver.drift import Drift
@@ -32,40 +32,45 @@ from .soft_mode import SoftMode
 from .spring_work import SpringWork
 
 SHARPNESS = 0.25
-"""Share of the tolerance to which equilibria are solved: a step's only error is its solve's."""
+"""Tolerance of the solves, as a fraction of that of a step: they are its only source of error."""
 PATIENCE = 2
-"""Of CG (newton.py): for a relaxed surface it is slow, and one small move may be followed by larger ones."""
-MOST_SLIDES, QUIET_SLIDES = 20, 3
-"""Saddles on the way down from one instability at which a step is given up; and, of those in a row that are no higher
-than the noise of a solve, at which the equilibrium is taken for a minimum."""
-BENT, STRAIGHT = 1.0, 1e-2
-"""Error of the trapezoid that is reckoned with: this multiple of what the polynomial makes of it, and at least this
-share of half of the changes of force and place."""
-LEAST_SIGN, FAST = 1e-2, 4.0
-"""A step that met no instability may have passed over a jump only where its error is at least this share of the
-tolerance: the surface is then elsewhere than where it was heading for. Where that is not known, only where the surface
-moved so many times as far as the punch."""
+"""Patience of CG (newton.py): for a relaxed surface it converges slowly, and a small update may be followed by larger
+ones."""
+MOST_SLIDES = 20
+"""A step is abandoned after so many saddle points in the descent from one instability."""
+QUIET_SLIDES = 3
+"""An equilibrium is accepted as a minimum after so many consecutive saddle points no higher than the noise of a
+solve."""
+BENT = 1.0
+"""Assumed error of the trapezoidal rule, as a multiple of the estimate by the polynomial."""
+STRAIGHT = 1e-2
+"""Lower bound of this error, as a fraction of half the product of the changes of force and displacement."""
+LEAST_SIGN = 1e-2
+"""A step that met no instability may have passed over a jump only if its error is at least this fraction of the
+tolerance: the surface is then not where the extrapolation predicted."""
+FAST = 4.0
+"""If there is no such prediction: only if the surface moved so many times as far as the punch."""
 LEAST_TENSION = 1e-2
-"""Where the punch pulls, changes of its force are measured by the largest tension so far, at least this share of the
-preload: a pull-off force may be far below that."""
+"""Under tension, changes of the force are relative to the largest tension so far, or at least to this fraction of the
+preload: a pull-off force may be much smaller than the preload."""
 NOISE = 1e-13
-"""Rounding of a step's energies in double precision, as a share of those at stake."""
+"""Rounding error of a step's energies in double precision, relative to the energies involved."""
 
 
 class Quasistatic(PathFollowing):
-    """Load steps without time. `try_step` leaves the state alone, but for the softest mode, of which it only looks for
-    a better one; `accept` moves it on.
+    """Quasi-static steps. `try_step` changes nothing in the state except the softest mode, which it only improves;
+    `accept` advances the state.
 
-    solver: NewtonSolver, its convolution that of the machine's spring too where there is one (`sprung`). compliance: J,
-    of the relaxed body 1, of the instantaneous one E(0)/E(infinity). tolerance: of a step, in ranges of adhesion.
-    spring [m/N]: 1/k_M, 0 for a rigid machine. contact_stiffness [N/m]: of the contact of the whole punch, about.
-    dead_load: whether the spring stands for one. far_weights, near_gap: of PathFollowing.
+    solver: NewtonSolver, whose convolution includes the machine's spring (`sprung`). compliance: J, 1 for the relaxed
+    body, E(0)/E(infinity) for the instantaneous one. tolerance: of a step, in ranges of adhesion. spring [m/N]: 1/k_M,
+    0 for a rigid machine. contact_stiffness [N/m]: approximate stiffness of the contact of the whole punch. dead_load:
+    whether the spring represents a controlled force. far_weights, near_gap: as in PathFollowing.
     """
 
     cure = "Try a smaller solver.accuracy."
     order = 1
     audit = True
-    """Energies decide about jumps, so they are always followed."""
+    """Jumps are detected by energies, so these are always computed."""
 
     def __init__(
         self, solver: NewtonSolver, compliance: float, tolerance: float, far_weights: np.ndarray, near_gap: float,
@@ -75,10 +80,10 @@ class Quasistatic(PathFollowing):
         self.compliance, self.machine_compliance, self.contact_stiffness = compliance, spring, contact_stiffness
         self.spring = SpringWork(spring, dead_load, solver.law.reach)
         solver.cg.patience = PATIENCE
-        # A soft spring is softer than all modes of the surface by decades. The first moves of a descent would be for it
-        # alone, and so small that they passed for the last ones.
+        # A soft spring is softer than all modes of the surface by decades. The first updates of a descent would only concern
+        # the spring, and be so small that the descent would end.
         self._go_down = solver.solve if spring else Descent(solver).solve
-        # Without attraction the potential is convex: there is one equilibrium, and nothing to search.
+        # Without attraction the potential is convex: the equilibrium is unique, and no search is needed.
         self.soft_mode = SoftMode(solver, compliance) if solver.law.attractive else None
         self._none = np.zeros(self.points.size, solver.dtype)
         self._rows = np.zeros((1, self.points.rows))
@@ -95,9 +100,9 @@ class Quasistatic(PathFollowing):
         return state
 
     def start(self, state: State) -> float:
-        """Brings the surface into balance with the punch at its first position, downhill from rest; returns the force
-        [N]. RunError if there is no balance."""
-        first, tolerance = Trial(0.0, state.position, None, converged=True), SHARPNESS * self.tolerance
+        """Computes the equilibrium with the punch at its first position, downhill from rest; returns the force [N].
+        Raises RunError if there is none."""
+        first, tolerance = Trial(0.0, state.position, AT_REST, converged=True), SHARPNESS * self.tolerance
         u, w, largest = state.displacement, state.load, self.solver.force_scale
         outcome = self._solve(state.position, u, w, tolerance, True, largest)
         self._take(first, outcome)
@@ -115,9 +120,8 @@ class Quasistatic(PathFollowing):
     def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> Trial:
         """Solves for the equilibrium after a step of `step` [s]. Collective.
 
-        sharp: solve tighter, for finding the preload. jump: follow an instability to its end; otherwise the trial is
-        given up, unconverged, where it meets one. A trial that jumped says how much energy that has released, and how
-        well that is known.
+        sharp: smaller tolerance, to locate the preload. jump: follow an instability to its end; otherwise the trial
+        ends there without convergence. A trial with a jump has the released energy and its uncertainty.
         """
         trial = Trial(step, state.position, phase, converged=True)
         trial.position = state.phase_start + phase.displacement(state.elapsed + step)
@@ -149,24 +153,24 @@ class Quasistatic(PathFollowing):
         way, jumped = abs(self.spring.end(state, trial) - self.place(state)), abs(trial.force - state.force)
         from_path = trial.change.force_distance * self._scale(state, trial) * abs(trial.position - state.position)
         trial.uncertainty = 0.5 * min(jumped * way, from_path)
-        # How far the trapezoid is off; where the force happens not to bend, the next order counts.
+        # Error of the trapezoidal rule; if the force happens to have no curvature, the next order matters.
         smooth = self.spring.work(state, trial, smooth=True)
         bend = abs(smooth - plain)
         bend = max(BENT * bend, STRAIGHT * trial.uncertainty)
         noise = self._noise(state, trial, tolerance)
-        # A step that met nothing may have passed over a jump as well: a path of equilibria loses no energy.
+        # A step without instability may have passed over a jump as well: a path of equilibria loses no energy.
         told = left or trial.error > self.tolerance or self._shows_jump(state, trial)
         trial.is_jump = bool(self.soft_mode) and told and min(smooth, plain) - gained > bend + noise
         return trial
 
     def _shows_jump(self, state: State, trial: Trial) -> bool:
-        """Whether a step that met no instability may have passed over a jump all the same."""
+        """Whether a step without instability may have passed over a jump."""
         if state.past_steps:
             return trial.error > LEAST_SIGN * self.tolerance
-        return trial.change.surface * self.law.range > FAST * abs(trial.position - state.position)
+        return known_change(trial.change).surface * self.law.length > FAST * abs(trial.position - state.position)
 
     def accept(self, state: State, trial: Trial) -> None:
-        """Moves fields, history and energies of the state to the end of the trial step."""
+        """Advances fields, history and energies of the state to the end of the trial step."""
         energies = state.energies
         work = self.spring.work(state, trial, smooth=not trial.is_jump)
         energies.work += work
@@ -176,11 +180,11 @@ class Quasistatic(PathFollowing):
         self._move_on(state, trial)
 
     def _carry(self, trial: Trial, state: State, u: np.ndarray, w: np.ndarray) -> None:
-        """Carries the surface with the punch where nothing is known yet of how it moves: a soft spring's end may go a
-        long way while punch and surface hardly move, and without this it went through the surface.
+        """Moves the surface with the punch if there is no history to extrapolate from. The machine's end of a soft
+        spring may travel far while punch and surface hardly move; without this, the punch would go through the surface.
 
-        The load that this takes is spread evenly over the points that interact: under tension few of them have a
-        negative gap, or none.
+        The required traction is distributed evenly over all interacting points, because under tension few or none of
+        them have a negative gap.
         """
         count = self.interacting(state)
         if count == 0:
@@ -190,7 +194,7 @@ class Quasistatic(PathFollowing):
         way = trial.position - state.position
         w[np.flatnonzero(state.traction)] += self.compliance * way * stiffness / area
         self.solver.convolve(w, u)
-        # The surfaces before have a drift that this one has no more: what is extrapolated from both must know.
+        # Earlier surfaces have a drift that this one no longer has, which matters for extrapolation.
         self._drift = self._drift.renewed(self._extent(trial.position))
 
     def _solve(
@@ -200,7 +204,7 @@ class Quasistatic(PathFollowing):
             position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest
         )
         if outcome.left_over and not self.machine_compliance:
-            # Rounding has stopped it short of balance. Newton's corrections, each of many moves, are rounded only once.
+            # Rounding stopped it before equilibrium. Newton's corrections, each of many updates, are rounded only once.
             more = self.solver.solve(
                 position, self._none, self.compliance, u, w, tolerance, jump, largest_force=largest
             )
@@ -209,9 +213,9 @@ class Quasistatic(PathFollowing):
         return outcome
 
     def _extent(self, position: float) -> float:
-        """Size of u [ranges of adhesion] with the machine at a position [m]. What the loads of the points make of a
-        soft spring, one by one, is more than their sum: of that, about the preload is reckoned with."""
-        return super()._extent(position) + self.machine_compliance * self.solver.force_scale / self.law.range
+        """Size of u [ranges of adhesion] with the machine at a position [m]. The tractions of single points stretch a
+        soft spring more than their sum does; about the preload is assumed for this."""
+        return super()._extent(position) + self.machine_compliance * self.solver.force_scale / self.law.length
 
     @staticmethod
     def _take(trial: Trial, outcome: Outcome) -> None:
@@ -223,29 +227,29 @@ class Quasistatic(PathFollowing):
         self, state: State, trial: Trial, surface: tuple[np.ndarray, np.ndarray], outcome: Outcome, tolerance: float, jump: bool, left: bool,
         largest: float = 0.0,
     ) -> tuple[Outcome, bool]:  # fmt: skip
-        """Confirms that the equilibrium is a minimum; goes on downhill along the soft mode where it is not, if that is
-        wanted. Returns the last outcome, and whether an instability was met."""
+        """Confirms that the equilibrium is a minimum; if it is not, optionally continues downhill along the soft mode.
+        Returns the last outcome, and whether there was an instability."""
         u, w = surface
+        search, mode, dual = self.soft_mode, state.soft_mode, state.soft_load
+        assert search is not None and mode is not None and dual is not None, "only asked for where there is attraction"
         noise, quiet = self._noise(state, trial, tolerance), 0
         before = None if u is state.displacement else (state.position, state.displacement)
         for slide in range(MOST_SLIDES):
             seed = MOST_SLIDES * (state.counters.steps + 1) + slide
-            curvature = self.soft_mode.search(state.soft_mode, state.soft_load, seed, before)
+            curvature = search.search(mode, dual, seed, before)
             trial.cg_iterations += curvature.iterations
             if curvature.lowest >= 0.0:
                 return outcome, left
             if not jump:
                 left = True
                 break
-            dropped = self.solver.slide(
-                trial.position, self._none, self.compliance, u, w, state.soft_mode, state.soft_load
-            )
+            dropped = self.solver.slide(trial.position, self._none, self.compliance, u, w, mode, dual)
             if dropped == 0.0:
-                # Indifferent, to rounding: no lower place either way.
+                # Neutral to rounding: the potential is not lower on either side.
                 return outcome, left
             outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
             self._take(trial, outcome)
-            # Where points leave the range of adhesion the curvature jumps, and a saddle may be one within a hair only.
+            # The curvature jumps where points leave the range of adhesion, and a saddle point may be one only in a tiny region.
             quiet = quiet + 1 if dropped < noise else 0
             left |= quiet == 0
             if not outcome.converged or quiet == QUIET_SLIDES:
@@ -254,28 +258,28 @@ class Quasistatic(PathFollowing):
         return outcome, left
 
     def interacting(self, state: State) -> int:
-        """How many points of the punch feel the elastomer, within the reach of the law. Collective."""
+        """Number of points of the punch within the reach of the law. Collective."""
         self._rows[:] = 0.0
         if self.points.rows:
             self._rows[0, 0] = np.count_nonzero(state.traction)
         return int(self.points.total_of(self._rows)[0])
 
     def _is_free(self) -> bool:
-        """Whether nothing interacts at the surface of the last solve. Collective."""
+        """Whether no point interacts at the surface of the last solve. Collective."""
         return self.points.maximum_of(float(np.abs(self.solver.curvature).max(initial=0.0))) == 0.0
 
     def _force(self, load: np.ndarray) -> float:
-        """Force on the punch [N] that the load asks for: with it, the spring's length is that of u and w."""
+        """Force on the punch [N] for an effective traction, consistent with the length of the spring in u and w."""
         return -total(self.points, load, self._rows) * self.points.grid.cell_area / self.compliance
 
     def _elastic(self, u: np.ndarray, w: np.ndarray, force: float) -> float:
-        """Energy stored in the body [J]: what u and w store, less the spring's part."""
+        """Energy stored in the body [J]: that of u and w, minus that of the spring."""
         kernels.dot(u, w, self.points.offset, self._rows)
         stored = 0.5 * float(self.points.total_of(self._rows)[0]) * self.points.grid.cell_area / self.compliance
         return stored - 0.5 * self.machine_compliance * force**2
 
     def place(self, state: State) -> float:
-        """Position d of the punch [m], at the end of its spring (spring_work.py)."""
+        """Displacement d of the punch [m], at the end of its spring (spring_work.py)."""
         return self.spring.place(state)
 
     def _scale(self, state: State, trial: Trial) -> float:
@@ -285,15 +289,14 @@ class Quasistatic(PathFollowing):
         return max(largest, LEAST_TENSION * self.solver.force_scale)
 
     def _noise(self, state: State, trial: Trial, tolerance: float) -> float:
-        """How far a step's energies may be off for the errors of its two equilibria [J]: they are minima, so these
-        enter squared; by rounding; and, where the end of a soft spring is far away, by how far that has driven u from
-        G0 w."""
+        """Error [J] of a step's energies due to the errors of its two equilibria (squared, because they are minima), to
+        rounding, and, for a soft spring with a distant end, to the drift of u from G0 w."""
         law, area = self.law, self.points.grid.cell_area
         interacting = math.pi**2 * law.work_of_adhesion * tolerance**2 * area * max(self.interacting(state), 1)
         rounding = SINGLE_NOISE if self.solver.dtype == np.float32 else NOISE
         at_stake = self._stored + law.work_of_adhesion * self.points.total * area
         at_stake += 0.5 * self.machine_compliance * trial.force**2
-        noise = 1e-2 * interacting + rounding * at_stake
+        noise: float = 1e-2 * interacting + rounding * at_stake
         if self.machine_compliance:
-            noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.range
+            noise += abs(trial.force) * (self._drift.newest + Drift(state.drift).newest) * law.length
         return noise

@@ -1,8 +1,7 @@
-"""A load step's work, with the punch at the end of its machine's spring. Plain NumPy.
+"""Work of a quasi-static step with a spring between machine and punch. Plain NumPy.
 
 The machine's end is at D, the punch at d = D + F/k_M. In a smooth step F is a smooth function of d; in a jump the
-machine stands still and the spring works on the punch, by the trapezoid -(F_0 + F_1)(d_1 - d_0)/2, as F is linear in d
-there.
+machine does not move, and the spring does the work -(F_0 + F_1)(d_1 - d_0)/2 on the punch, as F is linear in d.
 """
 
 from __future__ import annotations
@@ -16,25 +15,25 @@ from pgfmd.solver.state import State
 from pgfmd.solver.trial import Trial
 
 NEAREST_PAST = 0.2
-"""The work of a step takes the last steps' starts in, as far as these steps were no shorter than this share of it: they
-are too close to tell how the force bends."""
+"""Starts of earlier steps are used for the work of a step if those steps were at least this fraction of it: closer
+points do not determine the curvature of the force."""
 
 
 @dataclass(frozen=True)
 class SpringWork:
-    """compliance [m/N]: 1/k_M, 0 for a rigid machine. dead_load: whether the spring stands for one. reach [m]: of the
-    cohesive law."""
+    """compliance [m/N]: 1/k_M, 0 for a rigid machine. dead_load: whether the spring represents a controlled force.
+    reach [m]: of the cohesive law."""
 
     compliance: float
     dead_load: bool
     reach: float
 
     def place(self, state: State) -> float:
-        """Position d of the punch [m]. A punch that a dead load flings away is followed until it is out of reach of the
-        elastomer at rest: there is no end to its way. If it let go of an elastomer pulled up beyond that, it stays."""
+        """Displacement d of the punch [m]. After detachment under a controlled force, which has no equilibrium, it is
+        the height beyond the reach of the elastomer at rest, or the height of detachment if that is larger."""
         place = state.position + self.compliance * state.force
         flung = self.dead_load and state.preload_time is not None and state.smallest_gap >= self.reach
-        # The place in the state is that of the step before, until the step has ended.
+        # Until the step has ended, the place in the state is that of the step before.
         return min(place, max(self.reach, state.place)) if flung else place
 
     def end(self, state: State, trial: Trial) -> float:
@@ -43,8 +42,8 @@ class SpringWork:
         return min(place, max(self.reach, self.place(state))) if trial.flung else place
 
     def work(self, state: State, trial: Trial, smooth: bool = False) -> float:
-        """Work of the punch [J] over the step: by the trapezoid; smooth: by the polynomial through the last steps'
-        starts too."""
+        """Work of the punch [J] over the step by the trapezoidal rule; smooth: by the polynomial that includes starts
+        of earlier steps."""
         start, end = self.place(state), self.end(state, trial)
         trapezoid = -0.5 * (state.force + self._last_force(state, trial)) * (end - start)
         if not smooth or end == start:
@@ -53,7 +52,7 @@ class SpringWork:
         for back, force in zip(np.cumsum(state.past_steps), state.past_forces, strict=True):
             place = state.phase_start + trial.phase.displacement(state.elapsed - back) + self.compliance * force
             nearest = places[-1] if len(places) > 2 else start
-            # Behind it, that is: where the punch turns round, its past lies ahead.
+            # Only points behind it: where the punch turns, earlier points are ahead.
             if (nearest - place) * (end - start) < NEAREST_PAST * (end - start) ** 2:
                 break
             places.append(place)
@@ -63,7 +62,7 @@ class SpringWork:
         return -integral([place - start for place in places], forces, lambda way: 1.0, end - start)
 
     def pulled(self, state: State, trial: Trial) -> float:
-        """Work [J] of a retracting punch where it pulls, the force being linear within the step."""
+        """Work [J] of a retracting punch under tension, with a linear force within the step."""
         first, last = -state.force, -self._last_force(state, trial)
         if trial.phase.velocity_end <= 0.0 or max(first, last) <= 0.0:
             return 0.0
@@ -72,7 +71,7 @@ class SpringWork:
         return 0.5 * share * (max(first, 0.0) + max(last, 0.0)) * way
 
     def _last_force(self, state: State, trial: Trial) -> float:
-        """Force [N] at the end of a step; of a flight, that of the load, which is still there."""
+        """Force [N] at the end of a step; after detachment under a controlled force, that force."""
         if not trial.flung:
             return trial.force
         return min(trial.force, state.force + (self.end(state, trial) - self.place(state)) / self.compliance)

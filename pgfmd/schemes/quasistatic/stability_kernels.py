@@ -1,26 +1,25 @@
-"""Compiled kernels of the search for the lowest curvature (soft_mode.py), as those of kernels.py: sums are left as one
-partial sum a row."""
+"""Compiled kernels of LOBPCG (soft_mode.py). As in kernels.py, sums are returned as one partial sum per row."""
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from pgfmd.hashing import STRIDE, scrambled
-from pgfmd.solver.compiled import compiled
-from pgfmd.solver.contact_kernels import _sine_of
+from pgfmd.physics.adhesion.base import Numbers
+from pgfmd.solver.compiled import compiled, inlined
+from pgfmd.solver.inlined_laws import stiffness
 
 _compile = compiled()
 _compile_sums = compiled(fastmath={"reassoc", "contract", "nsz"})
-_scrambled = numba.njit(inline="always")(scrambled)
+_scrambled = inlined(scrambled)
 SEED_STRIDE = np.uint64(0xD1B54A32D192ED03)
-"""An odd number, by which seeds lie apart."""
+"""An odd number, the distance of seeds."""
 SOFTENED = 1e-6
-"""Of the law's stiffness: by how much a point must have softened to count, as single precision rounds."""
+"""Least softening of a point, relative to the law's stiffness; above the rounding of single precision."""
 
 
 @_compile_sums
-def sum_in_rows(values, offset, rows):
+def sum_in_rows(values: np.ndarray, offset: np.ndarray, rows: np.ndarray) -> None:
     """rows[0] of the values."""
     for row in range(offset.size - 1):
         total = 0.0
@@ -29,16 +28,16 @@ def sum_in_rows(values, offset, rows):
         rows[0, row] = total
 
 
-@numba.njit(inline="always")
-def _hashed(point, seed):
-    """A number between -1 and 1: a hash of the seed and of the point's index in the whole, so that it does not depend on
-    how the points are shared out."""
+@inlined
+def _hashed(point: int, seed: int) -> float:
+    """A number between -1 and 1: a hash of the seed and of the point's global index, so that it does not depend on the
+    distribution of points."""
     x = _scrambled(np.uint64(point) * STRIDE + np.uint64(seed) * SEED_STRIDE)
     return np.float64(np.int64(x >> np.uint64(12))) * 2.0**-51 - 1.0
 
 
 @_compile
-def noise(first_point, seed, k, out):
+def noise(first_point: int, seed: int, k: np.ndarray, out: np.ndarray) -> None:
     """out = numbers between -1 and 1 at points that interact (K != 0), else 0. first_point: index of the first local
     point."""
     for i in range(out.size):
@@ -46,23 +45,22 @@ def noise(first_point, seed, k, out):
 
 
 @_compile
-def softened(first_point, seed, height, position, u, law, k, out):
+def softened(
+    first_point: int, seed: int, height: np.ndarray, position: float, u: np.ndarray, law: Numbers,
+    k: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
     """out = by how much the interface has softened at each point since the surface was u and the punch at `position`,
-    max(K(d + z - u) - k, 0), more or less by up to a half; 0 for what may be rounding. law: as in
-    contact_kernels.evaluate."""
-    stiffness, reach, attractive = law
-    least = SOFTENED * stiffness
-    limit = reach if attractive > 0.0 else 0.0
+    max(K(d + z - u) - k, 0), times a random factor between 0.5 and 1.5; 0 within rounding. law: its Numbers."""
+    least = SOFTENED * law.stiffness
     for i in range(out.size):
         gap = position + height[i] - u[i]
-        y = min(max(gap / reach, 0.0), 1.0) - 0.5
-        before = -stiffness * (y * _sine_of(y * y)) if gap < limit else 0.0
+        before = stiffness(gap, law) if gap < law.reach else 0.0
         change = before - k[i]
         out[i] = change * (1.0 + 0.5 * _hashed(first_point + i, seed)) if change > least else 0.0
 
 
 @_compile_sums
-def pull_of(k, x, dual, mu, amount, g):
+def pull_of(k: np.ndarray, x: np.ndarray, dual: np.ndarray, mu: float, amount: float, g: np.ndarray) -> None:
     """g = mu dual - K x + amount g: minus the gradient of the quotient x K x / (x dual), with what was in g as
     noise."""
     for i in range(x.size):
@@ -70,7 +68,10 @@ def pull_of(k, x, dual, mu, amount, g):
 
 
 @_compile_sums
-def quotients(k, x, dx, z, dz, p, dp, offset, rows):
+def quotients(
+    k: np.ndarray, x: np.ndarray, dx: np.ndarray, z: np.ndarray, dz: np.ndarray, p: np.ndarray, dp: np.ndarray,
+    offset: np.ndarray, rows: np.ndarray,
+) -> None:  # fmt: skip
     """rows[0..5] of v K v' and rows[6..11] of v (dual of v'), for the pairs xx, xz, xp, zz, zp, pp of x, z, p."""
     for row in range(offset.size - 1):
         kxx, kxz, kxp, kzz, kzp, kpp = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -96,7 +97,7 @@ def quotients(k, x, dx, z, dz, p, dp, offset, rows):
 
 
 @_compile
-def recombine(a, b, c, x, z, p):
+def recombine(a: float, b: float, c: float, x: np.ndarray, z: np.ndarray, p: np.ndarray) -> None:
     """p = b z + c p;  x = a x + p."""
     for i in range(x.size):
         way = b * z[i] + c * p[i]

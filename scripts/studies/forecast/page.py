@@ -23,34 +23,34 @@ GOOD = 1.5
 
 @dataclass(frozen=True)
 class Judged:
-    """A row, and what was foretold of it."""
+    """A row, and its forecast."""
 
     row: Row
     told: Effort
 
     @property
     def ratio(self) -> float:
-        """Pairs foretold over pairs counted."""
+        """Ratio of forecast to counted pairs."""
         return self.told.pairs / self.row.pairs
 
 
 def judged(rows: list[Row]) -> list[Judged]:
-    """All rows beside what is foretold."""
+    """All rows with their forecasts."""
     return [Judged(row, effort_of(scene_of(row))) for row in rows]
 
 
 def summary(found: list[Judged]) -> str:
-    """A line for each kind, and for those that were fitted to and those that were not."""
+    """A line for each kind, and for those that were fitted and those that were not."""
     lines = [
-        "| kind | scenes | run | within 1.5 | least | median | largest | told within |", "| --- | --- | --- | --- | --- | --- | --- | --- |",
+        "| kind | scenes | runs | within 1.5 | smallest | median | largest | stated factor |", "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]  # fmt: skip
     kinds = list(dict.fromkeys(one.told.kind for one in found))
     for kind in kinds:
-        for part, name in ((FIT, "fitted to"), (JUDGE, "judged only")):
+        for part, name in ((FIT, "fitted"), (JUDGE, "not fitted")):
             chosen = [one for one in found if one.told.kind == kind and one.row.part == part]
             if chosen:
                 lines.append(_line(kind, name, chosen, f"{chosen[0].told.spread:.2g}"))
-    for part, name in ((FIT, "fitted to"), (JUDGE, "judged only")):
+    for part, name in ((FIT, "fitted"), (JUDGE, "not fitted")):
         lines.append(_line("all", name, [one for one in found if one.row.part == part], ""))
     return "\n".join(lines)
 
@@ -67,12 +67,12 @@ def _line(kind: str, name: str, chosen: list[Judged], spread: str) -> str:
 def outliers(found: list[Judged]) -> str:
     """Scenes that are off by more than is wanted."""
     lines = [
-        "| scene | changes | | pairs | foretold / counted | told within |",
+        "| scene | changes | | pairs | forecast / counted | stated factor |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for one in found:
         if abs(math.log(one.ratio)) > math.log(GOOD):
-            row, name = one.row, "fitted to" if one.row.part == FIT else "judged only"
+            row, name = one.row, "fitted" if one.row.part == FIT else "not fitted"
             lines.append(
                 f"| {row.scene} | {row.changes} | {name} | {row.pairs} | {one.ratio:.2f} | {one.told.spread:.2g} |"
             )
@@ -97,8 +97,8 @@ def seconds(found: list[Judged]) -> str:
         return "No run was long enough to judge the time of a pair."
     low, middle, high = np.quantile(ratios, [0.05, 0.5, 0.95])
     return (
-        f"Time of a pair by the profile of the machine (`pgfmd bench ranks`) over processor time of the {len(ratios)} runs that took "
-        f"longer than 0.2 s: {middle:.2f} in the middle, {low:.2f} to {high:.2f} in nine of ten."
+        f"Ratio of the time of a pair in the profile of the machine (`pgfmd bench ranks`) to the processor time of the {len(ratios)} runs that took "
+        f"longer than 0.2 s: the median is {middle:.2f}, and 90 % of the runs are between {low:.2f} and {high:.2f}."
     )
 
 

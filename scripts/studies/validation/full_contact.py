@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.reference.cohesive_sphere import equilibrium
 from tests.physics.contact import CELL, SPHERE, WAVE, Path, curved_punch, range_at, sticky_wave, viscoelastic_sphere
 from tests.physics.runs import CONTACT_MODULUS, WORK_OF_ADHESION
@@ -37,7 +37,7 @@ def crack_in_time(quick: bool):
             ours(axis, time[shown], contact[shown] * MICRO, index, ls="-", lw=0.7, ms=3, label=f"n = {n}")
             if index == 1:
                 closed(axis, time[shown], overlap[shown] * MICRO, color=GREY, label="gap < 0")
-    law = CohesiveLaw(WORK_OF_ADHESION, range_at(1.0))
+    law = Cosine(WORK_OF_ADHESION, range_at(1.0))
     depth = float(paths[1].depth[paths[1].within(*closing)][-1])
     rest = _at_depth(depth, law)
     left.axhline(rest * MICRO, color="black", lw=1.0, label="relaxed, by rings")
@@ -60,7 +60,7 @@ def crack_in_time(quick: bool):
     return figure, lines
 
 
-def _at_depth(depth: float, law: CohesiveLaw) -> float:
+def _at_depth(depth: float, law: Cosine) -> float:
     """Relaxed contact radius [m] at an indentation [m], by rings."""
     radii = np.linspace(200e-6, 320e-6, 13)
     found = [equilibrium(float(a), law.contact_gap, SPHERE, CONTACT_MODULUS, law).indentation for a in radii]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from pgfmd.physics.cohesion import range_of_adhesion
+from pgfmd.physics.adhesion.base import range_of_adhesion
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.reference import corrugation, tabor
 from pgfmd.scene import load_scene

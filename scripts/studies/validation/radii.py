@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.reference import jkr, maugis
 from pgfmd.reference.cohesive_sphere import Equilibrium, equilibrium
 from tests.physics.contact import ABOUT, SPHERE, TENSION, Path, range_at, sphere_loop
@@ -38,7 +38,7 @@ def _loop(tabor: float, quick: bool, *overrides: str) -> Path:
 @cache
 def _rings(tabor: float) -> tuple[Equilibrium, ...]:
     """Equilibria of the same law by rings, from small contacts to large ones."""
-    law = CohesiveLaw(WORK_OF_ADHESION, range_at(tabor))
+    law = Cosine(WORK_OF_ADHESION, range_at(tabor))
     radii = np.linspace(110e-6, 345e-6, 18)
     return tuple(equilibrium(float(a), law.contact_gap, SPHERE, CONTACT_MODULUS, law) for a in radii)
 
@@ -52,7 +52,7 @@ def _ring_curve(tabor: float) -> np.ndarray:
 
 def _strength(tabor: float) -> float:
     """Largest traction [Pa] of the law: a Dugdale stress of equal strength and work reaches to 2/pi of the range."""
-    return CohesiveLaw(WORK_OF_ADHESION, range_at(tabor)).strength
+    return Cosine(WORK_OF_ADHESION, range_at(tabor)).strength
 
 
 def _held(path: Path, phases: tuple[str, ...], tabor: float) -> np.ndarray:
@@ -173,7 +173,7 @@ def _images(quick: bool) -> list[Line]:
 
 def _at_rest(tabor: float, rings_per_zone: int) -> tuple[float, Equilibrium]:
     """Contact radius [m] and equilibrium without a force, by rings, to 1 % of pi w R."""
-    law, radius = CohesiveLaw(WORK_OF_ADHESION, range_at(tabor)), 300e-6
+    law, radius = Cosine(WORK_OF_ADHESION, range_at(tabor)), 300e-6
     for _ in range(8):
         found = equilibrium(radius, law.contact_gap, SPHERE, CONTACT_MODULUS, law, rings_per_zone)
         if abs(found.force) < 0.01 * TENSION:

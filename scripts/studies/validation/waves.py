@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pgfmd.physics.cohesion import CohesiveLaw
+from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.topography import Topography
 from pgfmd.plots.drawing import new_figure
 from pgfmd.reference import corrugation, wavy
@@ -194,7 +194,7 @@ def corrugation_energy(quick: bool):
         some = chosen(np.maximum.accumulate(pressure), 16)
         ours(left, pressure[some], energy[some], index, label=pattern, ls="-", lw=0.6)
         own_wave = 2 * q / math.sqrt(3)
-        couplings = [CohesiveLaw(WORK_OF_ADHESION, r).stiffness * 2 / (own_wave * CONTACT_MODULUS) for r in reaches]
+        couplings = [Cosine(WORK_OF_ADHESION, r).stiffness * 2 / (own_wave * CONTACT_MODULUS) for r in reaches]
         convergence(right, np.round(couplings, 1), errors, index, label=pattern)
         settings = f"{pattern}, z0 = 1 µm, {n} x {n}, K_0 G_0(Q) = {couplings[-1]:.0f}"
         found = energy[-1] * exact * MILLI

@@ -1,0 +1,219 @@
+"""What every measured curve has to fulfil, whatever was measured: four checks that find wrong signs, orders and zeros.
+
+- One cycle: the punch goes in once. Of several, one has to be chosen.
+- The deepest row lies inside, unless there is one branch alone, and the force is large there: both signs may be wrong
+  without contradicting each other, but then the curve seems to end far away.
+- The net work of the loop is positive: no elastomer gives energy.
+- The force far away, where its rows show it, is zero, or taken off.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pgfmd.errors import MeasurementError
+from pgfmd.results.curve import Array
+from pgfmd.units import handy_quantity as shown
+
+from .measured_columns import Rows
+
+LEAST_ROWS = 4
+LEAST_SWING = 0.1
+"""Way in and out, as a share of the whole, that counts as a cycle."""
+JUMP = 0.5
+"""Step between two rows, as a share of the way, that no machine makes."""
+NEAR_THE_DEEPEST, LARGE = 0.05, 0.5
+"""Within this share of the way from the deepest row the force reaches this share of its largest."""
+SMALLEST_LOSS = -0.005
+"""Net work of a loop, as a share of all work, below which it can't be noise."""
+FAR = (0.1, 0.05, 0.02, 0.01)
+"""Outermost shares of the way in which the force far away is looked for, the first that is level with the next as wide."""
+LEVEL = 0.01
+"""Change of force, as a share of its range, from one tenth of the way to the next, up to which it is level."""
+LEAST_OUTSIDE = 3
+"""Rows from which a mean force far away is taken."""
+ZERO = 1e-3
+"""Force far away, as a share of the range, up to which it is zero."""
+SIGNS = "--positive-displacement in|out, --positive-force compression|tension"
+
+
+def confirm_signs(rows: Rows) -> None:
+    """Whether force and indentation rise and fall together. Raises MeasurementError."""
+    if len(rows.force) < LEAST_ROWS:
+        raise MeasurementError(f"{rows.path}: expected at least {LEAST_ROWS} rows of numbers, found {len(rows.force)}")
+    moving = rows.indentation - np.mean(rows.indentation)
+    together = float(moving @ (rows.force - np.mean(rows.force)))
+    if together == 0.0:
+        raise MeasurementError(f"{rows.path}: expected a punch that moves and a force that changes, found neither")
+    if together < 0.0:
+        raise MeasurementError(
+            f"{rows.path}: expected the force to rise as the punch is pushed in, but it falls ({rows.senses}); say which "
+            f"way the columns count: {SIGNS}"
+        )
+
+
+def one_cycle(rows: Rows, cycle: int | None = None) -> Rows:
+    """The rows of one cycle: of the only one, or of number `cycle`, from 1. Raises MeasurementError."""
+    _refuse_jumps(rows)
+    if rows.cycle is not None and len(numbers := np.unique(rows.cycle)) > 1:
+        listed = ", ".join(f"{number:g}" for number in numbers[:6]) + (", ..." if len(numbers) > 6 else "")
+        if cycle is None or cycle not in numbers:
+            raise MeasurementError(
+                f"{rows.path}: expected one cycle, found the numbers {listed}; choose one: --cycle N"
+            )
+        rows.remarks.append(f"{rows.path.name}: cycle {cycle} of those with the numbers {listed}")
+        return rows.of(rows.cycle == cycle)
+    spans = _cycles(rows.indentation)
+    if cycle is None and len(spans) > 1:
+        ends = ", ".join(f"{rows.lines[span.start]} to {rows.lines[span.stop - 1]}" for span in spans[:4])
+        more = ", ..." if len(spans) > 4 else ""
+        raise MeasurementError(
+            f"{rows.path}: expected one cycle, found {len(spans)} (lines {ends}{more}); choose one: --cycle 1 to {len(spans)}"
+        )
+    if cycle is None or (cycle == 1 and len(spans) == 1):
+        return rows
+    if not 1 <= cycle <= len(spans):
+        raise MeasurementError(f"{rows.path}: expected a cycle from 1 to {len(spans)}, found --cycle {cycle}")
+    rows.remarks.append(f"{rows.path.name}: cycle {cycle} of {len(spans)}")
+    return rows.of(spans[cycle - 1])
+
+
+def confirm_deepest(rows: Rows) -> None:
+    """Whether the force is large where the punch is deepest, and not where it is farthest out. Raises MeasurementError."""
+    indentation, force = rows.indentation, rows.force
+    way, span = float(np.ptp(indentation)), float(np.ptp(force))
+    near = indentation >= np.max(indentation) - NEAR_THE_DEEPEST * way
+    deep, outer = (
+        edge <= FAR[0] * way for edge in (np.max(indentation) - indentation, indentation - np.min(indentation))
+    )
+    is_level = [float(np.ptp(np.percentile(force[zone], [5, 95]))) <= LEVEL * span for zone in (deep, outer)]
+    zero = float(np.mean(force[outer])) if is_level[1] else 0.0
+    largest = float(np.max(force))
+    fine = largest > zero and float(np.max(force[near])) - zero >= LARGE * (largest - zero)
+    if not fine or (is_level[0] and not is_level[1]):
+        deepest = int(np.argmax(indentation))
+        raise MeasurementError(
+            f"{rows.path}: expected the largest force where the punch is deepest, but in the deepest row (line "
+            f"{rows.lines[deepest]}) it is {shown(float(force[deepest]), 'force')}, and the largest, "
+            f"{shown(largest, 'force')}, is in line {rows.lines[int(np.argmax(force))]} ({rows.senses}); if both columns "
+            "count the other way, give --positive-displacement out --positive-force tension, or what is true of each"
+        )
+
+
+def turn_of(rows: Rows) -> tuple[int, bool]:
+    """The row of the largest force, which parts the branches, and whether both are there."""
+    turn, way = int(np.argmax(rows.force)), float(np.ptp(rows.indentation))
+    before, after = np.ptp(rows.indentation[: turn + 1]), np.ptp(rows.indentation[turn:])
+    return turn, bool(min(before, after) > LEAST_SWING * way)
+
+
+def confirm_loss(rows: Rows) -> None:
+    """Whether the loop, as far as both branches go, takes energy. Raises MeasurementError."""
+    inner = np.maximum(rows.indentation, max(rows.indentation[0], rows.indentation[-1]))
+    steps = 0.5 * (rows.force[1:] + rows.force[:-1]) * np.diff(inner)
+    net, whole = float(np.sum(steps)), float(np.sum(np.abs(steps)))
+    if net < SMALLEST_LOSS * whole:
+        raise MeasurementError(
+            f"{rows.path}: expected a loop that takes energy, but its net work is {_joule(net)}, {100 * net / whole:.2g} % "
+            "of all work: no elastomer gives any. Do the rows run from the last to the first, or one branch against its way? "
+            "Bring them into the order in which they were measured"
+        )
+    if net < 0.0:
+        rows.remarks.append(f"{rows.path.name}: the net work of the loop, {_joule(net)}, is zero within the noise")
+
+
+def without_baseline(rows: Rows, turn: int) -> tuple[Array, str]:
+    """The forces [N] without what they are far away, and what was done, in words, "" for nothing; turn: the row that parts
+    the branches. Where the rows don't show the force far away, a remark says so."""
+    name, span = rows.path.name, float(np.ptp(rows.force))
+    ends = [_far(rows, slice(0, turn + 1), span), _far(rows, slice(turn, None), span)]
+    known = [end for end in ends if end is not None]
+    if not known:
+        outer = float(rows.force[int(np.argmin(rows.indentation))])
+        if abs(outer) > 2.0 * LEVEL * span:
+            rows.remarks.append(
+                f"{name}: the rows do not show the force far away, as it is not level where they are outermost "
+                f"({shown(outer, 'force')}); an offset, or a tilt over the way, would spoil forces and works: look at it, take a "
+                "tilt off, or give --baseline"
+            )
+        return rows.force, ""
+    values = [force for _, force in known]
+    if max(map(abs, values)) <= ZERO * span:
+        return rows.force, ""
+    if len(known) == 2 and abs(values[1] - values[0]) > LEVEL * span:
+        (first, before), (last, after) = known
+        line = np.interp(np.arange(len(rows.force)), [first, last], values)
+        rows.remarks.append(
+            f"{name}: the force far away drifts from {shown(before, 'force')} to {shown(after, 'force')}"
+        )
+        return rows.force - line, f"force far away, {shown(before, 'force')} to {shown(after, 'force')}, taken off"
+    offset = float(np.mean(values))
+    return rows.force - offset, f"force far away, {shown(offset, 'force', 4)}, taken off"
+
+
+def _far(rows: Rows, branch: slice, span: float) -> tuple[float, float] | None:
+    """The middle of the outermost rows of a branch, as a row number, and their mean force; None where it is not level.
+    span [N]: range of all forces."""
+    numbers = np.arange(len(rows.force))[branch]
+    depth, force = rows.indentation[branch], rows.force[branch]
+    place = (depth - np.min(depth)) / max(float(np.ptp(depth)), np.finfo(float).tiny)
+    for share in FAR:
+        outer, inner = place <= share, (place > share) & (place <= 2.0 * share)
+        if min(outer.sum(), inner.sum()) < LEAST_OUTSIDE:
+            continue
+        # What a contact of constant stiffness would change is ten times as much.
+        if abs(np.mean(force[outer]) - np.mean(force[inner])) <= LEVEL * span * share / FAR[0]:
+            both = outer | inner
+            return float(np.mean(numbers[both])), float(np.mean(force[both]))
+    return None
+
+
+def _refuse_jumps(rows: Rows) -> None:
+    """Raises MeasurementError where the punch seems to jump back: two branches, both sorted by position."""
+    steps = np.diff(rows.indentation)
+    way = float(np.ptp(rows.indentation))
+    at = int(np.argmax(np.abs(steps)))
+    if len(steps) > 2 * LEAST_ROWS and abs(steps[at]) > JUMP * way:
+        raise MeasurementError(
+            f"{rows.path}, line {rows.lines[at + 1]}: expected rows in the order in which they were measured, but from line "
+            f"{rows.lines[at]} on the punch jumps by {shown(float(abs(steps[at])), 'length')}; are approach and retraction "
+            "each sorted by position? turn the rows of one branch round, so that the punch goes in and then out"
+        )
+
+
+def _cycles(indentation: Array) -> list[slice]:
+    """The rows of each way in and out, from where the punch is farthest out to where it is again."""
+    turns = _turning_points(indentation, LEAST_SWING * float(np.ptp(indentation)))
+    deep = [row for number, row in enumerate(turns) if _is_peak(indentation, turns, number)]
+    shallow = [row for row in turns if row not in deep]
+    edges = [next(row for row in shallow if deep[n] < row < deep[n + 1]) for n in range(len(deep) - 1)]
+    starts, stops = [0, *edges], [*(edge + 1 for edge in edges), len(indentation)]
+    return [slice(start, stop) for start, stop in zip(starts, stops, strict=True)]
+
+
+def _is_peak(values: Array, turns: list[int], number: int) -> bool:
+    others = [turns[other] for other in (number - 1, number + 1) if 0 <= other < len(turns)]
+    return all(values[turns[number]] > values[other] for other in others)
+
+
+def _turning_points(values: Array, least: float) -> list[int]:
+    """Rows of the extremes between which values swing by at least so much, the first and the last included."""
+    low = high = 0
+    turns: list[int] = []
+    rising: bool | None = None
+    for row, value in enumerate(values.tolist()):
+        if value > values[high] or (rising is True and value == values[high]):
+            high = row
+        if value < values[low]:
+            low = row
+        if rising is not False and values[high] - value >= least:
+            turns.append(high)
+            rising, low = False, row
+        elif rising is not True and value - values[low] >= least:
+            turns.append(low)
+            rising, high = True, row
+    return [*turns, high if rising else low]
+
+
+def _joule(work: float) -> str:
+    return f"{1e9 * work:.3g} nJ"

@@ -1,0 +1,203 @@
+"""A law of your own: traction against gap from a text file, with a piecewise cubic between the rows.
+
+    # gap [nm], traction [kPa]
+    0      0
+    20     60
+    80     25
+    200    0
+
+A line with the names and units of the two columns comes first, with or without #; columns are separated by blanks, tabs,
+commas or semicolons. Gaps ascend from 0, where nothing pulls, to the reach, where nothing pulls any more. The traction has
+no jump, nor has its slope, and it is nowhere larger or smaller than in the rows on either side (F. N. Fritsch, J. Butland,
+SIAM J. Sci. Stat. Comput. 5 (1984) 300, doi:10.1137/0905021). The range is the reach, the work of adhesion the area under
+the traction; where a scene gives other ones, gaps and tractions are scaled to them.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgfmd.files.text import read_text
+from pgfmd.units import UnitError, parse_quantity
+
+from .base import PRESENT, CohesiveLaw
+from .functions import chosen, clipped, piece_of
+
+COLUMNS = {"gap": ("length", "nm"), "traction": ("modulus", "kPa")}
+"""Names of the columns, with their dimensions and a usual unit."""
+HEADER = "gap [nm], traction [kPa]"
+_COLUMN = re.compile(r"\s*(?P<name>[^\[\](),;]+?)\s*[\[(]\s*(?P<unit>[^\[\]()]+?)\s*[\])]\s*[,;]?")
+
+
+class TableNumbers(NamedTuple):
+    """K_o, the reach and the largest stiffness; gaps of the rows [m] (m,), and for each piece between two of them
+    (m - 1, 5): A [J/m^2] at its begin, and the coefficients of the traction, by powers of the way from there [m]."""
+
+    overlap: float
+    reach: float
+    stiffness: float
+    knots: NDArray[np.float64]
+    pieces: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Table(CohesiveLaw):
+    """A law from a file. gaps [m] and tractions [Pa] of its rows, as they are there, before they are scaled."""
+
+    gaps: tuple[float, ...] = ()
+    tractions: tuple[float, ...] = ()
+
+    name = "table"
+    meaning = "a traction of your own, from a file"
+    strength_note = "the largest traction of the file, scaled"
+    known = ("work_of_adhesion", "range")
+    required = frozenset({"file"})
+    optional = CohesiveLaw.optional | {"work_of_adhesion", "overlap_stiffness"}
+
+    @classmethod
+    def of(cls, adhesion: Any) -> Self:
+        gaps, tractions = read_law(adhesion.file)
+        return cls(adhesion.work_of_adhesion, adhesion.range, adhesion.overlap_stiffness, gaps, tractions)
+
+    @classmethod
+    def own_values(cls, adhesion: Any) -> dict[str, float]:
+        knots, pieces = _pieces_of(*read_law(adhesion.file))
+        return {"work_of_adhesion": -float(pieces[0, 0]), "range": float(knots[-1])}
+
+    @classmethod
+    def stiffness_number(cls, adhesion: Any) -> float:
+        knots, pieces = _pieces_of(*read_law(adhesion.file))
+        return _largest_slope(knots, pieces) * float(knots[-1]) ** 2 / -float(pieces[0, 0])
+
+    @functools.cached_property
+    def numbers(self) -> TableNumbers:
+        knots, pieces = _pieces_of(self.gaps, self.tractions)
+        longer, deeper = self.range / float(knots[-1]), self.work_of_adhesion / -float(pieces[0, 0])
+        knots = knots * longer
+        pieces = pieces * deeper / longer ** np.arange(5)
+        largest = _largest_slope(knots, pieces)
+        return TableNumbers(self.own_overlap_stiffness or largest, float(knots[-1]), largest, knots, pieces)
+
+    @property
+    def contact_gap(self) -> float:
+        return self.gaps[int(np.argmax(self.tractions))] * self.range / self.gaps[-1]
+
+    @property
+    def strength(self) -> float:
+        return float(self.numbers.pieces[:, 1].max())
+
+
+def attraction(gap: Any, law: Any) -> Any:
+    piece = piece_of(gap, law.knots)
+    way = clipped(gap, 0.0, law.reach) - law.knots[piece]
+    pull, slope = law.pieces[piece, 1], law.pieces[piece, 2]
+    square, cube = law.pieces[piece, 3], law.pieces[piece, 4]
+    traction = pull + way * (slope + way * (square + way * cube))
+    bend = slope + way * (2.0 * square + 3.0 * way * cube) + PRESENT * law.stiffness
+    depth = -law.pieces[0, 0]
+    level = law.pieces[piece, 0] + way * (pull + way * (slope / 2.0 + way * (square / 3.0 + way * cube / 4.0)))
+    return traction, chosen(gap < 0.0, law.overlap, bend), depth, level / depth
+
+
+def energy(gap: Any, law: Any) -> Any:
+    return attraction(gap, law)[2:]
+
+
+def stiffness(gap: Any, law: Any) -> Any:
+    return attraction(gap, law)[1]
+
+
+def read_law(path: str | Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Gaps [m] and tractions [Pa] of a file. Raises OSError, and ValueError that names line and cure."""
+    about = os.stat(path)
+    return _read(str(path), about.st_mtime_ns, about.st_size)
+
+
+@functools.lru_cache(maxsize=8)
+def _read(path: str, _time: int, _size: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    lines = [(number, text.strip()) for number, text in enumerate(read_text(path).splitlines(), 1)]
+    lines = [(number, text) for number, text in lines if text.strip("# \t")]
+    found = [(number, text) for number, text in lines if list(_COLUMN.finditer(text))]
+    if not found:
+        raise ValueError(f"expected a line with names and units of its columns, such as: {HEADER}")
+    factors = _factors(*found[0])
+    rows = []
+    for number, text in lines:
+        if number <= found[0][0] or text.startswith("#"):
+            continue
+        try:
+            row = [float(cell) for cell in re.split(r"\s*[,;\s]\s*", text.partition("#")[0].strip(" \t,;"))]
+        except ValueError:
+            raise ValueError(f"line {number}: expected numbers with decimal points, found {text!r}") from None
+        if len(row) != len(factors) or not np.isfinite(row).all():
+            raise ValueError(f"line {number}: expected {len(factors)} finite numbers, found {text!r}")
+        rows.append(row)
+    gaps, tractions = (
+        tuple(factor * row[column] for row in rows) for column, factor in (factors["gap"], factors["traction"])
+    )
+    _confirm(gaps, tractions)
+    return gaps, tractions
+
+
+def _factors(number: int, text: str) -> dict[str, tuple[int, float]]:
+    """For each column of a header its place and its unit in SI."""
+    names = [(match["name"].strip("# ").lower(), match["unit"]) for match in _COLUMN.finditer(text)]
+    if sorted(name for name, _ in names) != sorted(COLUMNS):
+        raise ValueError(f"line {number}: expected the two columns {HEADER}, found {text!r}")
+    found = {}
+    for place, (name, unit) in enumerate(names):
+        try:
+            found[name] = place, parse_quantity(f"1 {unit}", COLUMNS[name][0])
+        except UnitError as error:
+            raise ValueError(f"line {number}: the unit of {name}: {error}") from None
+    return found
+
+
+def _confirm(gaps: tuple[float, ...], tractions: tuple[float, ...]) -> None:
+    """ValueError for what is no law of adhesion."""
+    if len(gaps) < 3:
+        raise ValueError(f"expected at least three rows, found {len(gaps)}")
+    if gaps[0] != 0.0 or tractions[0] != 0.0:
+        cure = "count gaps from where nothing pulls or pushes; what is below is harmonic, overlap_stiffness"
+        raise ValueError(f"expected a first row with the gap 0 and the traction 0; {cure}")
+    if any(np.diff(gaps) <= 0.0):
+        raise ValueError("expected gaps that ascend; sort the rows, and leave out doubled ones")
+    if tractions[-1] != 0.0:
+        raise ValueError("expected a last row with the traction 0, at the reach of the law")
+    if max(tractions) <= 0.0 or -_pieces_of(gaps, tractions)[1][0, 0] <= 0.0:
+        raise ValueError("expected tractions that attract: positive, and so the area under them")
+
+
+@functools.lru_cache(maxsize=8)
+def _pieces_of(
+    gaps: tuple[float, ...], tractions: tuple[float, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Knots and pieces, see TableNumbers, of rows as they are."""
+    # Not at the top: only this law needs it.
+    from scipy.interpolate import PchipInterpolator
+
+    knots = np.array(gaps)
+    cubic = PchipInterpolator(knots, tractions)
+    # The highest power comes first there.
+    pull = cubic.c[::-1].T
+    way = np.diff(knots)
+    areas = (pull * way[:, None] ** np.arange(1, 5) / np.arange(1, 5)).sum(axis=1)
+    levels = -np.cumsum(areas[::-1])[::-1]
+    return knots, np.ascontiguousarray(np.column_stack([levels, pull]))
+
+
+def _largest_slope(knots: NDArray[np.float64], pieces: NDArray[np.float64]) -> float:
+    """The largest stiffness [Pa/m], of either sign: at a row, or where the slope of a piece turns."""
+    slope, square, cube = pieces[:, 2:].T
+    way = np.diff(knots)
+    turn = np.divide(-square, 3.0 * cube, out=np.zeros_like(cube), where=cube != 0.0).clip(0.0, way)
+    places = np.stack([np.zeros_like(way), turn, way])
+    return float(np.abs(slope + places * (2.0 * square + 3.0 * places * cube)).max())
