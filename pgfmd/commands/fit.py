@@ -9,7 +9,7 @@ import typer
 
 from pgfmd.host.streams import say
 
-from .analysis import Correct, Inwards, LowPass, Pressing
+from .analysis import Baseline, Correct, LowPass, PositiveDisplacement, Pressing
 from .names import named, path_option
 from .printing import command
 from .quantities import length, quantity
@@ -42,10 +42,8 @@ Corrected = Annotated[
     Correct, typer.Option("--correct", help="Which curves take up the compliance of the periodic cell.")
 ]
 Offset = Annotated[str, typer.Option("--offset", metavar="LENGTH|fit", help="By which the experiment is pushed in.")]
-PositiveDisplacement = Annotated[
-    Inwards, typer.Option("--positive-displacement", help="Which way the experiment's displacement counts.")
-]
 PositiveForce = Annotated[Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")]
+Cycle = Annotated[int | None, typer.Option("--cycle", min=1, help="Which of several measured cycles.")]
 Out = Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the runs and of what is found.")]
 Ranks = Annotated[int, typer.Option("--ranks", "-n", min=1, help="Ranks of each run.")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Runs side by side, at most twice the number of keys.")]
@@ -65,8 +63,10 @@ def fit(
     correct: Corrected = Correct.none,
     low_pass: LowPass = None,
     offset: Offset = "0 um",
-    positive_displacement: PositiveDisplacement = Inwards.into,
+    positive_displacement: PositiveDisplacement = None,
     positive_force: PositiveForce = Pressing.compression,
+    cycle: Cycle = None,
+    baseline: Baseline = "auto",
     out: Out = None,
     ranks: Ranks = 1,
     jobs: Jobs = 1,
@@ -93,7 +93,13 @@ def fit(
             raise FitError(f"--bounds {text}: expected KEY=LOW:HIGH")
         limits[key.strip()] = values.strip()
     parameters = parameters_of(loaded, [key.strip() for key in free.split(",") if key.strip()], limits)
-    measured = read_experiment(experiment, positive_displacement.value, positive_force.value)
+    measured = read_experiment(
+        experiment,
+        positive_displacement.value if positive_displacement else None,
+        positive_force.value,
+        cycle,
+        None if baseline.strip() == "auto" else quantity(baseline, "force", "--baseline"),
+    )
     moved = None if offset.strip() == "fit" else quantity(offset, "length", "--offset")
     k_machine = quantity(machine_stiffness, "stiffness", "--machine-stiffness", lambda value: value > 0)
     way = Corrections(correct.value, k_machine, length(low_pass, "--low-pass"), moved)

@@ -29,7 +29,7 @@ MOST_POINTS = 2**20
 BAND = 64
 """Number of adjacent rows that are examined, if there are more points than that."""
 LOWEST = 64
-"""Summits of a height map, or of a random face, that count: those that touch first."""
+"""Number of summits of a height map, or of a random face, that are used: those that touch first."""
 SUMMITS_A_CELL = {"triangular": 1, "hexagonal": 2}
 """Summits in a unit cell of the lattice, sqrt(3)/2 wavelength^2."""
 WAVES = 96
@@ -77,7 +77,7 @@ def _before_layers(height: float, layer_step: float, smoothing: float) -> float:
 def _rise_of_map(scene: Scene) -> float:
     """Mean height [m] of the four neighbours of a summit above it: h^2/(2R) for a round summit.
 
-    The median of the lowest summits of a height map, or of a random face, on the scene's grid, 0 where it has none.
+    The median over the lowest summits of a height map, or of a random face, on the scene's grid, 0 without summits.
     """
     grid, radius = Grid(scene.grid.n, scene.grid.length), scene.punch.radius
     start, count = grid.block(radius)

@@ -33,15 +33,17 @@ def site_normals(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array
     # Not at the top: scenes without random numbers are read without it.
     from scipy.special import ndtri
 
-    return np.asarray(ndtri(site_uniforms(seed, i, j)))
+    normal: Array = ndtri(site_uniforms(seed, i, j))
+    return normal
 
 
 def site_uniforms(seed: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
     """A number of each site (i, j), uniform between 0 and 1, neither of which it is; shape of i and j broadcast together."""
-    first, second = (np.atleast_1d(np.asarray(index, dtype=np.int64)).view(np.uint64) for index in (i, j))
+    a, b = (np.atleast_1d(np.asarray(index, dtype=np.int64)).view(np.uint64) for index in (i, j))
     key = scrambled(np.full(1, seed & 0xFFFFFFFFFFFFFFFF, dtype=np.uint64) + STRIDE)
-    key = scrambled(scrambled(key + STRIDE * (first + np.uint64(1))) + STRIDE * (second + np.uint64(1)))
-    return ((key >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
+    key = scrambled(scrambled(key + STRIDE * (a + np.uint64(1))) + STRIDE * (b + np.uint64(1)))
+    uniform: Array = ((key >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
+    return uniform
 
 
 def lattice_normals(lattice: Lattice, seed: int, x: Array, y: Array) -> Array:

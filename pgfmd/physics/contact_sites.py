@@ -159,7 +159,8 @@ def _samples(face: Topography, side: float) -> tuple[Array, Array]:
     radius = face.radius
     if face.pattern == "rough":
         samples = math.ceil(PER_WAVE / 2 * face.period / face.shortest)
-        sizes, pixels, periodic = (face.period,) * 2, (face.period / samples,) * 2, True
+        pixel = face.period / samples
+        sizes, pixels, periodic = (face.period, face.period), (pixel, pixel), True
     else:
         sizes, pixels, periodic = face.map.size, face.map.pixel, face.map.periodic
     if radius is None:

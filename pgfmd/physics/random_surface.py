@@ -119,7 +119,7 @@ class RandomSurface:
         kept &= waves <= self.period / self.shortest * (1.0 + ROUNDING)
         row, column = np.nonzero(kept)
         shape = np.maximum(waves[kept] * (self.roll_off / self.period), 1.0) ** (-1.0 - self.hurst)
-        return column.astype(float), row.astype(float) - self.most, shape
+        return np.asarray(column, np.float64), np.asarray(row - self.most, np.float64), np.asarray(shape, np.float64)
 
     @functools.cached_property
     def _scale(self) -> float:
