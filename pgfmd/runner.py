@@ -58,7 +58,7 @@ class Options:
     """How a run deals with what is in its folder, and with limits of time.
 
     fresh: begin anew, and keep the old results aside. allow: keys of the scene, or sections, that may have changed
-    since the run began. timing: of checkpoints (keeper.Timing).
+    since the run began. timing: of checkpoints (restart.checkpoint_policy.Timing).
     """
 
     fresh: bool = False

@@ -21,7 +21,7 @@ def run(
     folder: Path, *changes: str, stop_after: float = math.inf, every: float = 600.0, stop_for: int = StopAfter.number
 ) -> Path:
     """Runs SCENE into a folder, until it is finished or has made so many steps; returns the folder. stop_for: number of
-    a signal, or keeper.OUT_OF_TIME."""
+    a signal, or checkpoint_policy.OUT_OF_TIME."""
     source, *others = SCENE
     before, pgfmd.runner.StopSignals = pgfmd.runner.StopSignals, StopAfter
     StopAfter.steps, StopAfter.number = stop_after, stop_for
