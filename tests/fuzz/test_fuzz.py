@@ -42,7 +42,7 @@ RELATED = {
     15: "every",
     17: "symmetry",
     19: "resume",
-    22: "outputs",
+    21: "outputs",
     45: "precision",
 }
 """A scene of SEED for every relation, each of which costs a second or two. `ranks` is in tests/parallel."""
