@@ -67,7 +67,13 @@ def test_laws_of_short_range_have_one_pull_off():
 @pytest.mark.parametrize("scheme", ["inertialess", "quasistatic", "gfmd"])
 def test_energies_of_dugdales_law_add_up(scheme):
     """In each scheme what the machine has put in is stored or lost; the contact was attracted, and is gone."""
-    keys = [f"solver.scheme={scheme}", "adhesion.law=dugdale", "grid.n=24", "drive.preload=2 mN", "solver.accuracy=3e-3"]
+    keys = [
+        f"solver.scheme={scheme}",
+        "adhesion.law=dugdale",
+        "grid.n=24",
+        "drive.preload=2 mN",
+        "solver.accuracy=3e-3",
+    ]
     if scheme == "gfmd":
         keys += ["solver.gfmd.omega=15700 rad/s", "solver.gfmd.dt=20 us", "drive.speed=1 mm/s"]
     one = run("tri-tack", *keys)
