@@ -6,14 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pgfmd.errors import SceneError
 from pgfmd.physics.adhesion import cut_off
 from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.adhesion.dugdale import Dugdale
 from pgfmd.physics.adhesion.exponential import Exponential
 from pgfmd.physics.adhesion.lennard_jones import LennardJones
-from pgfmd.physics.adhesion.registry import LAWS, range_by_rule
+from pgfmd.physics.adhesion.registry import LAWS, law_of, range_by_rule
 from pgfmd.physics.adhesion.repulsive import Repulsive
 from pgfmd.physics.adhesion.table import Table, read_law
+from pgfmd.scene import Scene, parse_scene
 
 GAMMA, RHO = 0.05, 0.75e-6
 ROWS = (0.0, 0.05e-6, 0.2e-6, 0.4e-6, RHO), (0.0, 4e4, 1.5e5, 1.5e5, 0.0)
@@ -152,3 +154,29 @@ def test_files_that_hold_no_law_are_refused(tmp_path, text, told):
     (tmp_path / "law.txt").write_text(text)
     with pytest.raises(ValueError, match=told):
         read_law(tmp_path / "law.txt")
+
+
+def test_a_scene_takes_the_work_and_the_range_of_its_file_or_scales_it(tmp_path):
+    (tmp_path / "law.csv").write_text(LAW)
+    tables = {"law": "table", "file": str(tmp_path / "law.csv"), "work_of_adhesion": None, "range": None}
+    own = Scene("tri-tack", adhesion=tables)
+    assert own.adhesion.range == own.drive.clearance == pytest.approx(2e-7)
+    assert law_of(own.adhesion).strength == pytest.approx(6e4) and own.adhesion.work_of_adhesion < 0.006
+    assert parse_scene(own.to_toml()) == own
+    scaled = own.replace(adhesion={"work_of_adhesion": 0.05, "range": "auto"})
+    assert scaled.adhesion.range > 1e-6 and scaled.adhesion.work_of_adhesion == 0.05
+    with pytest.raises(SceneError, match=r"adhesion.file = \(missing\)"):
+        own.replace(adhesion={"file": None})
+    (tmp_path / "law.csv").write_text("gap [nm] traction [kPa]\n0 1\n")
+    with pytest.raises(
+        SceneError, match="adhesion.file = .*law.csv.: expected a law of adhesion; expected at least three"
+    ):
+        Scene("tri-tack", adhesion=tables)
+
+
+def test_keys_belong_to_their_laws():
+    scene = Scene("tri-tack", adhesion={"law": "dugdale"})
+    assert scene.adhesion.smoothing == 0.2 and "smoothing" in scene.to_toml()
+    assert "smoothing" not in scene.replace(adhesion={"law": "cosine"}).to_toml()
+    with pytest.raises(SceneError, match='adhesion.smoothing = 0.3: .* choose law = "dugdale"'):
+        Scene("tri-tack", adhesion={"smoothing": 0.3})

@@ -18,6 +18,7 @@ from __future__ import annotations
 import functools
 import os
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -93,6 +94,11 @@ class Table(CohesiveLaw):
     @property
     def strength(self) -> float:
         return float(self.numbers.pieces[:, 1].max())
+
+    def told(self) -> Iterator[tuple[str, float, str, str]]:
+        gaps, tractions = self.range / self.gaps[-1], self.strength / max(self.tractions)
+        yield "gaps beside those of the file", gaps, "", "1 where range is left out"
+        yield "tractions beside those of the file", tractions, "", "1 where range and work_of_adhesion are left out"
 
 
 def attraction(gap: Any, law: Any) -> Any:
