@@ -78,7 +78,7 @@ def fit(
     from pgfmd.fitting.fit import fit as fitted
     from pgfmd.fitting.fit import levels_of
     from pgfmd.fitting.misfit import Corrections, Misfit
-    from pgfmd.fitting.parameters import FitError, parameters_of
+    from pgfmd.fitting.parameters import parameters_of
     from pgfmd.fitting.runs import NotConverged, Runs
     from pgfmd.scene import load_scene
     from pgfmd.studies.study import launch_alone
@@ -86,13 +86,8 @@ def fit(
     launch_alone()
     given = all_changes(changes, overrides)
     loaded, levels = load_scene(scene, given), levels_of(scene, given, coarsest)
-    limits = {}
-    for text in bounds or []:
-        key, equals, values = text.partition("=")
-        if not equals:
-            raise FitError(f"--bounds {text}: expected KEY=LOW:HIGH")
-        limits[key.strip()] = values.strip()
-    parameters = parameters_of(loaded, [key.strip() for key in free.split(",") if key.strip()], limits)
+    keys = [key.strip() for key in free.split(",") if key.strip()]
+    parameters = parameters_of(loaded, keys, _by_key(bounds or []))
     measured = read_experiment(
         experiment,
         positive_displacement.value if positive_displacement else None,
@@ -114,3 +109,16 @@ def fit(
     say(" ".join(map(str, paths)))
     if not found.converged:
         raise NotConverged(f"the fit did not come to its end ({found.why}): start again from {paths[2]}")
+
+
+def _by_key(bounds: list[str]) -> dict[str, str]:
+    """LOW:HIGH of each key, of texts KEY=LOW:HIGH."""
+    from pgfmd.fitting.parameters import FitError
+
+    found = {}
+    for text in bounds:
+        key, equals, values = text.partition("=")
+        if not equals:
+            raise FitError(f"--bounds {text}: expected KEY=LOW:HIGH")
+        found[key.strip()] = values.strip()
+    return found
