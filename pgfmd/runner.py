@@ -33,7 +33,7 @@ from .restart.disk_space import require_space
 from .restart.history import History
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
-from .scene.model import toml_text
+from .scene.fields import toml_text
 from .schemes import registry
 from .solver import compiled
 from .solver.interruption import Interrupted

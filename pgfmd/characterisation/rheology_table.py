@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import MeasurementError
-from pgfmd.scene.model import LARGEST_MODULUS_RATIO, toml_text
+from pgfmd.scene.fields import toml_text
+from pgfmd.scene.model import LARGEST_MODULUS_RATIO
 
 from .dma import INCOMPRESSIBLE, Moduli, Sweep, degrees, read_moduli, temperature_in_kelvin
 from .moduli_columns import Kind

@@ -1,4 +1,4 @@
-"""Fields for the keys of a scene: meaning, dimension, allowed range, and reading of values.
+"""Fields for the keys of a scene: meaning, dimension, allowed range, reading and writing of values.
 
 Every key is a pydantic field whose `json_schema_extra` has its dimension and range. The models, the messages about
 wrong values, the resolved TOML and the reference page are generated from these. A section is read in one pass: valid
@@ -7,9 +7,10 @@ values are collected even if others are wrong, so that rules for several keys ca
 
 from __future__ import annotations
 
+import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -227,3 +228,23 @@ def written(value: object, extra: dict[str, Any] | None) -> object:
     if extra and extra.get("dimension") in DIMENSIONS and isinstance(value, float):
         return format_quantity(value, extra["dimension"])
     return value
+
+
+def toml_of(title: str, tables: Mapping[str, Mapping[str, Any]]) -> str:
+    """A scene as TOML: its title, if it has one, and its sections, in their order."""
+    lines = [f"title = {toml_text(title)}"] if title else []
+    for name, values in tables.items():
+        lines += [""] * bool(lines) + [f"[{name}]"]
+        lines += [f"{key} = {toml_text(value)}" for key, value in values.items()]
+    return "\n".join(lines) + "\n"
+
+
+def toml_text(value: Any) -> str:
+    """A text, number, boolean or list in TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_text(entry) for entry in value) + "]"
+    return repr(value) if isinstance(value, (int, float)) else toml_text(str(value))

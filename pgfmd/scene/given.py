@@ -17,8 +17,8 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.files.text import read_text
 from pgfmd.units import DIMENSIONS
 
-from .fields import extra_of, written
-from .model import ADHESION, PATTERNS, RHEOLOGIES, SECTIONS, toml_of
+from .fields import extra_of, toml_of, written
+from .model import ADHESION, PATTERNS, RHEOLOGIES, SECTIONS
 
 SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES), ("adhesion", "law", ADHESION))
 """Keys that determine which other keys their section may have, with those keys."""

@@ -7,7 +7,6 @@ that a scene does not use (such as `punch.wavelength` of a flat punch) are None.
 from __future__ import annotations
 
 import html
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +19,7 @@ from pgfmd.physics.adhesion.registry import DEFAULT_LAW, LAWS, LawName, meanings
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity
 
-from .fields import Section, extra_of, key, number, quantity, written
+from .fields import Section, extra_of, key, number, quantity, toml_of, toml_text, written
 from .output_section import Output
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys, Solver
 
@@ -483,23 +482,3 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "solver.gfmd" and scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:
         return frozenset(INSTEAD_OF_OMEGA_AND_DT)
     return frozenset()
-
-
-def toml_of(title: str, tables: Mapping[str, Mapping[str, Any]]) -> str:
-    """A scene as TOML: its title, if it has one, and its sections, in their order."""
-    lines = [f"title = {toml_text(title)}"] if title else []
-    for name, values in tables.items():
-        lines += [""] * bool(lines) + [f"[{name}]"]
-        lines += [f"{key} = {toml_text(value)}" for key, value in values.items()]
-    return "\n".join(lines) + "\n"
-
-
-def toml_text(value: Any) -> str:
-    """A text, number, boolean or list in TOML."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(toml_text(entry) for entry in value) + "]"
-    return repr(value) if isinstance(value, (int, float)) else toml_text(str(value))

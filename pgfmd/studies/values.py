@@ -7,8 +7,8 @@ import tomllib
 import unicodedata
 from typing import Any
 
-from pgfmd.scene.fields import extra_of
-from pgfmd.scene.model import SECTIONS, toml_text
+from pgfmd.scene.fields import extra_of, toml_text
+from pgfmd.scene.model import SECTIONS
 from pgfmd.units import DIMENSIONS
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9.+_-]+")
