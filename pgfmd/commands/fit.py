@@ -9,7 +9,7 @@ import typer
 
 from pgfmd.host.streams import say
 
-from .analysis import Baseline, Correct, LowPass, PositiveDisplacement, Pressing
+from .analysis import Baseline, Correct, LowPass, MachineStiffness, Offset, PositiveDisplacement, Pressing
 from .names import named, path_option
 from .printing import command
 from .quantities import length, quantity
@@ -34,14 +34,9 @@ Coarsest = Annotated[
     typer.Option("--from", metavar="N", min=4, help="grid.n of the coarsest level; the scene's own for one level."),
 ]
 MostRuns = Annotated[int, typer.Option("--most-runs", min=1, help="Runs, after which it gives up.")]
-MachineStiffness = Annotated[
-    str,
-    typer.Option("--machine-stiffness", metavar="STIFFNESS", help="Takes F/k_M off the experiment; such as 38.1kN/m."),
-]
 Corrected = Annotated[
     Correct, typer.Option("--correct", help="Which curves take up the compliance of the periodic cell.")
 ]
-Offset = Annotated[str, typer.Option("--offset", metavar="LENGTH|fit", help="By which the experiment is pushed in.")]
 PositiveForce = Annotated[Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")]
 Cycle = Annotated[int | None, typer.Option("--cycle", min=1, help="Which of several measured cycles.")]
 Out = Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the runs and of what is found.")]

@@ -32,7 +32,7 @@ from .scenes import make
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts processes of its own")
 
 SEED, CHECKS = 3, 160
-RUNS = {1: "finished", 8: "refused"}
+RUNS = {1: "finished", 20: "refused"}
 """Scenes of SEED that are run, with what comes of them."""
 RELATED = {
     2: "resolved",
