@@ -86,8 +86,8 @@ def test_what_a_law_says_of_itself(law):
 def test_the_automatic_range_makes_all_laws_as_stiff(tmp_path):
     (tmp_path / "law.txt").write_text("gap [um] traction [kPa]\n0 0\n0.3 100\n1 0\n")
     for name, kind in LAWS.items():
-        given = dict(law=name, work_of_adhesion=GAMMA, overlap_stiffness=None, smoothing=0.2, file=tmp_path / "law.txt")
-        adhesion = SimpleNamespace(**given, range=None)
+        adhesion = SimpleNamespace(law=name, work_of_adhesion=GAMMA, range=None)
+        adhesion.overlap_stiffness, adhesion.smoothing, adhesion.file = None, 0.2, tmp_path / "law.txt"
         adhesion.range = range_by_rule(adhesion, 2e6, 0.156, 1e7)
         assert kind.of(adhesion).stiffness == pytest.approx(0.156 * 1e7 * 2e6, rel=1e-12)
 
@@ -169,7 +169,7 @@ def test_a_scene_takes_the_work_and_the_range_of_its_file_or_scales_it(tmp_path)
         own.replace(adhesion={"file": None})
     (tmp_path / "law.csv").write_text("gap [nm] traction [kPa]\n0 1\n")
     with pytest.raises(
-        SceneError, match="adhesion.file = .*law.csv.: expected a law of adhesion; expected at least three"
+        SceneError, match=r"adhesion\.file = .*law.csv.: expected a law of adhesion; expected at least three"
     ):
         Scene("tri-tack", adhesion=tables)
 
@@ -178,5 +178,5 @@ def test_keys_belong_to_their_laws():
     scene = Scene("tri-tack", adhesion={"law": "dugdale"})
     assert scene.adhesion.smoothing == 0.2 and "smoothing" in scene.to_toml()
     assert "smoothing" not in scene.replace(adhesion={"law": "cosine"}).to_toml()
-    with pytest.raises(SceneError, match='adhesion.smoothing = 0.3: .* choose law = "dugdale"'):
+    with pytest.raises(SceneError, match=r'adhesion\.smoothing = 0.3: .* choose law = "dugdale"'):
         Scene("tri-tack", adhesion={"smoothing": 0.3})
