@@ -169,7 +169,7 @@ def test_a_scene_takes_the_work_and_the_range_of_its_file_or_scales_it(tmp_path)
         own.replace(adhesion={"file": None})
     (tmp_path / "law.csv").write_text("gap [nm] traction [kPa]\n0 1\n")
     with pytest.raises(
-        SceneError, match=r"adhesion.file = .*law.csv.: expected a law of adhesion; expected at least three"
+        SceneError, match=r"adhesion\.file = .*law.csv.: expected a law of adhesion; expected at least three"
     ):
         Scene("tri-tack", adhesion=tables)
 
@@ -178,5 +178,5 @@ def test_keys_belong_to_their_laws():
     scene = Scene("tri-tack", adhesion={"law": "dugdale"})
     assert scene.adhesion.smoothing == 0.2 and "smoothing" in scene.to_toml()
     assert "smoothing" not in scene.replace(adhesion={"law": "cosine"}).to_toml()
-    with pytest.raises(SceneError, match=r'adhesion.smoothing = 0.3: .* choose law = "dugdale"'):
+    with pytest.raises(SceneError, match=r'adhesion\.smoothing = 0.3: .* choose law = "dugdale"'):
         Scene("tri-tack", adhesion={"smoothing": 0.3})

@@ -45,7 +45,6 @@ class Constants(NamedTuple):
     peak: float
 
 
-@functools.cache
 def constants_of(shape: Callable[[Any], Any]) -> Constants:
     """The constants of a shape, (h, h', H) of x, whose slope is largest at 0 and falls through zero once between 0 and 2."""
     height, slope, area = shape(CUT_OFF)
@@ -67,18 +66,18 @@ class CutOffLaw(CohesiveLaw):
     """A law without an end that is ended smoothly at `CUT_OFF` ranges."""
 
     optional = CohesiveLaw.optional | {"overlap_stiffness"}
-    shape: ClassVar[staticmethod[[Any], Any]]
-    """(h, h', H) of x."""
+    constants: ClassVar[Constants]
+    """Of its shape."""
     kind: ClassVar[type[CutOffNumbers]]
     """Of the module's own, by which kernels find its functions."""
 
     @classmethod
     def stiffness_number(cls, adhesion: Any) -> float:
-        return constants_of(cls.shape).stiffness
+        return cls.constants.stiffness
 
     @functools.cached_property
     def numbers(self) -> CutOffNumbers:
-        found, range_, gamma = constants_of(self.shape), self.range, self.work_of_adhesion
+        found, range_, gamma = self.constants, self.range, self.work_of_adhesion
         stiffness = gamma * found.stiffness / range_**2
         overlap = self.own_overlap_stiffness or stiffness
         shape = found.first, found.second, found.end
@@ -86,7 +85,7 @@ class CutOffLaw(CohesiveLaw):
 
     @property
     def contact_gap(self) -> float:
-        return constants_of(self.shape).peak * self.range
+        return self.constants.peak * self.range
 
     @property
     def strength(self) -> float:

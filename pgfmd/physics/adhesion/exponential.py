@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .cut_off import CUT_OFF, CutOffLaw, CutOffNumbers, ended
+from .cut_off import CUT_OFF, CutOffLaw, CutOffNumbers, constants_of, ended
 from .functions import clipped, exponential_of
 
 
@@ -30,7 +30,7 @@ class Exponential(CutOffLaw):
     name = "exponential"
     meaning = "the universal binding curve g exp(-g/rho)"
     strength_note = "gamma/(e rho)"
-    shape = staticmethod(shape)
+    constants = constants_of(shape)
     kind = ExponentialNumbers
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .cut_off import CUT_OFF, CutOffLaw, CutOffNumbers, ended
+from .cut_off import CUT_OFF, CutOffLaw, CutOffNumbers, constants_of, ended
 from .functions import clipped
 
 
@@ -35,7 +35,7 @@ class LennardJones(CutOffLaw):
     name = "lennard-jones"
     meaning = "half-spaces of Lennard-Jones atoms, 3-9"
     strength_note = "16 gamma/(9 sqrt(3) rho)"
-    shape = staticmethod(shape)
+    constants = constants_of(shape)
     kind = LennardJonesNumbers
 
 
