@@ -48,7 +48,7 @@ def test_all_parts_come_back(folder):
             "indentation_offset_m": OFFSET,
         }  # fmt: skip
         assert results.scene["cell"]["n"] == 192
-        assert len(results.energy) == 39
+        assert len(results.energy) == 40
         assert list(results.sites["event"]) == ["joins", "leaves"] and list(results.sites["in_contact"]) == [1, 0]
         assert list(results.events["left"]) == ["1 summit", ""] and list(results.events["event"]) == [
             "jump",
