@@ -20,6 +20,8 @@ BROKEN = (
 """Files that can't be used as a map."""
 COMPLIANCE = "compliance.txt"
 """An elastic half-space of E* = 2.65 MPa as a table, from 1e-6 to 1e12 rad/m."""
+LAW = "law.txt"
+"""A law of adhesion as a table."""
 BROKEN_COMPLIANCES = (
     "short.txt",
     "negative.txt",
@@ -44,6 +46,7 @@ def write_files(folder: Path, length: float = 1e-3) -> None:
     np.savetxt(folder / "narrow.txt", 1e-4 * length * random.normal(size=(24, 36)))
     wave = np.logspace(-6, 12, 40)
     np.savetxt(folder / COMPLIANCE, np.column_stack([wave, 2 / (2.65e6 * wave)]))
+    (folder / LAW).write_text("gap [nm], traction [kPa]\n0 0\n20 60\n80 25\n200 0\n", encoding="utf-8")
     _write_broken(folder, wave)
 
 

@@ -15,7 +15,7 @@ from pgfmd.units import parse_quantity
 
 from .declarations import KEYS
 from .draw import Draw, Mapping, Natural, as_toml, legal, written
-from .files import COMPLIANCE, MAPS, WHOLE
+from .files import COMPLIANCE, LAW, MAPS, WHOLE
 from .mutations import mutate
 
 SIZES = (4, 5, 7, 8, 9, 11, 12, 13, 16, 17, 20, 24, 31, 32)
@@ -229,6 +229,9 @@ def _adhesion(draw: Draw, natural: Natural, spacing: float, reach: float) -> dic
         # By numbers of its own, so that scenes of other laws stay what they were.
         own = Draw("law", *adhesion.values())
         adhesion["law"] = own.choice([name for name in ADHESION if "file" not in ADHESION[name][0]])
+        if own.chance(0.3):
+            # A law of a file is as strong and as wide as the scene asks for.
+            adhesion = {"range": "auto", **adhesion, "law": "table", "file": LAW}
         optional = ADHESION[adhesion["law"]][1]
         if "smoothing" in optional and own.chance(0.5):
             adhesion["smoothing"] = own.choice([0.05, 0.4, 0.8])
