@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -75,7 +76,8 @@ def runs_in(path: str | Path) -> list[Path]:
     """
     path = Path(path)
     require_folder(path)
-    if (path / CURVE_FILE).is_file():
+    # Whatever it is: who reads it refuses what is no file.
+    if os.path.lexists(path / CURVE_FILE):
         return [path]
     found = sorted(folder.parent for folder in path.glob(f"*/{CURVE_FILE}"))
     if not found:
