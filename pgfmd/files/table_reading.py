@@ -133,12 +133,12 @@ def faults_of(table: Table, pieces: Iterable[Mapping[str, Any]]) -> Iterator[Col
     rows = 0
     last: dict[str, Any] = {}
     for piece in pieces:
+        # Of an earlier version all columns are missing that came after the same one.
         lacking = [entry for entry in table.columns if entry.after]
-        # Of an earlier version all of them are missing.
-        earlier = bool(lacking) and all(np.isnan(np.asarray(piece[entry.title])).all() for entry in lacking)
+        known = {entry.after for entry in lacking if not np.isnan(np.asarray(piece[entry.title])).all()}
         for entry in table.columns:
             values = np.asarray(piece[entry.title])
-            if earlier and entry in lacking:
+            if entry.after and entry.after not in known:
                 continue
             for what, wrong in _wrong(entry, values, last.get(entry.title)):
                 if wrong.any():

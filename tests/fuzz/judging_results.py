@@ -16,6 +16,7 @@ import numpy as np
 from pgfmd.errors import PgfmdError, RunError, SceneError
 from pgfmd.files.table_reading import faults_of
 from pgfmd.files.tables import CURVE, TABLES
+from pgfmd.physics.adhesion.registry import law_of
 from pgfmd.physics.drive import DETACHED
 from pgfmd.results import load
 from pgfmd.results.curve import SAME_STEP
@@ -54,7 +55,7 @@ NEVER_NEGATIVE = (
 AREAS = ("overlap_area [m^2]", "contact_area [m^2]", "near_area [m^2]")
 """Columns of the curve that count points with a gap below a level, see `Folder.levels`."""
 HELD = {"cosine": 0.5, "repulsive": 0.0}
-"""Gap of the largest traction of a law, in ranges: below it a point is in contact."""
+"""Gap of the largest traction of a law, in ranges: below it a point is in contact. Of other laws it is found by the law."""
 
 
 @dataclass
@@ -112,7 +113,9 @@ class Folder:
     def levels(self) -> tuple[float, float, float]:
         """Gaps [m] below which points count in AREAS."""
         adhesion = self.scene.adhesion
-        return 0.0, HELD[adhesion.law] * adhesion.range, self.scene.output.near_gap
+        share = HELD.get(adhesion.law)
+        held = law_of(adhesion).contact_gap if share is None else share * adhesion.range
+        return 0.0, held, self.scene.output.near_gap
 
     def areas_of(self, gap: np.ndarray) -> list[float]:
         """AREAS of a snapshot's gap [m]."""
