@@ -105,7 +105,8 @@ class Loop:
         phase = column(curve, "phase")
         scene = results.scene
         slow = registry.scheme_in(scene.get("solver", {})).timeless
-        held = not slow or scene.get("drive", {}).get("control") == "load"
+        drive = scene.get("drive", {})
+        held = drive.get("control") == "load" or not (slow or _is_sprung(drive.get("machine_stiffness")))
         name = name or results.directory.name
         loop = cls(
             name, time, displacement, force, area, u_inf, phase, jump, offset, held, overlap=areas.get("overlap"),
@@ -194,6 +195,11 @@ def areas_of(results: Results) -> dict[str, Array]:
     if results.counts_overlap:
         return {"overlap": column(results.curve, "contact_area [m^2]")}
     return {kind: column(results.curve, f"{kind}_area [m^2]") for kind in KINDS_OF_AREA}
+
+
+def _is_sprung(stiffness: Any) -> bool:
+    """Whether a scene's machine has a spring: its stiffness is a number or a text, or none is given."""
+    return stiffness is not None and str(stiffness).split()[0] != "inf"
 
 
 def column(table: Any, name: str) -> NDArray[Any]:

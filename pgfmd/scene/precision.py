@@ -20,6 +20,17 @@ LEAST_SIDE = 256
 at 512, and a quarter at 1024; between 128 and 192 both cost the same."""
 
 
+SOFTEST = 1e-2
+"""Stiffness of a machine's spring beside that of the punch in contact, below which single corrections lose too much of the
+surface in the elongation of the spring."""
+
+
+def is_soft(machine: float, contact_modulus: float, radius: float | None, length: float) -> bool:
+    """Whether a machine's spring asks for double precision. Stiffness [N/m], modulus [Pa], radius of the punch and side of
+    the cell [m]."""
+    return machine < SOFTEST * 2.0 * (radius or 0.5 * length) * contact_modulus
+
+
 @dataclass(frozen=True)
 class Choice:
     """A precision and its reason, as the end of the sentence "..., because"."""
@@ -36,6 +47,8 @@ def best_precision(scene: Scene) -> Choice:
     solver, side, scheme = scene.solver, transform_side_about(scene), registry.scheme_of(scene)
     if scene.drive.control == "load":
         return Choice("double", "load control has no other")
+    if is_soft(scene.drive.machine_stiffness, scene.substrate.contact_modulus, scene.punch.radius, scene.grid.length):
+        return Choice("double", "the machine's spring is so soft that it nearly controls the load")
     if scheme.only_double:
         return Choice("double", scheme.only_double)
     if solver.accuracy < FINEST_MIXED:

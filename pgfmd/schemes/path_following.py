@@ -189,13 +189,23 @@ class PathFollowing:
         )
         distance, moved = (value / law.length for value in self.points.maxima_of(*local))
         if self.spring_compliance:
-            # A punch on a spring has a way of its own.
-            distance = max(distance, self.spring_compliance * abs(trial.force - extrapolated) / law.length)
-            moved = max(moved, self.spring_compliance * abs(trial.force - state.force) / law.length)
+            # A punch on a spring moves by itself.
+            places = self._places(state, trial)[:count]
+            there = sum(weight * place for weight, place in zip(c, places, strict=True))
+            distance = max(distance, abs(trial.position - there) / law.length)
+            moved = max(moved, abs(trial.position - state.position) / law.length)
         return Change(
             moved, distance, abs(trial.force - state.force) / scale, abs(trial.force - extrapolated) / scale,
             tuple(times), trial.step,
         )  # fmt: skip
+
+    def _places(self, state: State, trial: Trial) -> list[float]:
+        """Displacements of the punch [m] at the last ends of steps, newest first."""
+        places = [state.position]
+        for span, force in zip(accumulate(state.past_steps), state.past_forces, strict=True):
+            drive = state.phase_start + trial.phase.displacement(state.elapsed - span)
+            places.append(drive + self.spring_compliance * force)
+        return places
 
     def _scale(self, state: State, trial: Trial) -> float:
         """The unit [N] of changes of the force: the largest force so far or the preload, whichever is larger."""

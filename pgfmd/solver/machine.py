@@ -62,6 +62,12 @@ class SprungConvolution:
             displacement += scale * self.uniform * total(self.points, traction, self._rows)
         return displacement
 
+    def since(self, start: float, traction: np.ndarray, displacement: np.ndarray) -> None:
+        """displacement = G0 * traction, and what the spring has given way since the sum of the traction was `start`: the
+        elongation itself, far longer, is in no field. Collective."""
+        self.convolve(traction, displacement)
+        displacement += self.uniform * (total(self.points, traction, self._rows) - start)
+
     def whole_cell(self, traction: np.ndarray) -> tuple[np.ndarray, int]:
         """The true surface of the cell, without the spring (transform.Convolution)."""
         return self.convolve.whole_cell(traction)
@@ -146,14 +152,14 @@ class Machine:
         if abs(place - expected) > MISPLACED * solver.law.length:
             corrected = self._correct(place - expected, u, w, compliance, traction)
             place = self.place(drive, self._force(self._start, compliance))
-        solver.offset = self._convolve.uniform * self._start
+        solver.start = self._start
         return place, corrected
 
     def end(self, drive: float, u: np.ndarray, w: np.ndarray, compliance: float) -> tuple[float, float]:
         """After the solve: makes u the true surface again; position of the punch [m] and force on it [N]. Collective."""
         now = total(self.points, w, self._rows)
         u -= self._convolve.uniform * (now - self._start)
-        self.solver.offset = 0.0
+        self.solver.start = None
         before, force = self._force(self._start, compliance), self._force(now, compliance)
         self.fallen += 0.5 * self.compliance * (before**2 - force**2)
         return self.place(drive, force), force

@@ -142,8 +142,8 @@ class NewtonSolver:
         self.traction = points.zeros(self.dtype)
         self.cg = corrections(points, self.rough, law, self.floating)
         self.curvature = self.cg.curvature
-        # By how much the surface of a solve lies below that of its load alone: see machine.Machine.
-        self.offset = 0.0
+        # Sum of w at which a machine's spring has the length that a solve's position assumes, None without a spring.
+        self.start: float | None = None
         self._rows = np.zeros((4, points.rows))
 
     def solve(
@@ -181,9 +181,7 @@ class NewtonSolver:
                 # Phi does not decrease along a descent direction: u has drifted from G0 w, or this is the limit of rounding.
                 if course.renewed:
                     break
-                self.convolve(w, u)
-                if self.offset:
-                    u -= self.offset
+                self._renew(w, u)
                 course.renewed = True
                 course.pull, imbalance, course.adhesive, _ = self._evaluate(problem, 0.0)
                 continue
@@ -206,6 +204,16 @@ class NewtonSolver:
             course.moved += moved
             trust = 2.0 * max(trust, moved) if gained > 0.0 and moved >= 0.99 * trust else max(2.0 * moved, 0.25)
         return self._outcome(course, False)
+
+    def _renew(self, w: np.ndarray, u: np.ndarray) -> None:
+        """Computes u of w anew, with what a machine's spring has given way since the start. Collective."""
+        from .machine import SprungConvolution
+
+        if self.start is None:
+            self.convolve(w, u)
+        else:
+            assert isinstance(self.convolve, SprungConvolution)
+            self.convolve.since(self.start, w, u)
 
     def stiffen(self, spring: float, compliance: float) -> None:
         """Prepares for solves with a machine's spring of the compliance `spring` [m/N], and J = compliance."""

@@ -69,9 +69,10 @@ class State:
     """Time, programme, fields, history of the predictor, step controller, energies, counters.
 
     time [s].
-    position [m]: of the drive, which is that of the punch unless there is a machine's spring.
+    position [m]: of the punch, or, in quasistatic with a machine's spring, of the drive.
     place, preload_place [m]: displacement d of the punch at the end of the last step, and where it met the preload.
-    phase: index in the programme. elapsed [s], phase_start [m]: time since its start, and position there.
+    phase: index in the programme. elapsed [s], phase_start [m]: time since its start, and position of the
+    drive there.
     displacement [m]: u of the surface, positive upward.
     load [Pa]: the effective traction w, with u = G0 w.
     traction [Pa]: f on the surface.

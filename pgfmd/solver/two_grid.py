@@ -157,7 +157,9 @@ class TwoGrid(ConjugateGradients):
         # A uniform unit traction, and its displacement.
         self._even = np.ones_like(self.d)
         self._sunk = operator(self._even, points.zeros(operator.dtype))
-        self._given_way = getattr(operator, "uniform", 0.0)
+        # The same without a machine's spring, which may change.
+        inner = getattr(operator, "convolve", None)
+        self._own = self._sunk if inner is None else inner(self._even, points.zeros(operator.dtype))
 
     def stiffen(self, spring: float, compliance: float) -> None:
         """Puts another spring of the machine between the cells and the punch, too. Only with operators that have one."""
@@ -166,9 +168,8 @@ class TwoGrid(ConjugateGradients):
         here, there = self.operator, self._cg.operator
         assert isinstance(here, SprungConvolution) and isinstance(there, SprungConvolution)
         there.stiffen(spring, compliance)
-        if here.uniform != self._given_way:
-            self._sunk += (here.uniform - self._given_way) * self.points.total
-            self._given_way = here.uniform
+        # Anew each time, for a run that goes on to have the same bits.
+        np.add(self._own, here.uniform * self.points.total, out=self._sunk)
 
     @property
     def coarse_pairs(self) -> int:

@@ -48,6 +48,7 @@ SCENES = {
         "hex-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.03", "drive.preload=0.5 mN",
         "drive.machine_stiffness=2 kN/m", "solver.precision=mixed",
     ],
+    "under load": ["tri-tack", "grid.n=20", "drive.control=load", "drive.preload=0.5 mN", "drive.speed=20 um/s"],
     "quasi-static": [
         "tri-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.05", "drive.preload=0.5 mN",
     ],

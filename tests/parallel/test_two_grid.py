@@ -26,6 +26,9 @@ SCENES = {
         "hex-tack", "grid.n=56", "drive.preload=1 mN", "drive.speed=20 um/s", "substrate.boundary=free",
         "solver.symmetry=none",
     ],
+    "half, sprung": [
+        "tri-tack", "grid.n=20", "drive.preload=1 mN", "drive.speed=20 um/s", "drive.machine_stiffness=2 kN/m",
+    ],
     "few cells": ["tri-tack", "grid.n=20", "drive.preload=1 mN", "drive.speed=20 um/s"],
 }  # fmt: skip
 

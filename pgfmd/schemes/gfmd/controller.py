@@ -16,7 +16,8 @@ LEAST_SHARE = 0.02
 
 @dataclass(frozen=True)
 class Taken:
-    """A completed step. A scheme with inertia has no jumps, because its surface moves at a finite speed."""
+    """A completed step. The surface of a scheme with inertia moves at a finite speed; a massless punch on a machine's spring
+    may jump."""
 
     is_jump: bool = False
 
@@ -38,12 +39,12 @@ class FixedSteps:
         step, why = self._fit(phase.duration - state.elapsed, until)
         if phase.ends_with == PRELOAD:
             step, why = self._not_past_preload(state, step, why)
-        force = state.force
+        force, jumps = state.force, state.counters.jumps
         self.scheme.step(state, phase, step)
         state.past_forces[:] = [force]
         if phase.ends_with == PRELOAD and state.force >= self.preload:
             why = "preload"
-        return Taken(), why
+        return Taken(state.counters.jumps > jumps), why
 
     def _fit(self, end: float, until: float) -> tuple[float, str]:
         """Equal steps, no longer than the usual one, to the end of the phase or the requested time, whichever is

@@ -40,6 +40,8 @@ NEAR = 1e-4
 """Share of the range by which the punch is moved to see how stiff the contact is."""
 MOST_SECANTS = 8
 """Secants after which the place is bracketed instead."""
+JUMPED = 0.05
+"""How far a punch on a spring goes in a step, in lengths of the law, that has jumped: a step of the drive is far shorter."""
 
 
 class Gfmd:
@@ -154,8 +156,9 @@ class Gfmd:
         if self.dead_load and phase.velocity_end > 0.0 and state.smallest_gap >= self.law.reach:
             self._fling(state, before, force, adhesive)
             moved = 0.0
-        else:
+        elif fallen:
             energies.released += fallen
+            state.counters.jumps += 1
         energies.work -= 0.5 * (force + state.force) * moved
         if phase.velocity_end > 0.0 and moved > 0.0:
             # Steps are short: the force is linear within a step, and work under tension in a step through zero is negligible.
@@ -230,30 +233,39 @@ class Gfmd:
             return place - drive - spring * state.force
 
         old = before = state.position
-        value, stored = missing(old), state.energies.adhesive
+        value = first = missing(old)
+        stored = state.energies.adhesive
+        if first == 0.0:
+            return 0.0
         near = missing(old + NEAR * self.law.length)
         slope = (near - value) / (NEAR * self.law.length)
         new = old - value / slope if slope > 0.0 else old
         for _ in range(MOST_SECANTS if slope > 0.0 else 0):
             last, value = value, missing(new)
             if abs(new - old) <= exact:
-                return 0.0
+                jumped = abs(state.position - before) > JUMPED * self.law.length
+                return self._fallen(state, before, stored, drive) if jumped else 0.0
             slope = (value - last) / (new - old)
             if slope <= 0.0:
                 break
             old, new = new, new - value / slope
         from scipy.optimize import brentq
 
-        low, high, way = old, old, self.law.length
-        while missing(low) > 0.0:
-            low, way = low - way, 2.0 * way
-        way = self.law.length
-        while missing(high) < 0.0:
-            high, way = high + way, 2.0 * way
-        missing(low if low == high else brentq(missing, low, high, xtol=exact, rtol=1e-15))
-        # Of spring and interface, the surface being as it is.
+        # The nearest place on the side that the first one asks for.
+        sign, way, low, high = (-1.0 if first > 0.0 else 1.0), JUMPED * self.law.length, before, before
+        while missing(high) * first > 0.0:
+            low, high, way = high, high + sign * way, 2.0 * way
+        missing(brentq(missing, min(low, high), max(low, high), xtol=exact, rtol=1e-15))
+        return self._fallen(state, before, stored, drive)
+
+    def _fallen(self, state: State, before: float, stored: float, drive: float) -> float:
+        """By how much [J] spring and interface have fallen, the surface being as it is, since the punch was at `before` [m]
+        and the interface had `stored` [J]."""
+        if not stored and not state.energies.adhesive:
+            # Nothing held the punch, which went with the drive.
+            return 0.0
         way = state.position - before
-        return stored - state.energies.adhesive - 0.5 * way * (state.position + before - 2.0 * drive) / spring
+        return stored - state.energies.adhesive - 0.5 * way * (state.position + before - 2.0 * drive) / self.spring
 
     def _fling(self, state: State, before: float, force: float, adhesive: float) -> None:
         """Leaves a punch that a dead load has flung out of reach. The load works on all of its way, and what is left of that work is released."""
@@ -265,6 +277,7 @@ class Gfmd:
             energies.work -= force * moved
             energies.work_of_separation -= force * moved
             energies.released += -force * moved + adhesive - energies.adhesive
+            state.counters.jumps += 1
 
     def _follow_energies(self, state: State, step: float) -> None:
         """Computes the stored energy (including kinetic energy), and the dissipation by the trapezoidal rule."""

@@ -7,6 +7,7 @@ points (docs: model).
 
 from __future__ import annotations
 
+import math
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from pgfmd.physics.rheology import CreepSeries
 from pgfmd.schemes.path_following import SINGLE_NOISE
-from pgfmd.solver.extrapolation import integral
+from pgfmd.solver.extrapolation import GAUSS, integral, lagrange_slopes
 from pgfmd.solver.state import Energies, State
 from pgfmd.solver.trial_step import Trial
 
@@ -100,7 +101,9 @@ class EnergyAudit:
         residual = work_of(state, trial, self.tableau, self.spring) - gained - viscous
         at_stake = elastic + self.law.work_of_adhesion * self.points.total * self.points.grid.cell_area
         spent = max(energies.viscous + energies.released, SMALLEST_LOOP * at_stake)
-        way = abs(trial.position - state.position) / (reach + abs(trial.position - state.phase_start))
+        # A machine's phases begin where the machine is, not the punch.
+        origin = state.preload_place if self.spring and state.preload_time is not None else state.phase_start
+        way = abs(trial.position - state.position) / (reach + abs(trial.position - origin))
         allowed = max(ENERGY_SHARE * self.tolerance, LEAST_SHARE) * (viscous + spent * (way + LEAST_WAY))
         allowed += self._noise * at_stake
         return abs(residual) / allowed if allowed > 0.0 else 0.0
@@ -124,9 +127,12 @@ class EnergyAudit:
         return stored * area, lost * area
 
 
-def work_of(state: State, trial: Trial, tableau: Tableau, compliance: float = 0.0) -> float:
+def work_of(
+    state: State, trial: Trial, tableau: Tableau, compliance: float = 0.0, stiffness: float = math.inf
+) -> float:
     """Work of the punch [J] over the step: the machine's velocity times the polynomial through the forces at the start,
-    at the stages, and at ends of steps before, less what its spring has stored, whose compliance [m/N] is 1/k_M.
+    at the stages, and at ends of steps before, less what its spring has stored, whose compliance [m/N] is 1/k_M;
+    stiffness [N/m]: of the contact, about.
 
     A jump is taken to happen at the new positions, and its released energy is counted from there: up to each of them,
     the force is that of the old surface. A punch that a dead load flings away feels that load on all its way.
@@ -136,6 +142,11 @@ def work_of(state: State, trial: Trial, tableau: Tableau, compliance: float = 0.
         return -state.force * (trial.position - state.position)
     stored = 0.5 * compliance * (trial.force**2 - state.force**2)
     times, forces = [0.0, *(node * h for node in tableau.nodes)], [state.force, *trial.forces]
+    if trial.is_jump and compliance:
+        # Until the jump the spring has taken its share of what was driven.
+        way = phase.displacement(start + h) - phase.displacement(start)
+        before = state.force - way / (compliance + 1.0 / stiffness) if state.force else 0.0
+        return -stored - 0.5 * (state.force + before) * way
     if trial.is_jump:
         places = [phase.displacement(start + time) for time in times]
         return -stored - sum(force * (b - a) for force, a, b in zip(forces[:-1], places[:-1], places[1:], strict=True))
@@ -143,7 +154,27 @@ def work_of(state: State, trial: Trial, tableau: Tableau, compliance: float = 0.
         if len(times) < POINTS_OF_WORK and span > NEAREST_PAST * h:
             times.append(-span)
             forces.append(force)
+    if compliance * stiffness > 1.0:
+        return _work_of_place(state, trial, times, forces, compliance)
     return -stored - integral(times, forces, lambda time: phase.velocity(start + time), h)
+
+
+def _work_of_place(state: State, trial: Trial, times: list[float], forces: list[float], compliance: float) -> float:
+    """The same where the spring is softer than the contact: then the punch's displacement is the smooth one, and the force
+    follows from it and the drive, F = (d - D)/k_M^-1, however far that goes. times [s], forces [N]: of the polynomial."""
+    start, phase, first = state.elapsed, trial.phase, state.force
+
+    def driven(time: float) -> float:
+        return phase.displacement(start + time) - phase.displacement(start)
+
+    moved = [driven(time) + compliance * (force - first) for time, force in zip(times, forces, strict=True)]
+    end = driven(trial.step) + compliance * (trial.force - first)
+    shared = 0.0
+    for place, share in GAUSS:
+        at = place * trial.step
+        rate = sum(weight * way for weight, way in zip(lagrange_slopes(times, at), moved, strict=True))
+        shared += share * trial.step * driven(at) * rate
+    return -first * end - (0.5 * end**2 - shared) / compliance
 
 
 def tension_of(

@@ -53,6 +53,7 @@ def memory(scene: Scene, ranks: int) -> Memory:
     elements, rough = scene_objects.series_of(scene.rheology).elements, rough_share(scene)
     stages, periodic = scene.solver.order if elements else 1, scene.substrate.boundary == "periodic"
     more = 3.0 * rough if coarsening.expected(scene).factor else 0.0
+    more += rough if more and scene_objects.machine_compliance(scene) else 0.0
     counts = 7 + elements * (1 + scene.output.energy), stages * 4 + 2 + 7 * rough + periodic + more
     return memory_of_vectors(scene, ranks, counts)
 

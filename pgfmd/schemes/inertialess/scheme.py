@@ -9,7 +9,7 @@ problem (newton.py) with the compliance J_i G0. Its start is extrapolated from t
 
 from __future__ import annotations
 
-from itertools import accumulate
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,6 +79,7 @@ class Inertialess(PathFollowing):
         if audit:
             self._audit = EnergyAudit(points, creep, solver.law, self.tableau, tolerance, solver.dtype, spring)
         self._rows = np.zeros((2, points.rows))
+        self._stage_compliance = 1.0
 
     @property
     def order(self) -> int:
@@ -143,6 +144,7 @@ class Inertialess(PathFollowing):
         for i, (node, compliance) in enumerate(zip(self.nodes, weights.compliance.tolist(), strict=True)):
             history = self._history[i]
             elapsed = state.elapsed + node * step
+            self._stage_compliance = compliance
             drive, surface = state.phase_start + phase.displacement(elapsed), (self._u[i], self._w[i])
             trial.position = trial.position if self.machine else drive
             extrapolation = self._predict(state, trial, i, node * step)
@@ -191,7 +193,8 @@ class Inertialess(PathFollowing):
         """Advances fields, history and energies of the state to the end of the trial step."""
         weights = trial.weights
         spring = self.spring_compliance
-        work = work_of(state, trial, self.tableau, spring)
+        stiffness = self.machine.stiffness if self.machine else math.inf
+        work = work_of(state, trial, self.tableau, spring, stiffness)
         state.energies.work += work
         state.least_force, pulled = tension_of(state, trial, self.tableau, work, spring)
         state.energies.work_of_separation += pulled
@@ -240,11 +243,7 @@ class Inertialess(PathFollowing):
 
     def _expected(self, state: State, trial: Trial, weights: list[float]) -> float:
         """Where the last ends of steps and stages, by their weights, place the punch [m]."""
-        places = [state.position]
-        for span, force in zip(accumulate(state.past_steps), state.past_forces, strict=True):
-            drive = state.phase_start + trial.phase.displacement(state.elapsed - span)
-            places.append(drive + self.spring_compliance * force)
-        places = [*trial.positions[-1:], *places]
+        places = [*trial.positions[-1:], *self._places(state, trial)]
         return sum(weight * place for weight, place in zip(weights, places, strict=False))
 
     def _surface_of(self, w: np.ndarray, u: np.ndarray) -> None:
@@ -252,7 +251,8 @@ class Inertialess(PathFollowing):
 
     def _extent(self, position: float) -> float:
         """Size of u [ranges of adhesion]. The load's rounding reaches it through the spring."""
-        return super()._extent(position) + self.spring_compliance * self.solver.force_scale / self.law.length
+        elongation = self.spring_compliance * self.solver.force_scale / self._stage_compliance
+        return super()._extent(position) + elongation / self.law.length
 
     def _is_flung(self, machine: Machine, trial: Trial) -> bool:
         """Whether a dead load has pulled the punch off in a trial. Collective."""
