@@ -157,7 +157,7 @@ def _of_variables(variables: list[Variable], attributes: Mapping[str, Any]) -> R
     unit, odd_unit = _unit(_unit_text(own))
     size = None if sides[0] is None or sides[1] is None else (sides[0], sides[1])
     peaks = _peaks(str(own.get("peaks", attributes.get("peaks", ""))))
-    if len({found.metres for found in units}) > 1:
+    if len({found.metres for found in units if found}) > 1:
         raise ValueError("x and y have different units: give both the same in the file")
     return RawMap(
         values,

@@ -151,7 +151,7 @@ def prepared(raw: RawMap, keys: MapKeys, radius: float | None) -> tuple[Array | 
     inner = _under(shape, size, radius, reach=0.0)
     plane, trend = _trends(numbers, inner if gone is None else inner & ~gone, factor, keys.detrend)
     heights = _heights(numbers, factor, trend)
-    if gone is not None:
+    if gone is not None and not isinstance(heights, Stripes):
         heights = filled(heights, _under(shape, size, radius, reach=1.0))
     tilt = float(plane[1] / size[0]), float(plane[2] / size[1])
     facts = MapFacts(
