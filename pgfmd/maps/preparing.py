@@ -137,7 +137,7 @@ def prepared(raw: RawMap, keys: MapKeys, radius: float | None) -> tuple[Array | 
     sample = np.asarray(raw.numbers) if every == 1 else farthest(raw.numbers, every)
     # At the rim there may be the ground around a punch, which is at an end of all heights as well.
     codes, suspect = _codes(raw, keys, sample, _under(sample.shape, size, radius, reach=-RIM))
-    if every > 1:
+    if every > 1 and codes:
         codes = _counted(raw.numbers, codes, size, radius)
     factor = unit.metres * (-1.0 if peaks.word == "up" else 1.0)
     numbers, missing, under = raw.numbers, 0, _under(shape, size, radius)
