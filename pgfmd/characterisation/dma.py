@@ -10,6 +10,7 @@ complex modulus E*. A relaxation has the columns time and E. Shear moduli G beco
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgfmd.errors import MeasurementError
-from pgfmd.files.column_names import Vocabulary
+from pgfmd.files.column_names import Vocabulary, bare_unit, usual_unit
 from pgfmd.files.number_block import read_number_block
 from pgfmd.files.text_table import TextTable, read_table
+from pgfmd.units import UnitError, parse_quantity
 
-from .moduli_columns import ABSOLUTE_ZERO, CELSIUS, EXAMPLE, KELVIN, NAMES, Chosen, Kind, choose
+from .moduli_columns import ABSOLUTE_ZERO, CELSIUS, CYCLES, EXAMPLE, KELVIN, NAMES, PER_SECOND, Chosen, Kind, choose
 
 SAME_TEMPERATURE = 0.5  # K; a thermostat wanders by less, and steps of a temperature programme are larger
 SOFTEST, STIFFEST = 10.0, 2e12
@@ -136,14 +138,14 @@ def degrees(kelvin: float | None, unit: str = "C") -> str:
 
 
 def _reptate(path: Path) -> tuple[dict[str, NDArray], tuple[str, ...]] | None:
-    """The columns of a file of RepTate that has no names: parameters in its first line, numbers below. None where there
-    are names with units."""
+    """The columns of a file of RepTate that names no units: parameters in its first line, numbers below. None where a line
+    above the numbers has units, or a frequency, whose unit may be Hz."""
     block = read_number_block(path)
     names = HEADERLESS[path.suffix.lower()]
     parameters = dict(
         part.partition("=")[::2] for part in (block.preamble or ("",))[0].strip().split(";") if "=" in part
     )
-    if len(block.preamble) > 2 or block.values.shape[1] < len(names):
+    if len(block.preamble) > 2 or block.values.shape[1] < len(names) or any(map(_has_units, block.preamble)):
         return None
     values = dict(zip(names, block.values.T, strict=False))
     if not all(np.isfinite(column).all() for column in values.values()):
@@ -164,6 +166,28 @@ def _reptate(path: Path) -> tuple[dict[str, NDArray], tuple[str, ...]] | None:
             f"{path}, line 1: expected parameters such as T=25;gamma=1; found {block.preamble[0].strip()}"
         ) from None
     return values, notes
+
+
+def _has_units(line: str) -> bool:
+    """Whether a line above numbers names a unit of modulus, frequency or time, or a frequency."""
+    words = [bare_unit(word) for word in re.split(r"[\s;,]+|(?<=[^\W\d_]|['\")])(?=[(\[])", line)]
+    # After a slash as in "G'/kPa".
+    words += [word.partition("/")[2].strip("()[]") for word in words if "/" in word]
+    return any(map(_is_unit, words)) or any(
+        found.quantity == "frequency" for word in words if (found := Vocabulary(NAMES).named(word))
+    )
+
+
+def _is_unit(word: str) -> bool:
+    if word in CYCLES or word in PER_SECOND:
+        return True
+    for dimension in ("modulus", "time"):
+        # "h" and "d" are units as well, but no word of a header that is one letter says so.
+        if len(word) > 1 or word == "s":
+            with contextlib.suppress(UnitError):
+                parse_quantity(f"1 {usual_unit(word)}", dimension)
+                return True
+    return False
 
 
 def _unsure(chosen: Chosen, modulus: Kind | None) -> tuple[str, ...]:

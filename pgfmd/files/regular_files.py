@@ -32,6 +32,9 @@ _NO_FSYNC = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.
              errno.EISDIR)  # fmt: skip
 """Errors of file systems that can't flush a folder, or can't open it for that."""
 
+_NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK, errno.EACCES)
+"""Errors of file systems on which a file has one name only."""
+
 
 def require_regular(path: Path, links: bool = False) -> bool:
     """Whether there is a file of this name.
@@ -121,20 +124,34 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def write_new(path: Path, content: str | bytes, force: bool = False) -> None:
-    """Writes a new file, texts in UTF-8; replaces an existing one if `force` is set. Raises FileExistsError, OSError,
-    ResultError."""
+    """Writes a new file, texts in UTF-8; replaces an existing one if `force` is set. Its name appears with the whole content
+    only. Raises FileExistsError, OSError, ResultError."""
     content = content.encode() if isinstance(content, str) else content
     if force:
         write_atomically(path, content)
         return
-    file = open(path, "xb")  # noqa: SIM115 - one that was there before must not be removed below
+    taken = FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+    if os.path.lexists(path):
+        raise taken
+    temporary = unfinished_beside(path)
     try:
-        with file:
+        with open(temporary, "xb") as file:
             file.write(content)
-    except BaseException:
-        # An incomplete file would block the next attempt.
-        Path(path).unlink(missing_ok=True)
-        raise
+            file.flush()
+            os.fsync(file.fileno())
+        try:
+            # Unlike a rename, it never replaces what another process has written meanwhile.
+            os.link(temporary, path)
+        except FileExistsError:
+            raise taken from None
+        except OSError as problem:
+            if problem.errno not in _NO_LINKS:
+                raise
+            if os.path.lexists(path):
+                raise taken from None
+            temporary.rename(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def write_figure(path: Path, figure: Any) -> None:

@@ -76,7 +76,13 @@ def cells_of(line: str, delimiter: str) -> list[str]:
     """The cells of a line, without blanks around them."""
     if delimiter == " ":
         return line.split()
-    return [cell.strip(" \u00a0\ufeff") for cell in next(csv.reader([line], delimiter=delimiter), [])]
+    if '"' in line:
+        # By itself csv refuses cells of more than 131072 letters, as a wide map has between other delimiters.
+        csv.field_size_limit(max(csv.field_size_limit(), len(line) + 1))
+        cells = next(csv.reader([line], delimiter=delimiter), [])
+    else:
+        cells = line.split(delimiter) if line else []
+    return [cell.strip(" \u00a0\ufeff") for cell in cells]
 
 
 def titles_of(line: str, delimiter: str, width: int) -> list[str]:

@@ -8,6 +8,7 @@ import os
 from collections.abc import Iterator
 
 from pgfmd.maps.preparing import MapFacts
+from pgfmd.maps.raw import unit_of
 from pgfmd.physics.map_survey import Place, Survey, survey
 from pgfmd.physics.topography import Topography
 from pgfmd.scene_objects import topography_of
@@ -19,6 +20,8 @@ SQUARE = 0.01
 """Relative difference of the sides of a pixel that is no matter."""
 SAME_SIZE = 0.005
 """Relative difference of two sizes of a map that is no matter."""
+SAME_UNIT = 1e-6
+"""Relative difference of two units that is no matter."""
 LIFTED = 0.25
 """Lift of a place by the tilt, in ranges of adhesion, from which on the tilt decides where contact begins."""
 BENT, TERRACE = 0.05, 0.1
@@ -155,6 +158,17 @@ def _contradictions(scene, facts: MapFacts) -> Iterator[str]:
         if all(abs(own - used) < SAME_SIZE * used for own, used in zip(inner, facts.size, strict=True)):
             text += ": a size reaches half a pixel beyond the first and the last one"
         yield f"{text}; leave the key out to use that of the file"
+    own = facts.file_unit
+    if own and facts.unit.by == "key" and abs(unit_of(facts.unit.word).metres / own.metres - 1.0) > SAME_UNIT:
+        yield (
+            f'punch.file_unit is "{facts.unit.word}", but by the file heights are in {own.name}; leave the key out to use that of '
+            "the file"
+        )
+    if facts.file_peaks and facts.file_peaks != facts.peaks.word:
+        yield (
+            f'punch.file_peaks is "{facts.peaks.word}", but by the file they are {facts.file_peaks}, so that '
+            f"{_which_touches(facts.file_peaks)}; leave the key out to use that of the file"
+        )
     for note in facts.notes:
         yield f"punch.file: {note}"
 

@@ -145,21 +145,29 @@ def _of_variables(variables: list[Variable], attributes: Mapping[str, Any]) -> R
     if _is(along_y, "x") and _is(along_x, "y"):
         values, along_y, along_x = values.T, along_x, along_y
     sides: list[float | None] = []
-    units: set[Unit] = set()
+    units: set[Unit | None] = set()
     for axis, name in ((1, along_x), (0, along_y)):
         line = next((other for other in variables if other.name == name and other.values.ndim == 1), None)
         side, falls = _side(line, values.shape[axis])
         values = np.flip(values, axis) if falls else values
         sides.append(side)
         unit = _unit(_unit_text(line.attributes))[0] if line is not None else None
-        if side is not None and unit is not None:
+        if side is not None:
             units.add(unit)
     unit, odd_unit = _unit(_unit_text(own))
     size = None if sides[0] is None or sides[1] is None else (sides[0], sides[1])
     peaks = _peaks(str(own.get("peaks", attributes.get("peaks", ""))))
-    if len({found.metres for found in units}) > 1:
-        raise ValueError("x and y have different units: give file_size and file_unit")
-    return RawMap(values, f"the variable {heights.name}", unit, odd_unit, size, next(iter(units), None), peaks)
+    if len({found.metres for found in units if found}) > 1:
+        raise ValueError("x and y have different units: give both the same in the file")
+    return RawMap(
+        values,
+        f"the variable {heights.name}",
+        unit,
+        odd_unit,
+        size,
+        None if None in units else next(iter(units), None),
+        peaks,
+    )
 
 
 def _is(name: str, axis: str) -> bool:

@@ -49,6 +49,12 @@ _NAMES = {
     "rows": "nrows, rows, lines, y pixels, y points, pixels y, points y",
 }  # fmt: skip
 _MEANINGS = {name.strip(): meaning for meaning, names in _NAMES.items() for name in names.split(",")}
+_OF_ALL = ("units", "unit", "einheit")
+_OTHER_UNITS = re.compile(
+    r"(?:[munpkMGµμ]?(?:V|A|N|Pa|Hz)|volts?|rad|mrad|deg|degrees?|grad|°|%|°C|eV|a\.?u\.?|arb\.?|lsb|counts?)",
+    re.IGNORECASE,
+)
+"""Units of channels that hold no heights."""
 _SIDES = ("width", "height")
 _STEPS = ("pixel x", "pixel y")
 
@@ -57,7 +63,8 @@ _STEPS = ("pixel x", "pixel y")
 class Header:
     """lengths: numbers with their units, by what they are: "width" and "height" of the map, "pixel x" and "pixel y"; unit
     of the heights; odd_unit: its name where it is none of length; lateral unit; codes that mean a missing pixel; doubts:
-    lines about lengths that are not understood; keys: what there is at all."""
+    lines about lengths that are not understood; common: the unit of all lengths, of a line such as "units: um"; names: all
+    names of lines that are understood, as they are written, in small letters."""
 
     lengths: dict[str, tuple[float, Unit | None]] = field(default_factory=dict)
     unit: Unit | None = None
@@ -65,13 +72,11 @@ class Header:
     lateral: Unit | None = None
     codes: list[float] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
-    keys: set[str] = field(default_factory=set)
+    common: Unit | None = None
+    names: set[str] = field(default_factory=set)
 
     def size(self, shape: tuple[int, int]) -> tuple[tuple[float, float] | None, Unit | None]:
-        """(x, y) of a map of so many rows and columns, and its unit, None where it has none; None for no size.
-
-        Raises ValueError where x and y have different units and one of them none.
-        """
+        """(x, y) of a map of so many rows and columns, and its unit, None where x or y has none; None for no size."""
         counts = shape[::-1]
         along_x, along_y = (
             self._side(side, step, count) for side, step, count in zip(_SIDES, _STEPS, counts, strict=True)
@@ -80,7 +85,7 @@ class Header:
             return None, None
         (x, unit_x), (y, unit_y) = along_x, along_y
         if unit_x is None or unit_y is None:
-            return (x, y), unit_x or unit_y
+            return (x, y), None
         return (x * unit_x.metres, y * unit_y.metres), Unit("m", 1.0)
 
     def _side(self, side: str, step: str, count: int) -> tuple[float, Unit | None] | None:
@@ -116,14 +121,14 @@ def _take(header: Header, text: str) -> bool:
     name = re.sub(r"[\s_\-]+", " ", split["key"] if split else key).strip().lower()
     meaning = _MEANINGS.get(name)
     if meaning in ("unit", "lateral"):
-        return _take_name_of_unit(header, meaning, value)
+        return _take_name_of_unit(header, name, meaning, value)
     if name in _HEIGHT_WORDS and not _QUANTITY.search(value):
         # The name of a channel, perhaps with its unit.
         return _take_unit(header, f"{name} in {value.strip(' ,;')}") or _take_unit(header, text)
     numbers = [(_number(found["number"]), found["unit"] or "") for found in _QUANTITY.finditer(value)]
     if meaning is None or not numbers or not _QUANTITY.match(value):
         return _take_unit(header, text)
-    header.keys.add(meaning)
+    header.names.add(name)
     if meaning == "code":
         header.codes.append(numbers[0][0])
         return True
@@ -150,7 +155,7 @@ def _take_lengths(header: Header, meaning: str, lengths: list) -> bool:
     return True
 
 
-def _take_name_of_unit(header: Header, meaning: str, text: str) -> bool:
+def _take_name_of_unit(header: Header, name: str, meaning: str, text: str) -> bool:
     try:
         unit = unit_of(text)
     except ValueError:
@@ -159,6 +164,7 @@ def _take_name_of_unit(header: Header, meaning: str, text: str) -> bool:
         return meaning == "unit"
     if meaning == "unit":
         header.unit = unit
+        header.common = unit if name in _OF_ALL else header.common
     else:
         header.lateral = unit
     return True
@@ -169,11 +175,19 @@ def _take_unit(header: Header, text: str) -> bool:
     match = _HEIGHTS_IN.search(text) or _CHANNEL.fullmatch(text)
     if match is None:
         return False
+    text = match["unit"].strip().rstrip(".:")
     try:
-        header.unit = unit_of(match["unit"].rstrip(".:"))
+        header.unit = unit_of(text)
     except ValueError:
-        return False
+        if not is_other_unit(text):
+            return False
+        header.odd_unit = text
     return True
+
+
+def is_other_unit(text: str) -> bool:
+    """Whether a text is a unit of something other than a length, such as V or deg."""
+    return _OTHER_UNITS.fullmatch(text.strip()) is not None
 
 
 def _number(text: str) -> float:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from . import raw as limits
 from .raw import Array
 
 USUAL_CODES = (
@@ -50,6 +51,30 @@ class Spike(NamedTuple):
     row: int
     column: int
     height: float
+
+
+def extremes(heights: Array, rows: int, columns: int) -> tuple[Array, Array]:
+    """The lowest and the highest heights of blocks of so many rows and columns, smaller ones at the ends; NaN where a block
+    holds nothing else. Each of shape (ceil(rows of all / rows), ceil(columns of all / columns))."""
+    starts = np.arange(0, len(heights), rows), np.arange(0, heights.shape[1], columns)
+    low, high = (
+        found.reduceat(found.reduceat(heights, starts[0], axis=0), starts[1], axis=1) for found in (np.fmin, np.fmax)
+    )
+    return low, high
+
+
+def farthest(numbers: Array, every: int) -> Array:
+    """Of each block of `every` rows and columns the number that is farthest from the middle of all, so that no odd pixel is
+    passed over; a stripe of rows after another, as a large map stays on the disk."""
+    known = np.asarray(numbers[::every, ::every])
+    known = known[np.isfinite(known)]
+    middle = float(np.median(known)) if known.size else 0.0
+    some, found = every * max(1, limits.WHOLE // (every * numbers.shape[1])), []
+    for row in range(0, len(numbers), some):
+        low, high = extremes(np.asarray(numbers[row : row + some]), every, every)
+        with np.errstate(invalid="ignore"):
+            found.append(np.where(middle - low > high - middle, low, high))
+    return np.concatenate(found)
 
 
 def missing_codes(numbers: Array, inside: NDArray[np.bool_]) -> list[Code]:

@@ -17,8 +17,8 @@ from pgfmd.errors import MISSING, Problem
 from pgfmd.units import handy_quantity as shown
 
 from . import raw as limits
-from .oddities import Code, missing_codes, suspect_number
-from .raw import METRE, Array, MapError, MapKeys, RawMap, Unit, unit_of
+from .oddities import Code, farthest, missing_codes, suspect_number
+from .raw import METRE, Array, MapError, MapKeys, Peaks, RawMap, Unit, unit_of
 
 FEWEST_ACROSS = 4
 """Pixels that must lie across a punch."""
@@ -42,7 +42,8 @@ class MapFacts:
     """What was found while a map was read.
 
     kind: what the file was read as. shape: (rows, columns). size: (x, y) [m] of the map; file_size: that by the file, None
-    where it says none. unit, peaks: as used. tilt: slopes along x and y of the plane through the heights under the punch, before
+    where it says none or in no unit; file_unit, file_peaks: by the file. unit, peaks: as used.
+    tilt: slopes along x and y of the plane through the heights under the punch, before
     one was taken off. under: pixels under the punch; missing: those of them without a height; codes: numbers that were taken for
     missing pixels; suspect: one that may be. notes: of the reader; problems: what must be set right before a run.
     """
@@ -51,6 +52,8 @@ class MapFacts:
     shape: tuple[int, int]
     size: tuple[float, float]
     file_size: tuple[float, float] | None
+    file_unit: Unit | None
+    file_peaks: Peaks | None
     unit: Said
     peaks: Said
     tilt: tuple[float, float]
@@ -122,35 +125,40 @@ def prepared(raw: RawMap, keys: MapKeys, radius: float | None) -> tuple[Array | 
     unit, unit_by = _unit(raw, keys)
     peaks = Said(keys.peaks, "key") if keys.peaks else Said(raw.peaks or "down", "file" if raw.peaks else "")
     problems = list(_unsaid(raw, peaks, unit_by))
-    file_size = _size_in_file(raw, unit)
+    file_size = _size_in_file(raw)
     size = keys.size or file_size
     if size is None:
-        cure = 'add file_size = ["840 um", "840 um"], with the size of the map along x and y, to [punch]'
-        expected = "the size of the map, as the file does not say it"
-        raise MapError([Problem("punch.file_size", MISSING, expected, cure), *problems])
+        raise MapError([_sizeless(raw), *problems])
     if len(size) != 2 or not all(math.isfinite(side) and side > 0 for side in size):
         raise MapError([Problem("punch.file_size", size, "two positive lengths (x, y)"), *problems])
     shape = raw.numbers.shape
     problems += _too_coarse(shape, size, "punch.file_size" if keys.size else "the file", radius)
     every = max(1, math.ceil(math.sqrt(raw.numbers.size / limits.WHOLE)))
-    sample = np.asarray(raw.numbers[::every, ::every])
+    sample = np.asarray(raw.numbers) if every == 1 else farthest(raw.numbers, every)
     # At the rim there may be the ground around a punch, which is at an end of all heights as well.
     codes, suspect = _codes(raw, keys, sample, _under(sample.shape, size, radius, reach=-RIM))
+    if every > 1 and codes:
+        codes = _counted(raw.numbers, codes, size, radius)
+    factor = unit.metres * (-1.0 if peaks.word == "up" else 1.0)
     numbers, missing, under = raw.numbers, 0, _under(shape, size, radius)
     gone = _gone(numbers, [code.number for code in codes])
     if gone is not None:
         missing = int(np.count_nonzero(gone & under))
         if missing and (keys.missing == "refuse" or missing > MOST_MISSING * np.count_nonzero(under)):
             raise MapError([_missing(keys, codes, gone & under, under, size), *problems])
-        numbers = filled(np.where(gone, np.nan, numbers), _under(shape, size, radius, reach=1.0))
-    factor = unit.metres * (-1.0 if peaks.word == "up" else 1.0)
-    plane, trend = _trends(numbers, _under(shape, size, radius, reach=0.0), factor, keys.detrend)
+        numbers = np.where(gone, np.nan, numbers)
+    # Of what was measured alone, and before gaps are filled: across a gap at the rim a tilt would not go on.
+    inner = _under(shape, size, radius, reach=0.0)
+    plane, trend = _trends(numbers, inner if gone is None else inner & ~gone, factor, keys.detrend)
+    heights = _heights(numbers, factor, trend)
+    if gone is not None and not isinstance(heights, Stripes):
+        heights = filled(heights, _under(shape, size, radius, reach=1.0))
     tilt = float(plane[1] / size[0]), float(plane[2] / size[1])
     facts = MapFacts(
-        raw.kind, shape, size, file_size, Said(unit.name, unit_by), peaks, tilt, int(np.count_nonzero(under)), missing,
-        tuple(codes), suspect, raw.notes, tuple(problems),
+        raw.kind, shape, size, file_size, raw.unit, raw.peaks, Said(unit.name, unit_by), peaks, tilt,
+        int(np.count_nonzero(under)), missing, tuple(codes), suspect, raw.notes, tuple(problems),
     )  # fmt: skip
-    return _heights(numbers, factor, trend), facts
+    return heights, facts
 
 
 def _heights(numbers: Array, factor: float, trend: Trend | None) -> Array | Stripes:
@@ -171,11 +179,24 @@ def _unit(raw: RawMap, keys: MapKeys) -> tuple[Unit, str]:
     return (raw.unit, "file") if raw.unit is not None else (METRE, "")
 
 
-def _size_in_file(raw: RawMap, unit: Unit) -> tuple[float, float] | None:
-    if raw.size is None:
+def _size_in_file(raw: RawMap) -> tuple[float, float] | None:
+    if raw.size is None or raw.size_unit is None:
         return None
-    factor = (raw.size_unit or unit).metres
-    return raw.size[0] * factor, raw.size[1] * factor
+    return raw.size[0] * raw.size_unit.metres, raw.size[1] * raw.size_unit.metres
+
+
+def _sizeless(raw: RawMap) -> Problem:
+    """What is said of a map without a size, or with one in no unit: that of the heights is often another."""
+    if raw.size is None:
+        cure = 'add file_size = ["840 um", "840 um"], with the size of the map along x and y, to [punch]'
+        return Problem("punch.file_size", MISSING, "the size of the map, as the file does not say it", cure)
+    x, y = (f"{side:.9g}" for side in raw.size)
+    return Problem(
+        "punch.file_size",
+        MISSING,
+        f"the unit of the map's size, as by the file it is {x} x {y}, without a unit",
+        f'add file_size = ["{x} um", "{y} um"], or what the unit is, to [punch]',
+    )
 
 
 def _too_coarse(shape: tuple[int, int], size: tuple[float, float], who: str, radius: float | None) -> Iterator[Problem]:
@@ -221,6 +242,16 @@ def _codes(raw: RawMap, keys: MapKeys, sample: Array, under: NDArray[np.bool_]) 
     for code in found:
         under = under & (sample != code.number)
     return codes + found, suspect_number(sample, under)
+
+
+def _counted(numbers: Array, codes: list[Code], size: tuple[float, float], radius: float | None) -> list[Code]:
+    """Codes with the number of all pixels under the punch that hold them; a stripe of rows after another."""
+    under, some = _under(numbers.shape, size, radius), max(1, limits.WHOLE // numbers.shape[1])
+    counts = [0] * len(codes)
+    for row in range(0, len(numbers), some):
+        part = numbers[row : row + some][under[row : row + some]]
+        counts = [count + int(np.count_nonzero(part == code.number)) for count, code in zip(counts, codes, strict=True)]
+    return [Code(code.number, count) for count, code in zip(counts, codes, strict=True)]
 
 
 def _gone(numbers: Array, codes: list[float]) -> NDArray[np.bool_] | None:

@@ -83,7 +83,7 @@ class RawMap:
     kind: what the file was read as, for messages.
     unit: of the heights, None where the file does not say. odd_unit: its name where it is none of length.
     size: (x, y) of the whole map, pixels of the edges included, in size_unit; None where the file does not say.
-    size_unit: None where it is the one of the heights.
+    size_unit: None where the file does not say it, nor the format; that of the heights may be another.
     peaks: which way the numbers grow, where the file says: "up", away from the body, or "down", into it.
     codes: numbers that the file itself declares to mean a missing pixel.
     doubts: lines of its header about a unit of length that were not understood. notes: what else the user should know.

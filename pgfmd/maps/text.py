@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from pgfmd.files.number_block import NumberBlock, read_number_block
 from pgfmd.files.numerals import is_missing, is_numeral, value
 from pgfmd.files.text_lines import cells_of, titles_of
 
-from .header import Header, understood
+from .header import Header, is_other_unit, understood
 from .raw import METRE, Array, RawMap, Unit, unit_of
 
 COORDINATES = ("x", "y", "z")
@@ -35,7 +36,7 @@ def read_text_map(path: Path) -> RawMap:
     if columns == 2 and len(block.values) > 2:
         raise ValueError("has two columns, as a profile along a line: expected a matrix of heights, or x, y and z")
     if columns == 3 and len(block.values) > 3:
-        return _of_places(block, header, [(place, None) for place in range(3)])
+        return _of_places(block, header, [_Column(place) for place in range(3)])
     return _matrix(block, header)
 
 
@@ -64,24 +65,39 @@ def _axis_in(block: NumberBlock) -> Array | None:
     return np.array([value(cell, "," if block.delimiter != "," and "," in cell else ".") for cell in cells[1:]])
 
 
-def _columns(block: NumberBlock) -> dict[str, tuple[int, Unit | None]]:
+class _Column(NamedTuple):
+    """A column of places or heights; odd_unit: the name of a unit that is none of length."""
+
+    place: int
+    unit: Unit | None = None
+    odd_unit: str = ""
+
+
+def _columns(block: NumberBlock) -> dict[str, _Column]:
     """Place and unit of the columns x, y and z by the names above them, such as "X [µm]", "y/um", "Height (nm)"; units may
     stand in a line of their own below the names."""
     width, above = block.values.shape[1], [line for line in block.preamble if line.strip()]
     if not above:
         return {}
-    below: list[Unit | None] = [_unit(cell) for cell in cells_of(above[-1], block.delimiter)]
-    of_units = len(below) == width and all(below) and len(above) > 1
+    below = cells_of(above[-1], block.delimiter)
+    of_units = (
+        len(below) == width and len(above) > 1 and all(_unit(cell) or is_other_unit(_bare(cell)) for cell in below)
+    )
     titles = titles_of(above[-2 if of_units else -1], block.delimiter, width)
-    found: dict[str, tuple[int, Unit | None]] = {}
+    found: dict[str, _Column] = {}
     for place, title in enumerate(titles):
         mark = next((mark for mark in "[(/" if mark in title), None)
         name, _, rest = title.partition(mark) if mark else (title, "", "")
         word = name.strip(' "').lower().removesuffix("position").rstrip(" -_")
         word = "z" if word in HEIGHT_NAMES else word
         if word in COORDINATES:
-            found.setdefault(word, (place, below[place] if of_units else _unit(rest.strip(' ])"'))))
+            text = _bare(below[place]) if of_units else rest.strip(' ])"')
+            found.setdefault(word, _Column(place, _unit(text), text if is_other_unit(text) else ""))
     return found
+
+
+def _bare(cell: str) -> str:
+    return cell.strip(' "').strip("()[]").strip()
 
 
 def _unit(text: str) -> Unit | None:
@@ -91,12 +107,13 @@ def _unit(text: str) -> Unit | None:
         return None
 
 
-def _of_places(block: NumberBlock, header: Header, columns: list[tuple[int, Unit | None]]) -> RawMap:
+def _of_places(block: NumberBlock, header: Header, columns: list[_Column]) -> RawMap:
     """The map of a table of x, y and z."""
-    x, y, z = (block.values[:, place] for place, _ in columns)
-    own = [unit for _, unit in columns]
-    # The one of all, or that of each.
-    units = own if any(own) else [header.unit] * 3
+    x, y, z = (block.values[:, column.place] for column in columns)
+    # That of each, or the one of all.
+    of_x, of_y = (column.unit or header.lateral or header.common for column in columns[:2])
+    odd_unit = columns[2].odd_unit or header.odd_unit
+    unit = columns[2].unit or (None if odd_unit else header.unit)
     known = np.isfinite(x) & np.isfinite(y)
     found = _grid(x[known], y[known], z[known])
     if found is None:
@@ -105,15 +122,12 @@ def _of_places(block: NumberBlock, header: Header, columns: list[tuple[int, Unit
             "steps first, for instance by scipy.interpolate.griddata"
         )
     heights, size = found
-    of_x, of_y, unit = units
-    notes, size_unit = block.notes, None
+    size_unit = None
     if of_x is not None and of_y is not None:
         size, size_unit = (size[0] * of_x.metres, size[1] * of_y.metres), METRE
-    elif unit is not None:
-        notes = (*notes, f"x and y have no unit of their own: they are taken to be in that of z, {unit.name}")
     kind = f"a table of x, y and z, {heights.shape[1]} x {heights.shape[0]} points"
     doubts = tuple(header.doubts)
-    return RawMap(heights, kind, unit, header.odd_unit, size, size_unit, None, tuple(header.codes), doubts, notes)
+    return RawMap(heights, kind, unit, odd_unit, size, size_unit, None, tuple(header.codes), doubts, block.notes)
 
 
 def _grid(x: Array, y: Array, z: Array) -> tuple[Array, tuple[float, float]] | None:
@@ -163,7 +177,7 @@ def _matrix(block: NumberBlock, header: Header) -> RawMap:
     axis = _axis_in(block)
     if axis is not None:
         values = np.vstack([np.concatenate([[np.nan], axis]), values])
-    labelled = _labelled(values)
+    labelled = _labelled(values) or _nonuniform(values)
     if labelled is not None:
         values, sides = labelled
     elif axis is not None or any(
@@ -175,7 +189,7 @@ def _matrix(block: NumberBlock, header: Header) -> RawMap:
     size, unit = header.size(values.shape)
     if size is None and sides is not None:
         size, unit = sides, header.lateral
-    if "columns" in header.keys and "rows" in header.keys and "pixel" in header.keys:
+    if {"ncols", "cellsize"} <= header.names:
         # A grid of geographic systems: its first row is the northernmost.
         values = values[::-1]
     kind = f"a matrix of {values.shape[1]} x {values.shape[0]} heights"
@@ -201,11 +215,28 @@ def _labelled(values: Array) -> tuple[Array, tuple[float, float] | None] | None:
         return body, None
     if _counts(x) or _counts(y):
         raise ValueError("counts along one side, and has places along the other: give places along both, or neither")
-    if steps_x[0] < 0:
-        body = body[:, ::-1]
-    if steps_y[0] < 0:
-        body = body[::-1]
-    return body, (abs(float(steps_x.mean())) * x.size, abs(float(steps_y.mean())) * y.size)
+    return _between(x, y, body)
+
+
+def _between(x: Array, y: Array, body: Array) -> tuple[Array, tuple[float, float]]:
+    """Heights at even places along x and y, in the order in which these rise, and the size of the map."""
+    steps_x, steps_y = float(np.diff(x).mean()), float(np.diff(y).mean())
+    body = body[:, ::-1] if steps_x < 0 else body
+    body = body[::-1] if steps_y < 0 else body
+    return body, (abs(steps_x) * x.size, abs(steps_y) * y.size)
+
+
+def _nonuniform(values: Array) -> tuple[Array, tuple[float, float]] | None:
+    """A matrix with places along x and y around a number in its corner that counts the columns, as gnuplot writes it. None
+    for heights alone; ValueError where that can't be told."""
+    if not _may_be_labelled(values):
+        return None
+    if values[0, 0] == values.shape[1] - 1:
+        return _between(values[0, 1:], values[1:, 0], values[1:, 1:])
+    raise ValueError(
+        f"its first row and column rise evenly, as places along x and y do, around {values[0, 0]:g} in the corner: if they are "
+        "places, write NaN there or a word; if they are heights, save the map as .npy"
+    )
 
 
 def _may_be_labelled(values: Array) -> bool:

@@ -27,6 +27,8 @@ PATIENCE = 600.0
 """Time [s] after which a reader is given up."""
 WITHOUT_MARKS = {"hgt": ".hgt", "nms": ".nms"}
 """Formats without a mark of their own, which any file may seem to be, and the endings of their names."""
+ANY_WAY = ("asc", "xyz", "npy", "npz", "h5", "nc")
+"""Formats that anything may write, and that do not say which way heights grow."""
 _PROGRAM = "import sys; sys.path.append(sys.argv.pop(1)); from pgfmd.maps.worker import main; main(*sys.argv[1:])"
 
 
@@ -85,6 +87,9 @@ def instrument(path: Path) -> RawMap:
         name = reader.format()
         if WITHOUT_MARKS.get(name, path.suffix.lower()) != path.suffix.lower():
             raise ValueError(f"unknown kind of file: SurfaceTopography {library.__version__} can't read it")
+        if name == "mat":
+            # A matrix of MATLAB has no axes.
+            raise ValueError("a file of MATLAB does not say which way x goes: save its map as .npy, z[iy, ix]")
         channel = reader.default_channel
         if channel.dim != 2:
             raise ValueError(f"channel {channel.name} is a profile along a line, expected a map")
@@ -99,7 +104,7 @@ def instrument(path: Path) -> RawMap:
     lateral = _length(found.unit if isinstance(found.unit, str) else channel.lateral_unit)
     x, y = found.physical_sizes
     notes = (f"channel {channel.name} is taken; there are also {others}",) if others else ()
-    # Its heights are [ix, iy], and grow away from the body as instruments have them.
+    # Its heights are [ix, iy], and those of instruments grow away from the body.
     heights = np.ascontiguousarray(heights.T)
     return RawMap(
         heights,
@@ -108,7 +113,7 @@ def instrument(path: Path) -> RawMap:
         odd_unit,
         (float(x), float(y)) if sizes else None,
         lateral,
-        "up",
+        None if name in ANY_WAY else "up",
         notes=notes,
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgfmd.maps import raw as limits
-from pgfmd.maps.oddities import Code, Spike, lone_spikes
+from pgfmd.maps.oddities import Code, Spike, extremes, lone_spikes
 
 from .heightfile import HeightMap
 from .persistence import critical_points
@@ -22,7 +22,8 @@ from .topography import Topography
 Array = NDArray[np.float64]
 
 MOST_ACROSS = 1024
-"""Most pixels along a side that are looked at for places of contact, spikes and repeated heights."""
+"""Most pixels along a side for which each is looked at: of more, the lowest and highest of blocks for places of contact and spikes,
+and each so many-th for statistics."""
 RELIEF = 0.05
 """Least relief of a place, over the height range of the face, where the scene has no other."""
 AT_RIM = 0.02
@@ -91,17 +92,24 @@ def survey(face: Topography, spacing: float, reach: float) -> Survey:
     Raises ValueError, OSError for a map that can't be used.
     """
     relief, slope = relief_and_slope(face, spacing)
-    heights, x, y, inside = _window(face)
+    lines = _lines(face)
+    heights, x, y, inside = _window(face, lines)
     z = np.where(inside, heights, np.nan)
-    lowest = float(np.nanmin(z)) if inside.any() else 0.0
+    low, high = (z, z) if max(map(_step_of, lines)) == 1 else _extremes(face, lines)
+    there = np.isfinite(low)
+    lowest = float(np.nanmin(low)) if there.any() else 0.0
     tilt, level = _levelled(z, x, y)
-    first, others = _places(face, heights, inside, x, y, reach)
+    first, others = _places(face, heights if low is z else np.where(there, low, heights), there, x, y, reach)
     with np.errstate(invalid="ignore"):
         lifted = z[level <= np.nanmin(level) + NEARLY * reach] if inside.any() else np.zeros(1)
-    spikes = lone_spikes(z, inside, LEAST_SPIKE * reach)
+    spikes = lone_spikes(low, there, LEAST_SPIKE * reach)
+    if low is not high:
+        ways = [spike for spike in spikes if spike.height < 0.0]
+        ways += [spike for spike in lone_spikes(high, there, LEAST_SPIKE * reach) if spike.height > 0.0]
+        spikes = sorted(ways, key=lambda spike: -abs(spike.height))
     return Survey(
         relief, slope, float(np.nanstd(z)) if inside.any() else 0.0, tilt, first, others,
-        float(np.mean(lifted)) - lowest, _sag(z, lowest + LOW * reach), _step(z),
+        float(np.mean(lifted)) - (float(np.nanmin(z)) if inside.any() else 0.0), _sag(z, lowest + LOW * reach), _step(z),
         tuple(_at(spike, x, y) for spike in spikes), _clipped(z[inside]), (x.size, y.size),
     )  # fmt: skip
 
@@ -163,16 +171,41 @@ def _largest(values: Array) -> float:
     return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
 
 
-def _window(face: Topography) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Heights (rows, columns) of the square around the punch, its x and y, and which pixels are under the punch; of a large map
-    each so many-th row and column."""
+def _lines(face: Topography) -> list[NDArray[np.int64]]:
+    """Columns and rows of the square around the punch; of a large map each so many-th."""
     found, lines = face.map, []
     for count, pixel in zip(found.heights.shape[::-1], found.pixel, strict=True):
         middle = 0.5 * (count - 1)
         reach = middle if face.radius is None else face.radius / pixel + 2.0
         first, last = max(math.ceil(middle - reach), 0), min(math.floor(middle + reach), count - 1)
         lines.append(np.arange(first, last + 1, max(1, math.ceil((last - first + 1) / MOST_ACROSS))))
-    x, y, heights = _taken(face, found, lines[1], lines[0])
+    return lines
+
+
+def _step_of(line: NDArray[np.int64]) -> int:
+    return int(line[1] - line[0]) if line.size > 1 else 1
+
+
+def _extremes(face: Topography, lines: list[NDArray[np.int64]]) -> tuple[Array, Array]:
+    """The lowest and the highest heights under the punch in the blocks of pixels that begin with these columns and rows; NaN where
+    a block lies beside the punch. A stripe of rows after another."""
+    counts, steps = face.map.heights.shape[::-1], list(map(_step_of, lines))
+    columns, rows = (
+        np.arange(line[0], min(line[-1] + step, count)) for line, step, count in zip(lines, steps, counts, strict=True)
+    )
+    some, found = steps[1] * max(1, limits.WHOLE // (steps[1] * columns.size)), []
+    for first in range(0, rows.size, some):
+        x, y, heights = _taken(face, face.map, rows[first : first + some], columns)
+        if face.radius is not None:
+            heights = np.where(np.hypot(x, y[:, None]) <= face.radius, heights, np.nan)
+        found.append(extremes(heights, steps[1], steps[0]))
+    low, high = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return low, high
+
+
+def _window(face: Topography, lines: list[NDArray[np.int64]]) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Heights (rows, columns) of these columns and rows, their x and y, and which pixels are under the punch."""
+    x, y, heights = _taken(face, face.map, lines[1], lines[0])
     inside = np.ones(heights.shape, bool) if face.radius is None else np.hypot(x, y[:, None]) <= face.radius
     return heights, x, y, inside
 

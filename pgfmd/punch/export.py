@@ -14,6 +14,7 @@ from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_new
 from pgfmd.files.surface_files import MAP_FORMATS, HeightMapFile, stl_bytes
 from pgfmd.scene import Scene
+from pgfmd.scene_objects import topography_of
 from pgfmd.units import handy_quantity
 
 from .face import face_on_grid
@@ -94,6 +95,11 @@ def _solid(scene: Scene, path: Path, height: float | None, magnify: float) -> tu
     sides = " x ".join(f"{1e3 * side:.4g}" for side in solid.size)
     larger = f", {magnify:g} times the punch" if magnify != 1.0 else ""
     text = f"{len(solid.triangles)} triangles, {sides} mm{larger}, on its back, face up"
+    if scene.punch.pattern == "file" and topography_of(scene.punch).map.facts.peaks.word == "up":
+        # x and y of a scene are those of the map, but what is turned face down has one of them mirrored.
+        text += (
+            "; the mirror image of what the map was measured on, as its peaks are up: turn its rows over to print that"
+        )
     return stl_bytes(solid.corners(), scene.title or f"{scene.punch.pattern} punch"), Exported(path, text)
 
 

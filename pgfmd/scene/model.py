@@ -145,8 +145,7 @@ class Punch(Section):
         count=2,
     )
     file_unit: str | None = key(
-        'unit of the heights, such as "um"; of a table of x, y and z that of all three; by default as the file says, and metres '
-        "where it says nothing",
+        'unit of the heights, such as "um"; by default as the file says, and metres where it says nothing',
         None,
         min_length=1,
     )

@@ -28,10 +28,13 @@ topography.to_x3p(str(folder / "map.x3p"))
 topography.to_netcdf(str(folder / "map.nc"))
 topography.to_matrix(str(folder / "map.txt"))
 (folder / "map.pickle").write_bytes(pickle.dumps(instrument(folder / "map.x3p")))
-try:
-    instrument(folder / "odd.dem")
-except ValueError as error:
-    print(error)
+print("peaks", instrument(folder / "map.x3p").peaks, instrument(folder / "map.txt").peaks)
+__import__("scipy.io").io.savemat(folder / "map.mat", {"z": z})
+for name in ("map.mat", "odd.dem"):
+    try:
+        instrument(folder / name)
+    except ValueError as error:
+        print(error)
 from mpi4py import MPI
 print("MPI is", MPI.Is_initialized())
 """
@@ -72,5 +75,6 @@ def test_what_the_library_writes_for_others_has_the_same_axes_unit_and_size(writ
 
 
 def test_it_starts_no_mpi_and_tells_what_it_can_not_read(written):
-    refusal, mpi = written[1].splitlines()[-2:]
+    peaks, matlab, refusal, mpi = written[1].splitlines()[-4:]
+    assert peaks == "peaks up None" and matlab.endswith("save its map as .npy, z[iy, ix]")
     assert refusal.startswith("unknown kind of file: SurfaceTopography ") and mpi == "MPI is False"

@@ -73,6 +73,12 @@ def placed(path):
     path.write_text("\n".join(rows))
 
 
+def gnuplot(path, corner):
+    """A matrix with places around a corner that counts the columns, y from the top, as gnuplot's "nonuniform" has it."""
+    at, z = 1e6 * middles(COUNT, SIZE), 1e6 * sphere()
+    np.savetxt(path, np.block([[np.array([[float(corner)]]), at[None]], [at[::-1, None], z[::-1]]]))
+
+
 def geographic(path):
     matrix(
         path,
@@ -104,9 +110,12 @@ READ = {
     "trailing.csv": (lambda path: matrix(path, sphere(), end=","), SIZES),
     "tabs.tsv": (lambda path: matrix(path, sphere(), "\t", end="\t"), SIZES),
     "counted.csv": (counted, SIZES | {"file_unit": "um"}),
-    "placed.csv": (placed, {"file_unit": "um"}),
-    "geographic.asc": (geographic, {"file_unit": "um"}),
-    "points.txt": (lambda path: table(path, sphere(), (SIZE, SIZE), factors=(1e6,) * 3), {"file_unit": "um"}),
+    "placed.csv": (placed, SIZES | {"file_unit": "um"}),
+    "gnuplot.txt": (lambda path: gnuplot(path, COUNT), SIZES | {"file_unit": "um"}),
+    "geographic.asc": (geographic, SIZES | {"file_unit": "um"}),
+    "points.txt": (lambda path: table(path, sphere(), (SIZE, SIZE), factors=(1e6,) * 3), SIZES | {"file_unit": "um"}),
+    "units.txt": (lambda path: table(path, sphere(), (SIZE, SIZE), "Units: um\n", factors=(1e6,) * 3), {}),
+    "wide.csv": (lambda path: matrix(path, sphere(), fmt="%.6000f"), SIZES),
     "shuffled.xyz": (shuffled, {}),
     "peaks.npy": (lambda path: np.save(path, 5e-3 - sphere()), SIZES | UP),
     "all.npz": (lambda path: np.savez(path, z=-1e9 * sphere(), size=[SIZE] * 2, unit="nm", peaks="up"), {"file_peaks": None}),
@@ -163,7 +172,15 @@ REFUSED = {
     ),
     "points.txt": (lambda path: table(path, sphere(), (SIZE, SIZE), factors=(1e6,) * 3), SIZES | DOWN, "file_unit", '"um"'),
     "points-sizeless.txt": (
-        lambda path: table(path, sphere(), (SIZE, SIZE), factors=(1e6,) * 3), DOWN, "file_size", "840 m x 840 m .* 35 m x 35 m"
+        lambda path: table(path, sphere(), (SIZE, SIZE), factors=(1e6,) * 3), DOWN | {"file_unit": "um"}, "file_size",
+        "840 x 840, without a unit; add file_size = ..840 um., .840 um",
+    ),
+    "cells.asc": (geographic, DOWN | {"file_unit": "um"}, "file_size", "840 x 840, without a unit"),
+    "corner.txt": (lambda path: gnuplot(path, 3), SIZES | DOWN, "file", "as places along x and y do, around 3 in the corner"),
+    "phase.txt": (lambda path: matrix(path, sphere(), " ", head="# Phase [deg]\n"), SIZES | DOWN, "file_unit", 'are in "deg"'),
+    "volts.xyz": (
+        lambda path: table(path, sphere(), (SIZE, SIZE), "x [um] y [um] Height [V]\n", factors=(1e6, 1e6, 1)),
+        DOWN, "file_unit", 'are in "V"',
     ),
     # Sizes in another unit.
     "wide.npz": (lambda path: np.savez(path, z=sphere(), size=[840.0] * 2), DOWN, "file_size", "pixels are 35 m x 35 m"),
@@ -236,8 +253,8 @@ def test_rows_go_along_x_and_up_along_y(tmp_path, kind):
         "asc": lambda: matrix(path, z[::-1], " ", head="ncols 30\nnrows 20\nxllcorner 0\nyllcorner 0\ncellsize 3e-5\n"),
     }
     writers[kind]()
-    own = kind in ("npy", "csv", "asc")
-    keys = DOWN | {"file_unit": "m" if kind in ("npy", "csv", "xyz", "asc") else None}
+    own = kind in ("npy", "csv", "xyz", "asc")
+    keys = DOWN | {"file_unit": "m" if own else None}
     face = face_of(tmp_path, path.name, file_size=["900 um", "800 um"] if own else None, **keys)
     assert face.map.size == pytest.approx(size, rel=1e-8)
     x, y = middles(30, size[0])[3:-3], middles(20, size[1])[3:-3]
@@ -270,13 +287,14 @@ def test_what_is_taken_off_is_fitted_under_the_punch(tmp_path, detrend):
     trend = 1e-6 + 3e-3 * x - 2e-3 * y
     if detrend == "curvature":
         trend = trend + x**2 / 0.02 - y**2 / 0.03 + x * y / 0.04
-    # What lies beyond the punch does not count.
-    far = np.where(np.hypot(x, y) > 0.45e-3, 50e-6, 0.0)
+    # What lies beyond the punch does not count, nor what is filled: the trend goes on across a gap at the rim.
+    far = np.where(np.hypot(x, y) > 0.45e-3, 50e-6, np.where((x > 0.2e-3) & (abs(y) < 60e-6), np.nan, 0.0))
     np.save(tmp_path / "map.npy", rough + trend + far)
-    face = face_of(tmp_path, "map.npy", file_size=["1 mm", "1.2 mm"], file_detrend=detrend, **DOWN)
+    keys = {"file_size": ["1 mm", "1.2 mm"], "file_detrend": detrend, "file_missing": "fill"} | DOWN
+    face = face_of(tmp_path, "map.npy", **keys)
     at = middles(30, 400e-6)
-    np.save(tmp_path / "rough.npy", rough)
-    level = face_of(tmp_path, "rough.npy", file_size=["1 mm", "1.2 mm"], file_detrend=detrend, **DOWN)
+    np.save(tmp_path / "rough.npy", rough + np.where(np.isnan(far), np.nan, 0.0))
+    level = face_of(tmp_path, "rough.npy", **keys)
     np.testing.assert_allclose(face.heights(at, at[:, None]), level.heights(at, at[:, None]), atol=1e-14)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from pgfmd.commands.check import report
 from pgfmd.forecast import map_advice
+from pgfmd.maps.raw import MapError
 from pgfmd.physics.map_survey import survey
 from pgfmd.scene_objects import confirm, topography_of
 
@@ -122,6 +123,30 @@ def test_a_good_map_is_not_warned_of(tmp_path):
         assert not told(tmp_path, z, radius="360 um")
     # A tilt that is taken off is no matter any more.
     assert not told(tmp_path, FLAT + 1.745e-3 * X, file_detrend="tilt")
+
+
+def test_no_pixel_of_a_large_map_is_passed_over(tmp_path, monkeypatch):
+    """Of 97 pixels across each fourth is looked at: a lone spike, a hole and a code lie between these."""
+    monkeypatch.setattr("pgfmd.physics.map_survey.MOST_ACROSS", 32)
+    x = middles(97, 840e-6)
+    z = np.random.default_rng(7).normal(size=(97, 97)) * 20e-9 + (x**2 + x[:, None] ** 2) / 0.1
+    found = seen(tmp_path, spiky(spiky(z, (50, 55)), (42, 59), by=4e-6))
+    assert [spike.height for spike in found.spikes] == pytest.approx([-8e-6, 4e-6], abs=2e-6)
+    assert (found.first.x, found.first.y) == pytest.approx((x[55], x[50]), abs=4 * 8.7e-6) and not found.first.at_rim
+    monkeypatch.setattr("pgfmd.maps.raw.WHOLE", 1000)
+    z[49, 53] = z[51, 50] = -9999.0
+    with pytest.raises(MapError, match=r"2 of .* pixels under the punch have no height, .* hold -9999"):
+        seen(tmp_path, z)
+
+
+def test_a_unit_or_a_way_that_is_not_that_of_the_file_is_told(tmp_path):
+    np.savez(tmp_path / "map.npz", z=1e6 * DOME, size=[840e-6] * 2, unit="um", peaks="down")
+    keys = {"name": "map.npz", "file_size": None}
+    assert told(tmp_path, None, file_unit="µm", **keys) == []
+    (text,) = told(tmp_path, None, file_unit="nm", **keys)[:1]
+    assert 'punch.file_unit is "nm", but by the file heights are in um' in text
+    (text,) = told(tmp_path, None, file_unit="um", file_peaks="up", **keys)[:1]
+    assert 'file_peaks is "up", but by the file they are down, so that the lowest heights touch first' in text
 
 
 def test_a_size_that_is_not_that_of_the_file_is_told(tmp_path):

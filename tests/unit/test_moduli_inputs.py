@@ -119,6 +119,15 @@ def test_files_of_reptate(tmp_path):
     stress = STATIC / 3 * KNOWN.relaxation(time)
     right(written(tmp_path / "c.gt", "gamma=0.5;T=25;\nt sxy", time, 0.5 * stress, mark=" "))
     refused(tmp_path / "b.tts", "holds shear moduli; leave out --modulus tensile", modulus="tensile")
+    # A head of one or two lines that has other units, or a frequency that may be in Hz.
+    kilopascal = HZ, STORAGE / 3e-3, LOSS / 3e-3
+    for number, header in enumerate(
+        ["f (Hz) G' (kPa) G'' (kPa)", "T=25;\nf (Hz) G' (kPa) G'' (kPa)", "f/Hz G'/kPa G''/kPa"]
+    ):
+        right(written(tmp_path / f"{number}.tts", header, *kilopascal, mark=" "))
+    right(written(tmp_path / "d.osc", "f\tG'\tG''\nHz\tkPa\tkPa", *kilopascal, mark="\t"))
+    refused(written(tmp_path / "e.osc", "f G' G''", OMEGA, *shear, mark=" "), "expected .* Hz")
+    right(written(tmp_path / "g.tts", "w G' G''", OMEGA, *shear, mark=" "))
 
 
 @pytest.mark.parametrize("header", ["time (s),E (MPa)", "t [s];E(t) [MPa]", "Time/s\tRelaxation modulus E(t)/MPa"])

@@ -173,6 +173,22 @@ def test_a_map_may_be_cut_and_turned_over(tmp_path):
     assert len(np.loadtxt(tmp_path / "cut.xyz", skiprows=1)) == face.inside.sum()
 
 
+def test_a_stamp_measured_face_up_is_said_to_be_mirrored(tmp_path):
+    """The solid of its scene has the heights of the map at (x, -y); with the map's rows turned over it is the stamp."""
+    x = (np.arange(24) + 0.5) * 1e-3 / 24 - 0.5e-3
+    z = 1e-6 * (np.sin(5e3 * x + 1.0) + 2e3 * x[:, None])
+    punch = {"pattern": "file", "file_size": [1e-3, 1e-3], "file_unit": "m", "radius": 3e-4}
+    for name, rows, up in (("as-measured", z, -1.0), ("turned", z[::-1], 1.0)):
+        np.save(tmp_path / f"{name}.npy", rows)
+        scene = TRI.replace(punch=punch | {"file": str(tmp_path / f"{name}.npy"), "file_peaks": "up"})
+        assert "mirror image" in pgfmd.export_punch(scene, tmp_path / f"{name}.stl").text
+        face = topography_of(scene.punch)
+        # What is at (x, y) of the solid is at (x, -y) of the scene.
+        np.testing.assert_allclose(-face.heights(x[[9]], -up * x[[7]]), z[[7], [9]], atol=1e-15)
+    down = scene.replace(punch={"file_peaks": "down"})
+    assert "mirror image" not in pgfmd.export_punch(down, tmp_path / "down.stl").text
+
+
 def test_what_an_export_refuses(tmp_path):
     np.save(tmp_path / "own.npy", np.zeros((4, 4)))
     own = TRI.replace(punch={"pattern": "file", "file": str(tmp_path / "own.npy"), "file_size": [1e-3, 1e-3]})

@@ -118,7 +118,7 @@ def test_a_name_that_is_taken_is_not_written_to(tmp_path, monkeypatch):
     assert victim.read_text() == "precious"
 
 
-def test_a_new_file_is_whole_or_not_there(tmp_path):
+def test_a_new_file_is_whole_or_not_there(tmp_path, monkeypatch):
     with pytest.raises(UnicodeEncodeError):
         write_new(tmp_path / "scene.toml", "title = 'x'\n" * 10_000 + "\udcff")
     assert not os.listdir(tmp_path)
@@ -126,6 +126,18 @@ def test_a_new_file_is_whole_or_not_there(tmp_path):
     with pytest.raises(FileExistsError):
         write_new(tmp_path / "scene.toml", "two")
     assert (tmp_path / "scene.toml").read_text() == "one"
+    # A kill while it is written leaves nothing of this name.
+    seen = []
+    monkeypatch.setattr(os, "fsync", lambda handle: seen.append(sorted(path.name for path in tmp_path.glob("*.toml"))))
+    write_new(tmp_path / "new.toml", "three")
+
+    def refuse(*names):
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", refuse)
+    write_new(tmp_path / "other.toml", "four")
+    assert seen == [["scene.toml"], ["new.toml", "scene.toml"]]
+    assert sorted(os.listdir(tmp_path)) == ["new.toml", "other.toml", "scene.toml"]
 
 
 def test_only_own_regular_files_that_nobody_finishes_are_removed(tmp_path, monkeypatch):
