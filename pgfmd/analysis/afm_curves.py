@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from pgfmd.errors import MeasurementError
+from pgfmd.results.curve import Array
 from pgfmd.units import handy_quantity
 
 from .measured_columns import Rows
 
 PLACES = ("height (measured)", "height (piezo)")
 """Columns of afmformats that say the piezo's position [m], the better one first; heights grow outwards."""
+T = TypeVar("T")
 CURE = "export the curve as a table with columns such as piezo (um), force (nN)"
 
 
@@ -25,7 +28,6 @@ def rows_of_afm(path: Path, positive_displacement: str | None, positive_force: s
     """
     try:
         import afmformats
-        import afmformats.errors
     except ImportError:
         raise MeasurementError(
             f"{path}: a file of a kind that only afmformats can read, which is not installed: pip install 'pgfmd[formats]', "
@@ -35,15 +37,7 @@ def rows_of_afm(path: Path, positive_displacement: str | None, positive_force: s
         raise MeasurementError(f"{path}: a kind of file that is not known; {CURE}, with the end .csv or .txt")
     if not path.is_file():
         raise MeasurementError(f"{path}: could not be read: no such file")
-    try:
-        curves = afmformats.load_data(path)
-    except (
-        # Which are no Exceptions.
-        afmformats.errors.AFMFileFormatError,
-        afmformats.errors.MissingMetaDataError,
-        OSError, ValueError, KeyError, IndexError, AttributeError,
-    ) as error:  # fmt: skip
-        raise MeasurementError(f"{path}: afmformats can't read it ({error}); {CURE}") from None
+    curves = _tried(path, lambda: afmformats.load_data(path))
     if len(curves) != 1:
         raise MeasurementError(
             f"{path}: expected one curve, found {len(curves)}; export the one that is meant, or {CURE}"
@@ -53,14 +47,17 @@ def rows_of_afm(path: Path, positive_displacement: str | None, positive_force: s
 
 def _rows(path: Path, curve: Any, positive_displacement: str | None, positive_force: str) -> Rows:
     columns = set(curve.columns)
-    place = next((name for name in PLACES if name in columns), None)
-    if place is None or "force" not in columns:
+    places = [name for name in PLACES if name in columns]
+    if not places or "force" not in columns:
         raise MeasurementError(
             f"{path}: expected a force and a piezo's position, found {', '.join(sorted(columns))}; calibrate the cantilever "
             f"(sensitivity and spring constant), or {CURE}"
         )
-    position, force = (np.asarray(curve[name], dtype=float) for name in (place, "force"))
-    time = np.asarray(curve["time"], dtype=float) if "time" in columns else np.full(len(force), np.nan)
+    force = _column(path, curve, "force")
+    place, position = _position(path, curve, places)
+    time = _column(path, curve, "time") if "time" in columns else np.full(len(force), np.nan)
+    if not len(position) == len(force) == len(time):
+        raise MeasurementError(f"{path}: expected as many numbers in each column, found others; {CURE}")
     if np.any(np.diff(time) < 0.0):
         time = np.full(len(force), np.nan)
     rows = Rows(path, position, force, time, np.arange(1, len(force) + 1))
@@ -71,3 +68,39 @@ def _rows(path: Path, curve: Any, positive_displacement: str | None, positive_fo
             f'"{handy_quantity(stiffness, "stiffness")}"'
         )
     return rows.taken("gap", positive_displacement, positive_force)
+
+
+def _position(path: Path, curve: Any, places: list[str]) -> tuple[str, Array]:
+    """The first of some columns that the file has, and its numbers: afmformats lists columns of JPK files before it has looked
+    for them."""
+    for place in places[:-1]:
+        try:
+            return place, _column(path, curve, place)
+        except _Lacking:
+            continue
+    return places[-1], _column(path, curve, places[-1])
+
+
+def _column(path: Path, curve: Any, name: str) -> Array:
+    return _tried(path, lambda: np.asarray(curve[name], dtype=float))
+
+
+class _Lacking(MeasurementError):
+    """What afmformats says of a file that is whole, but not as it expects."""
+
+
+def _tried(path: Path, read: Callable[[], T]) -> T:
+    """What afmformats reads; MeasurementError for anything that it raises: of damaged files it hands on the errors of zip,
+    HDF5 and others, and its own are no Exceptions."""
+    try:
+        return read()
+    except Exception as error:
+        raise MeasurementError(f"{path}: afmformats can't read it ({_words(error)}); {CURE}") from None
+    except BaseException as error:
+        if not type(error).__module__.startswith("afmformats."):
+            raise
+        raise _Lacking(f"{path}: afmformats can't read it ({_words(error)}); {CURE}") from None
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

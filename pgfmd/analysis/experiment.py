@@ -43,8 +43,8 @@ def read_experiment(
     Args:
         path: the file.
         positive_displacement: "in" if displacements grow when the punch is pushed in, as the paper's do, or "out". None
-            for what the column's name says: a gap and an extension grow outwards, a displacement and a piezo's position
-            inwards. A column called indentation or depth always counts inwards.
+            for what the column's name says: a gap and an extension grow outwards, an indentation, a displacement and a
+            piezo's position inwards.
         positive_force: "compression" or "tension".
         cycle: which of several cycles, from 1.
         baseline: force far away [N], as the file counts it, that is taken off; None for what its rows show.

@@ -30,6 +30,9 @@ FAR = (0.1, 0.05, 0.02, 0.01)
 """Outermost shares of the way in which the force far away is looked for, the first that is level with the next as wide."""
 LEVEL = 0.01
 """Change of force, as a share of its range, from one tenth of the way to the next, up to which it is level."""
+DRIFT = 0.1
+"""Difference of the forces before and after, as a share of the range, up to which it is a drift. More may be a contact that
+still holds at the end."""
 LEAST_OUTSIDE = 3
 """Rows from which a mean force far away is taken."""
 ZERO = 1e-3
@@ -38,14 +41,22 @@ SIGNS = "--positive-displacement in|out, --positive-force compression|tension"
 
 
 def confirm_signs(rows: Rows) -> None:
-    """Whether force and indentation rise and fall together. Raises MeasurementError."""
+    """Whether the force rises as the punch goes in. Raises MeasurementError.
+
+    On the way to the deepest row the largest force comes after the smallest; on a way out alone it comes before. The whole
+    curve says less: where adhesion is strong, the force is lower in contact than far away.
+    """
     if len(rows.force) < LEAST_ROWS:
         raise MeasurementError(f"{rows.path}: expected at least {LEAST_ROWS} rows of numbers, found {len(rows.force)}")
-    moving = rows.indentation - np.mean(rows.indentation)
-    together = float(moving @ (rows.force - np.mean(rows.force)))
-    if together == 0.0:
+    way = float(np.ptp(rows.indentation))
+    if way == 0.0 or np.ptp(rows.force) == 0.0:
         raise MeasurementError(f"{rows.path}: expected a punch that moves and a force that changes, found neither")
-    if together < 0.0:
+    deepest = int(np.argmax(rows.indentation))
+    span = next(span for span in _cycles(rows.indentation) if span.start <= deepest < span.stop)
+    inward = np.ptp(rows.indentation[span.start : deepest + 1]) > LEAST_SWING * way
+    force = rows.force[span.start : deepest + 1] if inward else rows.force[deepest : span.stop]
+    smallest, largest = int(np.argmin(force)), int(np.argmax(force))
+    if (largest < smallest) if inward else (smallest < largest):
         raise MeasurementError(
             f"{rows.path}: expected the force to rise as the punch is pushed in, but it falls ({rows.senses}); say which "
             f"way the columns count: {SIGNS}"
@@ -124,9 +135,12 @@ def confirm_loss(rows: Rows) -> None:
 
 def without_baseline(rows: Rows, turn: int) -> tuple[Array, str]:
     """The forces [N] without what they are far away, and what was done, in words, "" for nothing; turn: the row that parts
-    the branches. Where the rows don't show the force far away, a remark says so."""
+    the branches. A drift is a line in time, or over the rows without one. Where the rows don't show the force far away, a remark
+    says so."""
     name, span = rows.path.name, float(np.ptp(rows.force))
-    ends = [_far(rows, slice(0, turn + 1), span), _far(rows, slice(turn, None), span)]
+    timed = bool(np.isfinite(rows.time).all() and (np.diff(rows.time) > 0.0).any())
+    clock = rows.time if timed else np.arange(len(rows.force), dtype=float)
+    ends = [_far(rows, clock, branch, span) for branch in (slice(0, turn + 1), slice(turn, None))]
     known = [end for end in ends if end is not None]
     if not known:
         outer = float(rows.force[int(np.argmin(rows.indentation))])
@@ -140,9 +154,17 @@ def without_baseline(rows: Rows, turn: int) -> tuple[Array, str]:
     values = [force for _, force in known]
     if max(map(abs, values)) <= ZERO * span:
         return rows.force, ""
-    if len(known) == 2 and abs(values[1] - values[0]) > LEVEL * span:
+    change = abs(values[1] - values[0]) if len(known) == 2 else 0.0
+    if change > DRIFT * span:
+        rows.remarks.append(
+            f"{name}: the force far away is not known: it is {shown(values[0], 'force')} before the contact and "
+            f"{shown(values[1], 'force')} at the end, too different for a drift; if the punch still sticks at the end, give the "
+            "force before by --baseline"
+        )
+        return rows.force, ""
+    if change > LEVEL * span:
         (first, before), (last, after) = known
-        line = np.interp(np.arange(len(rows.force)), [first, last], values)
+        line = before + (after - before) * (clock - first) / (last - first)
         rows.remarks.append(
             f"{name}: the force far away drifts from {shown(before, 'force')} to {shown(after, 'force')}"
         )
@@ -151,10 +173,9 @@ def without_baseline(rows: Rows, turn: int) -> tuple[Array, str]:
     return rows.force - offset, f"force far away, {shown(offset, 'force', 4)}, taken off"
 
 
-def _far(rows: Rows, branch: slice, span: float) -> tuple[float, float] | None:
-    """The middle of the outermost rows of a branch, as a row number, and their mean force; None where it is not level.
+def _far(rows: Rows, clock: Array, branch: slice, span: float) -> tuple[float, float] | None:
+    """The mean of the clock over the outermost rows of a branch, and their mean force; None where it is not level.
     span [N]: range of all forces."""
-    numbers = np.arange(len(rows.force))[branch]
     depth, force = rows.indentation[branch], rows.force[branch]
     place = (depth - np.min(depth)) / max(float(np.ptp(depth)), np.finfo(float).tiny)
     for share in FAR:
@@ -164,7 +185,7 @@ def _far(rows: Rows, branch: slice, span: float) -> tuple[float, float] | None:
         # What a contact of constant stiffness would change is ten times as much.
         if abs(np.mean(force[outer]) - np.mean(force[inner])) <= LEVEL * span * share / FAR[0]:
             both = outer | inner
-            return float(np.mean(numbers[both])), float(np.mean(force[both]))
+            return float(np.mean(clock[branch][both])), float(np.mean(force[both]))
     return None
 
 

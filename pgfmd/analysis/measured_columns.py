@@ -1,7 +1,7 @@
 """From the table of a measured curve to its rows: displacement inwards, force in compression, in SI units.
 
 Names say which way a column counts: an indentation or depth grows inwards, a gap or an extension outwards, and a
-displacement or a piezo's position inwards unless it is said to count outwards. Approach and retraction may stand one
+displacement or a piezo's position inwards, unless the user says otherwise. Approach and retraction may stand one
 below the other, or side by side in columns of their own. Nothing is guessed: a column without a unit is an error, and so
 are two columns of which only one can be meant.
 """
@@ -87,9 +87,7 @@ class Rows:
     def taken(self, place: str, positive_displacement: str | None, positive_force: str) -> Rows:
         """The same rows, turned to grow inwards and in compression; place: the key of INWARDS that says the position;
         positive_displacement: "in" or "out", None for what the name says; positive_force: "compression" or "tension"."""
-        inwards = INWARDS[place]
-        if positive_displacement is not None and place != "indentation":
-            inwards = positive_displacement == "in"
+        inwards = INWARDS[place] if positive_displacement is None else positive_displacement == "in"
         way, pressing = (1.0 if inwards else -1.0), (1.0 if positive_force == "compression" else -1.0)
         senses = f"the {place} is taken to grow {'inwards' if inwards else 'outwards'}, the force in {positive_force}"
         return replace(self, indentation=way * self.indentation, force=pressing * self.force, senses=senses)

@@ -165,7 +165,8 @@ class Fit:
                 raise ResultError(f"{out / name}: could not be written: {reason(error)}") from error
         depth, simulated, measured = self.runs.misfit.forces(self.best)
         start, best = (self.runs.misfit.laid_over(loop) for loop in (self.start, self.best))
-        figure = fitted_figure(best.loops[1], start.loops[0], best.loops[0], depth, simulated - measured)
+        branches = self.runs.misfit.branches
+        figure = fitted_figure(best.loops[1], start.loops[0], best.loops[0], depth, simulated - measured, branches)
         return [out / TABLE, out / RECORD, out / SCENE, write_picture(figure, out / PICTURE)]
 
 

@@ -3,7 +3,7 @@
 Both are brought together as `pgfmd compare` does it (analysis/comparison.py). The places are evenly spaced in the measured
 indentation, from where a force is felt on the way in to where none is any more on the way out. Between its rows a run's force
 is a monotone cubic (PCHIP). Where the run has no row it has no contact, and no force; deeper than it went, its force is continued
-with the stiffness that it had there.
+with the stiffness that it had there. A branch of next to no rows, as one that was not measured, does not count.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from pgfmd.analysis.comparison import Overlay, overlay
+from pgfmd.analysis.measured_checks import LEAST_ROWS
+from pgfmd.errors import MeasurementError
 from pgfmd.results.curve import Array, Loop
 
 SAMPLES = 100
@@ -53,23 +55,35 @@ class Misfit:
 
     @cached_property
     def _places(self) -> dict[str, Array]:
-        """Rows of the measured loop, with fractions, by branch."""
+        """Rows of the measured loop, with fractions, by branch. Raises MeasurementError where it has no branch."""
         loop, found = self.measured, {}
         depth = loop.indentation
         felt = np.abs(loop.force) > FELT * self.scale
         for name, rows in loop.branches.items():
+            if depth[rows].size < LEAST_ROWS:
+                continue
             inward = name == "approach"
             place = np.maximum.accumulate(depth[rows] if inward else depth[rows][::-1])
-            number = np.arange(rows.start, rows.stop, dtype=float)
+            number = np.arange(rows.start, rows.start + depth[rows].size, dtype=float)
             number = number if inward else number[::-1]
             where = depth[rows][felt[rows]]
             first = where.min() - MARGIN * (place[-1] - where.min()) if where.size else place[0]
             found[name] = np.interp(np.linspace(max(place[0], first), place[-1], SAMPLES), place, number)
+        if not found:
+            raise MeasurementError(
+                f"{loop.name}: expected at least {LEAST_ROWS} rows on the way in, or on the way out, found "
+                f"{len(loop.force)} in all"
+            )
         return found
 
     @property
+    def branches(self) -> tuple[str, ...]:
+        """The branches that count, in the order of the places."""
+        return tuple(self._places)
+
+    @property
     def forces_measured(self) -> Array:
-        """Measured forces [N] at all places, (2 SAMPLES,), as they were measured."""
+        """Measured forces [N] at all places, (SAMPLES for each branch,), as they were measured."""
         rows = np.arange(len(self.measured.force), dtype=float)
         return np.concatenate([np.interp(places, rows, self.measured.force) for places in self._places.values()])
 
@@ -79,7 +93,8 @@ class Misfit:
         return overlay([run], [self.measured], way.correct, way.machine_stiffness, way.resolution, way.offset)
 
     def forces(self, run: Loop) -> tuple[Array, Array, Array]:
-        """Indentations [m], forces [N] of the run and measured forces [N] at all places, (2 SAMPLES,), the way in first.
+        """Indentations [m], forces [N] of the run and measured forces [N] at all places, (SAMPLES for each branch,), the way
+        in first.
 
         Raises ValueError if the two can't be laid over each other.
         """

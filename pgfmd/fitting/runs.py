@@ -8,6 +8,7 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from .misfit import Misfit
 from .parameters import Parameter
 
 TABLE = "runs.csv"
+MODULUS = "substrate.youngs_modulus"
 TOLD = {"pull_off_force [N]": "pull_off_force_N", "work [J]": "work_J", "steps": "steps", "wall [s]": "wall_s"}
 """Columns of the table with numbers of a run, by their keys in run.json."""
 
@@ -123,7 +125,18 @@ class Runs:
     def changes(self, n: int, values: Sequence[float]) -> tuple[str, ...]:
         """What makes the scene that of a run, as overrides."""
         own = [override_of(one.key, one.written(value)) for one, value in zip(self.parameters, values, strict=True)]
-        return (*self.overrides, f"grid.n={n}", *own)
+        return (*self.overrides, f"grid.n={n}", *own, *self._weights)
+
+    @cached_property
+    def _weights(self) -> tuple[str, ...]:
+        """The weights of a Prony series whose modulus is fitted, as overrides. A scene that is read has both relaxed. With shares
+        of the instantaneous modulus in the source, a fitted modulus would be taken for that one."""
+        if MODULUS not in [one.key for one in self.parameters]:
+            return ()
+        rheology = load_scene(self.source, self.overrides).rheology
+        if rheology.model != "prony":
+            return ()
+        return override_of("rheology.reference", "relaxed"), override_of("rheology.kappa", rheology.kappa)
 
     @staticmethod
     def _name(n: int, values: Sequence[float]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,9 +19,16 @@ Array = NDArray[np.float64]
 
 
 @picture
-def fitted_figure(measured: Loop, start: Loop, best: Loop, depth: Array, residuals: Array) -> Figure:
+def fitted_figure(
+    measured: Loop,
+    start: Loop,
+    best: Loop,
+    depth: Array,
+    residuals: Array,
+    branches: Sequence[str] = ("approach", "retraction"),
+) -> Figure:
     """Force [mN] against indentation [um]: measured, at the start and fitted; below, fitted less measured at the places that
-    were compared, the way in first. depth [m], residuals [N]: (places,), half of them on either branch."""
+    were compared. depth [m], residuals [N]: (places,), as many on each of the branches, one after the other."""
     figure = new_figure(5.6, 5.4)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     styles = ((measured, "black", 2.2, "measured"), (start, GREY, 0.9, "start"), (best, RED, 1.2, "fitted"))
@@ -33,9 +41,10 @@ def fitted_figure(measured: Loop, start: Loop, best: Loop, depth: Array, residua
     room = 0.08 * np.ptp(depth)
     upper.set_xlim(1e6 * (depth.min() - room), 1e6 * (depth.max() + room))
     lower.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-    half = depth.size // 2
-    for rows, colour, label in ((slice(0, half), GREY, "approach"), (slice(half, None), TURQUOISE, "retraction")):
-        lower.plot(1e6 * depth[rows], 1e3 * residuals[rows], color=colour, linewidth=1.0, label=label)
+    parts = (np.split(values, len(branches)) for values in (depth, residuals))
+    for label, places, left in zip(branches, *parts, strict=True):
+        colour = GREY if label == "approach" else TURQUOISE
+        lower.plot(1e6 * places, 1e3 * left, color=colour, linewidth=1.0, label=label)
     lower.legend(loc="best", ncols=2)
     lower.set(xlabel="indentation (µm)", ylabel="fitted − measured\n(mN)")
     figure.align_ylabels()

@@ -56,7 +56,8 @@ def export_punch(
         magnify: by how much the solid is larger than the punch.
         peaks: of a map: "down" as in scenes, where lower heights touch first, or "up" as instruments have it; unless it is given
             "up" for .x3p and .nc, "down" for the others.
-        cut: leave out the heights of a map beyond the outline, where the face goes on as its formula does.
+        cut: leave out the heights of a map beyond the outline, where the face goes on as its formula does, but for one more point
+            around it, without which the map could not be read back.
         force: overwrite a file of this name.
 
     Raises:
@@ -105,7 +106,7 @@ def _solid(scene: Scene, path: Path, height: float | None, magnify: float) -> tu
 
 def _map(scene: Scene, path: Path, peaks: str, cut: bool) -> tuple[bytes, Exported]:
     face = face_on_grid(scene, margin=1)
-    z = face.cut() if cut else face.z
+    z = face.cut_around() if cut else face.z
     title = f"{scene.title or scene.punch.pattern}: heights of the lower face of a punch, m, peaks {peaks}"
     periodic = face.radius is None
     pixel = face.spacing

@@ -65,6 +65,14 @@ class Face:
         """The heights [m], NaN beyond the outline."""
         return np.where(self.inside, self.z, np.nan)
 
+    def cut_around(self) -> Array:
+        """The heights [m], NaN where none is needed to interpolate below the punch: one point beyond the outline stays, so that
+        each pixel that the outline passes through has a height, and its neighbours."""
+        if self.radius is None:
+            return self.z
+        x, y = (np.maximum(np.abs(line) - self.spacing, 0.0) for line in (self.x, self.y))
+        return np.where(np.hypot(x, y[:, np.newaxis]) <= self.radius * (1.0 + SLACK), self.z, np.nan)
+
 
 def face_on_grid(scene: Scene, margin: int = 0) -> Face:
     """The face of a scene at the points of its grid.

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from pgfmd import Scene, cli, simulate
 from pgfmd.analysis.experiment import read_experiment
-from pgfmd.errors import SceneError, Stopped
+from pgfmd.errors import MeasurementError, SceneError, Stopped
 from pgfmd.fitting import runs as runs_module
 from pgfmd.fitting.fit import fit, levels_of
 from pgfmd.fitting.least_squares import autocorrelation_time, certainty, search
@@ -258,6 +258,48 @@ def test_numbers_are_searched_for_in_shares_within_their_limits():
     assert gamma.value(10.0) == gamma.high
 
 
+ARRAYS = ("time", "displacement", "force", "area", "u_inf", "phase", "jump")
+PRONY = """[punch]
+pattern = "sphere"
+curvature_radius = "1 mm"
+radius = "200 um"
+[adhesion]
+work_of_adhesion = "50 mJ/m^2"
+[drive]
+speed = "20 um/s"
+preload = "2 mN"
+[substrate]
+youngs_modulus = "100 MPa"
+poisson_ratio = 0.495
+[rheology]
+model = "prony"
+reference = "REFERENCE"
+kappa = [0.5, 0.4]
+tau = ["1 ms", "20 ms"]
+[grid]
+n = 16
+length = "1 mm"
+"""
+
+
+@pytest.mark.parametrize("given", [(), ("rheology.reference=instantaneous",)])
+def test_a_fitted_modulus_is_the_relaxed_one(tmp_path, given):
+    from pgfmd.scene import load_scene
+
+    path = tmp_path / "scene.toml"
+    path.write_text(PRONY.replace("REFERENCE", "instantaneous" if not given else "relaxed"))
+    whole = load_scene(path, given)
+    (modulus,) = parameters_of(whole, ["substrate.youngs_modulus"], {})
+    assert modulus.start == pytest.approx(1e7)
+    runs = Runs(str(path), given, [modulus], None, tmp_path)
+    for value in (modulus.start, 2e7):
+        found = load_scene(path, runs.changes(16, [value]))
+        assert found.substrate.youngs_modulus == value and found.rheology == whole.rheology
+    assert found.rheology.kappa == pytest.approx((5.0, 4.0))
+    other = Runs(str(path), given, [dataclasses.replace(modulus, key=GAMMA)], None, tmp_path)
+    assert load_scene(path, other.changes(16, [0.05])).substrate == whole.substrate
+
+
 def test_levels_are_halves_of_the_grid():
     assert levels_of("tri-tack", ["grid.n=256"]) == (64, 128, 256)
     assert levels_of("tri-tack", ["grid.n=96"]) == (48, 96)
@@ -285,3 +327,21 @@ def test_the_misfit_is_that_of_the_same_place(curve):
     fitted = Misfit(moved, Corrections(offset=None)).forces(loop)
     np.testing.assert_allclose(fitted[1] - fitted[2], forces - measured, rtol=0, atol=1e-4)
     np.testing.assert_allclose(Misfit(loop).forces_measured, measured)
+    # One branch alone counts for itself, and the one that was not measured for nothing.
+    turn = loop.preload_row
+    for name, rows, same in (
+        ("approach", slice(0, turn + 1), slice(0, half)),
+        ("retraction", slice(turn, None), slice(half, None)),
+    ):
+        part = dataclasses.replace(
+            loop, **{field: getattr(loop, field)[rows] for field in ARRAYS},
+            closed=False,
+        )  # fmt: skip
+        alone = Misfit(part)
+        assert alone.branches == (name,)
+        np.testing.assert_allclose(
+            np.stack(alone.forces(loop)), np.stack([depth, forces, measured])[:, same], atol=1e-12
+        )
+    few = dataclasses.replace(part, **{field: getattr(part, field)[:2] for field in ARRAYS})
+    with pytest.raises(MeasurementError, match="expected at least 4 rows on the way in, or on the way out, found 2"):
+        _ = Misfit(few).forces_measured

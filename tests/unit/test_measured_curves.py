@@ -1,11 +1,16 @@
 """Measured curves in the shapes that machines write: read to the right numbers, or refused with the cure."""
 
 import re
+import zlib
+from pathlib import Path
+from typing import ClassVar
+from zipfile import BadZipFile
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from pgfmd.analysis.afm_curves import _rows
 from pgfmd.analysis.compliance import corrected_experiment
 from pgfmd.analysis.experiment import read_experiment
 from pgfmd.cli import app
@@ -51,9 +56,42 @@ def test_a_force_that_is_not_zero_far_away_is_taken_off(tmp_path, offset):
 
 def test_a_drift_is_taken_off_along_a_line_and_told(tmp_path):
     drift = np.linspace(0.5, 1.5, UM.size)
-    loop = read_experiment(written(tmp_path / "drift.csv", PLAIN, TIME, UM, MN + drift))
+    loop = read_experiment(written(tmp_path / "drift.csv", "displacement (um),force (mN)", UM, MN + drift))
     assert measure(loop).pull_off.tension == pytest.approx(PULL_OFF, rel=0.03)
     assert "the force far away drifts from 521 uN" in loop.remarks[0] and "to 1.47 mN" in loop.remarks[0]
+    # A machine drifts in time, however many rows it writes.
+    slow = np.where(np.arange(UM.size) < TURN, TIME, 5.0 * TIME - 4.0 * TIME[TURN - 1])
+    drift = 0.5 + slow / slow[-1]
+    loop = read_experiment(written(tmp_path / "slow.csv", PLAIN, slow, UM, MN + drift))
+    np.testing.assert_allclose(loop.force, FORCE, atol=1e-8)
+
+
+def test_a_plateau_of_tension_at_the_end_is_no_drift(tmp_path):
+    end = np.arange(UM.size) >= UM.size - 14
+    held = np.where(end, -2.0, MN)
+    loop = read_experiment(written(tmp_path / "held.csv", PLAIN, TIME, UM, held))
+    np.testing.assert_allclose(1e3 * loop.force, held, atol=1e-6)
+    assert (
+        loop.treated == ""
+        and "0 N before the contact and -2 mN at the end, too different for a drift" in loop.remarks[0]
+    )
+
+
+def test_strong_adhesion_is_no_wrong_sign(tmp_path):
+    # 1 N of preload, 10 N of tension, and a long way out.
+    place = np.concatenate([np.linspace(-100, 4, 105), np.linspace(4, -5, 10)[1:], np.linspace(-6, -100, 95)])
+    force = np.interp(place, [0.0, 4.0], [0.0, 1.0])
+    force[105:114] = np.linspace(0.5, -10.0, 9)
+    for snap in (0.0, -3.0):
+        force[100:103] = snap
+        path = written(tmp_path / "strong.csv", "displacement (um),force (N)", place, force)
+        loop = read_experiment(path)
+        assert loop.preload == 1.0 and measure(loop).pull_off.tension == pytest.approx(10.0, rel=0.1)
+        refused(path, "expected the force to rise", positive_force="tension")
+        for sense in ("compression", "tension"):
+            refused(
+                path, "expected the (force to rise|largest force)", positive_displacement="out", positive_force=sense
+            )
 
 
 def test_a_curve_that_ends_in_contact_says_that_its_zero_is_not_known(tmp_path):
@@ -71,6 +109,10 @@ def test_both_signs_flipped_are_seen(tmp_path):
     )
     right(read_experiment(path, positive_displacement="out", positive_force="tension"))
     refused(path, "--positive-displacement in|out", positive_displacement="out")
+    # What is said counts for more than a name, of an indentation as well.
+    path = written(tmp_path / "depth.csv", "time (s),indentation (mm),load (N)", TIME, -UM / 1e3, MN / 1e3)
+    refused(path, "--positive-displacement in|out")
+    right(read_experiment(path, positive_displacement="out"))
     # A name that says it needs no flag for its own column.
     path = written(tmp_path / "zwick.csv", "time (s),extension (mm),load (N)", TIME, -UM / 1e3, -MN / 1e3)
     refused(path, "the extension is taken to grow outwards, the force in compression")
@@ -219,6 +261,47 @@ def test_compare_takes_several_measured_curves(tmp_path):
     assert forces[1:] == pytest.approx([PULL_OFF] * 3, rel=0.015)
     assert re.search(r"^hysteresis +- +J? *.*the loop is not closed", done.stdout, re.MULTILINE)
     assert re.search(r"holds the retraction alone", done.stdout)
+
+
+class Curve:
+    """A curve of afmformats that reads its columns when they are asked for; what can't be read is an error to raise."""
+
+    metadata: ClassVar = {"spring constant": 38e3}
+
+    def __init__(self, **columns):
+        self.data = {name.replace("_", " "): values for name, values in columns.items()}
+        self.data["height (measured)"] = self.data.pop("measured")
+        self.data["height (piezo)"] = self.data.pop("piezo")
+
+    @property
+    def columns(self):
+        return sorted(self.data)
+
+    def __getitem__(self, name):
+        if isinstance(self.data[name], BaseException):
+            raise self.data[name]
+        return self.data[name]
+
+
+def test_columns_of_a_force_microscope_that_can_not_be_read():
+    class NoSuchColumnError(BaseException):
+        """As afmformats' own errors are."""
+
+    NoSuchColumnError.__module__ = "afmformats.formats"
+    lacking, path = NoSuchColumnError("could not find\ncolumn"), Path("a.jpk-force")
+    rows = _rows(path, Curve(force=FORCE, measured=lacking, piezo=-DEPTH), None, "compression")
+    np.testing.assert_array_equal(rows.indentation, DEPTH)
+    assert "'height (piezo)'" in rows.remarks[0]
+    for columns, words in (
+        ({"force": FORCE, "measured": lacking, "piezo": lacking}, r"can't read it \(could not find column\); export"),
+        ({"force": zlib.error("invalid block"), "measured": DEPTH, "piezo": DEPTH}, "invalid block"),
+        ({"force": FORCE, "measured": BadZipFile("Bad CRC-32"), "piezo": DEPTH}, "Bad CRC-32"),
+        ({"force": FORCE, "measured": DEPTH[1:], "piezo": DEPTH}, "as many numbers in each column"),
+    ):
+        with pytest.raises(MeasurementError, match=f"a.jpk-force: .*{words}"):
+            _rows(path, Curve(**columns), None, "compression")
+    with pytest.raises(KeyboardInterrupt):
+        _rows(path, Curve(force=KeyboardInterrupt(), measured=DEPTH, piezo=DEPTH), None, "compression")
 
 
 @pytest.mark.parametrize("end", ["h5", "tab"])

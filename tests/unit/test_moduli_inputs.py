@@ -15,7 +15,7 @@ from pgfmd.errors import MeasurementError, SceneError
 from pgfmd.forecast.plausibility import warnings
 from pgfmd.physics.rheology import PronySeries
 from pgfmd.restart.scene_changes import differing
-from pgfmd.scene import load_scene, parse_scene, shipped_text
+from pgfmd.scene import Scene, load_scene, parse_scene, shipped_text
 from pgfmd.scene_objects import series_of
 from tests.unit.measured_inputs import KNOWN, STATIC, moduli, written
 
@@ -275,6 +275,34 @@ def test_a_fit_is_written_into_a_scene_whose_comments_stay(tmp_path):
     (tmp_path / "bad.csv").write_text("f (Hz),G' (MPa)\n1,2\n")
     assert CliRunner().invoke(app, ["fit-prony", str(tmp_path / "bad.csv"), "-i", str(scene)]).exit_code != 0
     assert scene.read_text() == before
+
+
+def test_a_series_goes_through_each_table_to_a_scene(tmp_path):
+    moduli_file = written(tmp_path / "e.csv", "f (Hz),E' (MPa),E'' (MPa)", HZ, STORAGE, LOSS)
+    fit = characterise(moduli_file, 2).fit
+    scene, table = tmp_path / "scene.toml", tmp_path / "table.toml"
+    scene.write_text(SPHERE.format(reference='reference = "instantaneous"'))
+    words = ["fit-prony", moduli_file, "-n", 2, "--into", scene, "--out", table]
+    done = CliRunner().invoke(app, list(map(str, words)))
+    assert done.exit_code == 0, done.exception
+    text = table.read_text()
+    told = re.search(r'^# (youngs_modulus = ".*")$', text, re.MULTILINE)[1]
+    tables = tomllib.loads(text) | {"substrate": tomllib.loads(told) | {"poisson_ratio": 0.495}}
+    own = Scene("tri-tack").tables() | tables
+    again = parse_scene(load_scene(scene).to_toml())
+    for found in (load_scene(scene), again, Scene(own)):
+        series = series_of(found.rheology)
+        np.testing.assert_allclose(series.kappa, fit.series.kappa, rtol=1e-5)
+        np.testing.assert_allclose(series.tau, fit.series.tau, rtol=1e-5)
+        assert found.substrate.youngs_modulus == pytest.approx(fit.static_modulus, rel=1e-5)
+    # The moduli of the scene's series are those of the file, and give the series again.
+    omega = 2 * np.pi * HZ
+    columns = (
+        HZ,
+        *(1e-6 * found.substrate.youngs_modulus * part for part in (series.storage(omega), series.loss(omega))),
+    )
+    back = characterise(written(tmp_path / "back.csv", "f (Hz),E' (MPa),E'' (MPa)", *columns), 2).fit.series
+    np.testing.assert_allclose([back.kappa, back.tau], [series.kappa, series.tau], rtol=2e-3)
 
 
 def test_a_read_file_says_what_it_took_for_granted(tmp_path):

@@ -2,12 +2,16 @@
 
 import re
 
+import numpy as np
 import pytest
+from scipy.interpolate import RegularGridInterpolator
 from typer.testing import CliRunner
 
 import pgfmd
 from pgfmd.analysis.comparison import load_loops, overlay
 from pgfmd.cli import app
+from pgfmd.maps.raw import MapError
+from pgfmd.punch.face import face_on_grid
 from pgfmd.scene import load_scene
 from pgfmd.scene_objects import series_of
 from scripts.studies.raw_data import make as raw
@@ -22,6 +26,16 @@ def pgfmd_command(*words):
 def test_from_raw_data_to_an_overlay(tmp_path):
     raw.make(tmp_path, points=24)
     scene = tmp_path / "scene.toml"
+    told = pgfmd_command("check", scene)
+    assert "map.txt" in told
+    with pytest.raises(MapError, match="pixels under the punch have no height"):
+        face_on_grid(load_scene(scene, ["punch.file_missing=refuse"]))
+    # The face without tilt and gaps, to the noise of the map.
+    found, true = face_on_grid(load_scene(scene)), raw.heights(np.random.default_rng(1))
+    x = (np.arange(raw.PIXELS) + 0.5) / raw.PIXELS * raw.SIZE - raw.SIZE / 2
+    wanted = RegularGridInterpolator((x, x), true)((found.y[:, None] + 0 * found.x, found.x + 0 * found.y[:, None]))
+    difference = (found.z - wanted)[found.inside]
+    assert np.ptp(difference) < 0.2e-6 < 0.1 * raw.TILT * raw.SIZE
     told = pgfmd_command("fit-prony", tmp_path / "sweeps.txt", "-t", "25C", "-n", "12", "--into", scene)
     assert "nu = 0.495" in told and re.search(r"left out: .*-65 C", told)
     found = load_scene(scene)

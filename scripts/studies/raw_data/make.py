@@ -29,6 +29,8 @@ CELSIUS = np.arange(-65.0, 56.0, 15.0)
 FREQUENCIES = np.geomspace(0.1, 100.0, 13)
 NOISE = 0.01
 RADIUS, CURVATURE, SIZE, PIXELS = 150e-6, 1.5e-3, 400e-6, 160
+TILT, MISSING = 5e-3, 80
+"""Of the map along x, and pixels of it that have no height."""
 MACHINE_STIFFNESS = 2e3
 OFFSET, DRIVE_NOISE, FAR = 0.18e-3, 3e-3, 4e-6
 """Of the load cell [N]; noise of the force as a share of the preload; how far away the test begins and ends [m]."""
@@ -37,7 +39,10 @@ title = "a stamp on silicone"
 
 [punch]
 pattern = "file"
-file = "map.npz"            # measured
+file = "map.txt"            # measured
+file_peaks = "up"           # high places touch first, as in most instruments
+file_detrend = "tilt"       # the sample lay askew in the instrument
+file_missing = "fill"       # some pixels have no height
 radius = "150 um"
 
 [substrate]
@@ -68,6 +73,16 @@ def heights(random: np.random.Generator) -> np.ndarray:
     return (
         dome + 0.3e-6 * np.cos(wave * x) * np.cos(wave * x[:, None]) + 2e-9 * random.standard_normal((PIXELS, PIXELS))
     )
+
+
+def height_map(z: np.ndarray, random: np.random.Generator) -> str:
+    """The face z [m] as an instrument sees it: in nm, high places touch first, askew, some pixels without a height."""
+    x = (np.arange(PIXELS) + 0.5) / PIXELS * SIZE
+    seen = TILT * x - z
+    seen.flat[random.choice(z.size, MISSING, replace=False)] = np.nan
+    side = f"{1e6 * SIZE:.1f} µm"
+    lines = ["# Channel: Height", f"# Width: {side}", f"# Height: {side}", "# Value units: nm"]
+    return "\n".join([*lines, *("\t".join(f"{1e9 * height:.1f}" for height in row) for row in seen)]) + "\n"
 
 
 def sweeps(random: np.random.Generator) -> str:
@@ -108,17 +123,28 @@ def make(folder: Path, points: int = 64, seed: int = 1) -> None:
     """Writes all files into a folder; points: of the grid of the scene, and of the run that stands for the experiment."""
     random = np.random.default_rng(seed)
     folder.mkdir(parents=True, exist_ok=True)
-    np.savez(folder / "map.npz", z=heights(random), size=[SIZE, SIZE], unit="m", peaks="down")
+    z = heights(random)
+    # With numbers of its own, so that those of the other files stay.
+    (folder / "map.txt").write_text(height_map(z, np.random.default_rng([seed, 1])), encoding="utf-8")
     (folder / "sweeps.txt").write_text(sweeps(random), encoding="cp1252")
     (folder / "scene.toml").write_text(SCENE.format(points=points), encoding="utf-8")
-    truth = pgfmd.Scene(folder / "scene.toml").replace(
-        substrate={"youngs_modulus": STATIC_MODULUS, "poisson_ratio": POISSON_RATIO},
-        rheology={"model": "prony", "kappa": SERIES.kappa, "tau": SERIES.tau},
-    )
     with tempfile.TemporaryDirectory() as out:
+        # The experiment has the face itself.
+        face = Path(out) / "face.npz"
+        np.savez(face, z=z, size=[SIZE, SIZE], unit="m", peaks="down")
+        truth = _truth(folder / "scene.toml", face)
         run = Loop.of(pgfmd.run(truth, Path(out) / "truth", say=lambda line: None))
     text = measured(run, truth.drive.preload, truth.drive.speed, random)
     (folder / "tack.csv").write_text(text, encoding="utf-8")
+
+
+def _truth(scene: Path, face: Path) -> pgfmd.Scene:
+    """The scene with the true elastomer and a face without tilt and missing pixels."""
+    return pgfmd.Scene(scene).replace(
+        punch={"file": str(face), "file_peaks": None, "file_detrend": "none", "file_missing": "refuse"},
+        substrate={"youngs_modulus": STATIC_MODULUS, "poisson_ratio": POISSON_RATIO},
+        rheology={"model": "prony", "kappa": SERIES.kappa, "tau": SERIES.tau},
+    )
 
 
 if __name__ == "__main__":
