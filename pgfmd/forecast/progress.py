@@ -19,11 +19,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pgfmd.physics.adhesion.registry import clearance_of
-from pgfmd.scene_objects import deepest_indentation
+from pgfmd.scene_objects import deepest_indentation, time_of_way
 from pgfmd.schemes import registry
 
 from .effort import effort_of
-from .indentation import depth_at_preload, pull_off_height
+from .indentation import depth_at_preload, pull_off_force, pull_off_height
 
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
@@ -132,10 +132,13 @@ def _dwell_steps(scene: Scene, moment: Moment, since: float) -> float:
 
 
 def time_left(scene: Scene, moment: Moment, way: Way) -> float:
-    """Time [s] until the punch detaches."""
-    drive = scene.drive
-    left = way.in_left / drive.speed + way.out_left / drive.retract_speed
-    if moment.phase == "approach":
+    """Time [s] until the punch detaches, with that in which a machine's spring is pressed and pulled."""
+    drive, coming = scene.drive, moment.phase == "approach"
+    rise = max(drive.preload - moment.force, 0.0) if coming else 0.0
+    fall = max(max(drive.preload, moment.force) if coming else moment.force, -pull_off_force(scene))
+    fall += pull_off_force(scene)
+    left = time_of_way(scene, way.in_left, rise) + time_of_way(scene, way.out_left, fall, inward=False)
+    if coming:
         left += drive.turn_time + drive.dwell
     elif moment.phase != "retract" and moment.preload_time is not None:
         left += max(0.0, drive.turn_time + drive.dwell - (moment.time - moment.preload_time))
