@@ -132,7 +132,7 @@ def neck(scene: Scene) -> float:
 
 def pull_off_force(scene: Scene) -> float:
     """Tension [N] at which the punch comes off a relaxed elastomer, by Kendall or JKR. Of other faces it is not known, but
-    hardly more than that of a flat punch, or than the preload that made the contact."""
+    hardly more than that of a flat punch, or than the preload that made the contact: half of the smaller is taken."""
     punch, adhesion, modulus = scene.punch, scene.adhesion, modulus_of(scene)
     if not adhesion.attractive:
         return 0.0
@@ -140,7 +140,7 @@ def pull_off_force(scene: Scene) -> float:
         return -jkr.load_controlled_pull_off(punch.curvature_radius, modulus, adhesion.work_of_adhesion).force
     outline = punch.radius or 0.5 * scene.grid.length
     kendall = -flat_punch.pull_off_force(outline, modulus, adhesion.work_of_adhesion)
-    return kendall if punch.pattern == "flat" else min(kendall, scene.drive.preload)
+    return kendall if punch.pattern == "flat" else 0.5 * min(kendall, scene.drive.preload)
 
 
 @dataclass(frozen=True)
