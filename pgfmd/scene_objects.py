@@ -129,6 +129,15 @@ def machine_compliance(scene: Scene) -> float:
     return 1.0 / drive.machine_stiffness
 
 
+def time_of_way(scene: Scene, way: float, force: float, inward: bool = True) -> float:
+    """Time [s] in which the punch moves by `way` [m], in or out, while the force on it changes by `force` [N] to that side.
+
+    The machine goes that far, and as far as its spring is pressed or pulled.
+    """
+    drive = drive_of(scene)
+    return (way + machine_compliance(scene) * force) / (drive.speed if inward else drive.retract_speed)
+
+
 def deepest_indentation(scene: Scene) -> float:
     """Indentation [m] at which an approach is given up: there linear elasticity has long lost its meaning."""
     return min(scene.punch.radius or 0.5 * scene.grid.length, scene.substrate.thickness)

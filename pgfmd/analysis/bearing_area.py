@@ -27,7 +27,7 @@ from pgfmd.physics.adhesion.registry import law_of
 from pgfmd.results import Results
 from pgfmd.results.curve import Array, Dip, Loop, Measures, measure
 from pgfmd.scene import load_scene
-from pgfmd.scene_objects import series_of
+from pgfmd.scene_objects import machine_compliance, series_of
 from pgfmd.units import parse_quantity
 
 from .asperity_laws import JkrAsperity, MeasuredAsperity, ViscoelasticAsperity
@@ -209,6 +209,17 @@ def asperity_remarks(asperity: Results, scene: dict, summits: Summits, preload: 
     return remarks
 
 
+def machine_remarks(scene: Any) -> list[str]:
+    """In what the model's machine is not that of a scene: it is rigid, and drives the punch itself."""
+    if not machine_compliance(scene):
+        return []
+    here = "controls the force" if scene.drive.control == "load" else "has a spring"
+    return [
+        f"bearing area: its asperities are on a rigid machine, and let go at drive.speed; the run's machine {here}, so "
+        "compare forces, but not the work or the hysteresis"
+    ]
+
+
 def predictions_for(results: Results, preload: float, asperity: Results | None = None) -> list[Prediction]:
     """What a bearing-area model says of a run's punch under a preload [N], one prediction a law.
 
@@ -232,6 +243,7 @@ def add_bearing_area(
     if preload is None or preload <= 0.0:
         raise ResultError(f"{results.directory}: no bearing-area model: the run has no compressive force yet")
     predictions = predictions_for(results, preload, asperity)
+    table.remarks += machine_remarks(load_scene(results.directory / SCENE_FILE))
     first = predictions[0]
     table.add(SECTION, "summits", "summits", first.summits, "", f"{first.touched} of them touched")
     for prediction in predictions:

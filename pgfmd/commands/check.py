@@ -13,6 +13,7 @@ from pgfmd.forecast import map_advice
 from pgfmd.forecast.advice import remarks, warnings
 from pgfmd.forecast.effort import Effort, effort_of, told_of_ahead
 from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_points
+from pgfmd.forecast.indentation import punch_speeds
 from pgfmd.forecast.plausibility import face_of
 from pgfmd.forecast.run_times import ranks_of as _ranks
 from pgfmd.forecast.run_times import run_times
@@ -22,7 +23,7 @@ from pgfmd.scene import Scene
 from pgfmd.scene.fields import extra_of
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
-from pgfmd.scene_objects import automatic_range, confirm, series_of, topography_of
+from pgfmd.scene_objects import automatic_range, confirm, machine_compliance, series_of, topography_of
 from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
 from pgfmd.units import DIMENSIONS, handy_quantity
@@ -197,7 +198,8 @@ def _rheology(scene: Scene) -> Iterator[Line]:
     creep = series.to_creep()
     yield Line("kappa_inf", series.kappa_inf, "", "instantaneous over relaxed modulus")
     yield Line("J_inf", creep.J_inf, "", "1/kappa_inf")
-    yield Line("time to move by rho", scene.adhesion.range / scene.drive.speed, "s", "rho/v")
+    note = "rho/v, in the mean of the way in" if machine_compliance(scene) else "rho/v"
+    yield Line("time to move by rho", scene.adhesion.range / punch_speeds(scene)[0], "s", note)
     for index, (tau, kappa) in enumerate(zip(series.tau, series.kappa, strict=True), 1):
         yield Line(f"relaxation time {index}", float(tau), "s", f"kappa = {kappa:.4g}")
     yield from (Line(*line) for line in registry.scheme_of(scene).lines_of(scene))

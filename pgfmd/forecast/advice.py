@@ -20,6 +20,7 @@ from . import map_advice, plausibility
 from .contact_advice import few_points, films, free_boundary, overlap, soft_overlap, summits
 from .effort import effort_of, jump_threshold
 from .estimate import depth_of, memory_of, modulus_of
+from .indentation import punch_speeds
 
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
@@ -156,7 +157,7 @@ def _preload(scene: Scene) -> Iterator[str]:
 
 def _speed(scene: Scene) -> Iterator[str]:
     series = relaxation_of(scene)
-    passing = length_of(scene.adhesion) / max(scene.drive.speed, scene.drive.retract_speed)
+    passing = length_of(scene.adhesion) / max(punch_speeds(scene))
     if series.elements and passing < GLASSY * series.tau.min():
         yield (
             f"drive.speed, drive.retract_speed: the punch moves by rho in {passing:.2g} s, far below the shortest "
@@ -218,6 +219,6 @@ def _far_displacement(scene: Scene) -> Iterator[str]:
 
 def _quasi_static(scene: Scene) -> Iterator[str]:
     series = relaxation_of(scene)
-    passing = length_of(scene.adhesion) / max(scene.drive.speed, scene.drive.retract_speed)
+    passing = length_of(scene.adhesion) / max(punch_speeds(scene))
     if series.elements and passing > QUASI_STATIC * series.to_creep().retardation_times.max():
         yield f"speed: rho/v = {passing:.2g} s is {QUASI_STATIC:.0f} longest retardation times: nearly quasi-static"

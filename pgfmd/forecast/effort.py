@@ -28,13 +28,13 @@ import numpy as np
 from pgfmd import coarsening
 from pgfmd.physics.adhesion.registry import law_of, length_of
 from pgfmd.run_ahead import coarse_scenes
-from pgfmd.scene_objects import automatic_range, quasistatic_compliance, relaxation_of
+from pgfmd.scene_objects import automatic_range, machine_compliance, quasistatic_compliance, relaxation_of
 from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
 
 from .estimate import depth_of, guessed_seconds, pair_cost, pair_seconds
 from .fitted import FITTED, Numbers
-from .indentation import depth_at_preload, pull_off_height
+from .indentation import Travel, pull_off_height, travels_of
 
 if TYPE_CHECKING:
     from pgfmd.physics.rheology import CreepSeries
@@ -48,6 +48,8 @@ FLAT_SPREAD = 2.0
 """The same for flat punches, which stretch the elastomer by a distance that depends on their speed."""
 UNLIKE = 2.0
 """Additional factor for scenes unlike those that the constants were fitted to."""
+SPRUNG = "a spring or a dead load"
+"""What is said of scenes whose machine is not rigid: the way of its spring follows from forces that are estimates."""
 COARSEST = 0.1
 """Coarsest accuracy at which the fit is taken to hold."""
 FINEST = 1e-4
@@ -123,10 +125,10 @@ def kind_of(scene: Scene) -> str:
 def ways_of(scene: Scene) -> tuple[Way, Way]:
     """Approach and retraction."""
     drive, reach = scene.drive, length_of(scene.adhesion)
-    depth, beyond = depth_at_preload(scene), pull_off_height(scene)
     start = max(drive.clearance, 0.0) if scene.adhesion.attractive else 0.0
-    into, out = depth + start, depth + beyond
-    lengths = (into, out) if scene.punch.pattern != "flat" else (start + reach, beyond)
+    into, out = travels_of(scene, start)
+    flat = scene.punch.pattern == "flat"
+    lengths = (start + reach, pull_off_height(scene)) if flat else (into.length, out.length)
     creep, stiffness, accuracy = relaxation_of(scene).to_creep(), stiffness_of_law(scene), scene.solver.accuracy
 
     def softness(time: float) -> float:
@@ -134,14 +136,11 @@ def ways_of(scene: Scene) -> tuple[Way, Way]:
             return quasistatic_compliance(scene)
         return float(creep.J_inf + (creep.J * -np.expm1(-time / creep.retardation_times)).sum())
 
-    def way(length: float, time: float, speed: float, inward: bool) -> Way:
-        slow = slowness(scene, creep, time, speed)
-        return Way(length / reach, time, inward, accuracy, slow, softness, stiffness)
+    def way(length: float, travel: Travel, inward: bool) -> Way:
+        slow = slowness(scene, creep, travel.time, travel.speed)
+        return Way(length / reach, travel.time, inward, accuracy, slow, softness, stiffness)
 
-    return (
-        way(lengths[0], into / drive.speed, drive.speed, True),
-        way(lengths[1], out / drive.retract_speed, drive.retract_speed, False),
-    )  # fmt: skip
+    return way(lengths[0], into, True), way(lengths[1], out, False)
 
 
 def slowness(scene: Scene, creep: CreepSeries, time: float, speed: float) -> float:
@@ -230,8 +229,8 @@ def _unlike(scene: Scene) -> Iterator[str]:
         yield "its accuracy"
     if math.isfinite(scene.substrate.thickness):
         yield "a film"
-    if scene.drive.control == "load" or scene.drive.machine_stiffness != math.inf:
-        yield "a spring or a dead load"
+    if machine_compliance(scene):
+        yield SPRUNG
     if series.elements and series.to_creep().J_inf > 0.1:
         yield "an elastomer that is nearly elastic"
     if scene.drive.dwell > 0.0 and series.elements:
@@ -240,11 +239,13 @@ def _unlike(scene: Scene) -> Iterator[str]:
 
 def effort_of_steps(scene: Scene, step: float, pair: float, cost: float) -> Effort:
     """The same for explicit steps of known length [s] with one pair each. The duration of the programme follows from
-    the indentation and the stretch due to adhesion. pair: time of a pair, relative to `pair_seconds`; cost: as in
+    the indentation, the stretch due to adhesion, and the way of a machine's spring. pair: time of a pair, relative to `pair_seconds`; cost: as in
     Effort."""
-    drive, depth = scene.drive, depth_at_preload(scene)
-    into = (depth + max(drive.clearance, 0.0)) / drive.speed
-    out = (depth + pull_off_height(scene)) / drive.retract_speed + drive.turn_time + drive.dwell
-    steps = (into + out) / step
+    into, out = (travel.time for travel in travels_of(scene))
+    steps = (into + (out + scene.drive.turn_time + scene.drive.dwell)) / step
     spread = FLAT_SPREAD if scene.punch.pattern == "flat" else EXPLICIT_SPREAD
-    return Effort(steps, steps, lambda: pair * pair_seconds(scene), cost, spread, (into / step, into / step))
+    unlike = SPRUNG if machine_compliance(scene) else ""
+    return Effort(
+        steps, steps, lambda: pair * pair_seconds(scene), cost, spread * (UNLIKE if unlike else 1.0),
+        (into / step, into / step), unlike,
+    )  # fmt: skip

@@ -11,13 +11,14 @@ the time in which that is done. k is the share that periodic images leave of it:
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pgfmd.physics.adhesion.registry import clearance_of, law_of
 from pgfmd.reference import flat_punch, jkr
-from pgfmd.scene_objects import deepest_indentation, topography_of
+from pgfmd.scene_objects import deepest_indentation, machine_compliance, time_of_way, topography_of
 
 from .estimate import depth_of, modulus_of
 from .resolution import mean_kappa, softness_of_film
@@ -56,7 +57,7 @@ def depth_at_preload(scene: Scene) -> float:
     heights = _heights(scene) if punch.pattern not in ("sphere", "power") else None
     depth = depth_of(scene)
     for _ in range(ROUNDS):
-        stiffening = mean_kappa(scene, (depth + scene.adhesion.range) / scene.drive.speed)
+        stiffening = mean_kappa(scene, time_of_way(scene, depth + scene.adhesion.range, scene.drive.preload))
         found = _depth_with(scene, stiffening, heights)
         # Deeper means slower, and so softer: half of the way in logarithms keeps that from going to and fro.
         depth = math.sqrt(depth * found)
@@ -116,7 +117,8 @@ def stretch(scene: Scene) -> float:
     if scene.punch.pattern != "flat":
         return 0.0
     relaxed = math.sqrt(2.0 * math.pi * scene.adhesion.work_of_adhesion * scene.punch.outline / modulus_of(scene))
-    return relaxed / math.sqrt(mean_kappa(scene, relaxed / scene.drive.retract_speed))
+    tension = float(flat_punch.force(relaxed, scene.punch.outline, modulus_of(scene)))
+    return relaxed / math.sqrt(mean_kappa(scene, time_of_way(scene, relaxed, tension, inward=False)))
 
 
 def neck(scene: Scene) -> float:
@@ -126,3 +128,51 @@ def neck(scene: Scene) -> float:
         return 0.0
     unit = (math.pi**2 * adhesion.work_of_adhesion**2 * punch.curvature_radius / modulus_of(scene) ** 2) ** (1.0 / 3.0)
     return 0.75 * unit
+
+
+def pull_off_force(scene: Scene) -> float:
+    """Tension [N] at which the punch comes off a relaxed elastomer, by Kendall or JKR. Of other faces it is not known, but
+    hardly more than that of a flat punch, or than the preload that made the contact: half of the smaller is taken."""
+    punch, adhesion, modulus = scene.punch, scene.adhesion, modulus_of(scene)
+    if not adhesion.attractive:
+        return 0.0
+    if punch.pattern == "sphere":
+        return -jkr.load_controlled_pull_off(punch.curvature_radius, modulus, adhesion.work_of_adhesion).force
+    outline = punch.radius or 0.5 * scene.grid.length
+    kendall = -flat_punch.pull_off_force(outline, modulus, adhesion.work_of_adhesion)
+    return kendall if punch.pattern == "flat" else 0.5 * min(kendall, scene.drive.preload)
+
+
+@dataclass(frozen=True)
+class Travel:
+    """The way in to the preload, or out until the punch comes off. length [m]: of the punch's. time [s]; speed [m/s]: the
+    punch's mean."""
+
+    length: float
+    time: float
+    speed: float
+
+
+def travels_of(scene: Scene, start: float | None = None) -> tuple[Travel, Travel]:
+    """The ways in and out, without the turn. On a machine with a spring the punch is slower than what is driven.
+
+    start [m]: height at which the way in begins, that of the scene if it is not given.
+    """
+    drive, depth = scene.drive, depth_at_preload(scene)
+    into = depth + (max(drive.clearance, 0.0) if start is None else start)
+    out = depth + pull_off_height(scene)
+    time_in = time_of_way(scene, into, drive.preload)
+    if not machine_compliance(scene):
+        # Speeds as given, not rounded.
+        time_out = time_of_way(scene, out, 0.0, inward=False)
+        return Travel(into, time_in, drive.speed), Travel(out, time_out, drive.retract_speed)
+    time_out = time_of_way(scene, out, drive.preload + pull_off_force(scene), inward=False)
+    return Travel(into, time_in, into / time_in), Travel(out, time_out, out / time_out)
+
+
+def punch_speeds(scene: Scene) -> tuple[float, float]:
+    """Mean speeds [m/s] of the punch on its ways in and out; on a rigid machine those of the drive."""
+    if not machine_compliance(scene):
+        return scene.drive.speed, scene.drive.retract_speed
+    into, out = travels_of(scene)
+    return into.speed, out.speed

@@ -1,6 +1,7 @@
 """Estimates of the progress of a run and of the remaining steps, from its scene and the end of its curve. No MPI.
 
-The remaining steps are estimated from the travel of the punch, with a constant number of steps per metre:
+The remaining steps are estimated from the travel of what is driven, the punch or the end of its spring, with a constant
+number of steps per metre:
 
     left = (1 - p) ((1 - p) E + s)
 
@@ -19,11 +20,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pgfmd.physics.adhesion.registry import clearance_of
-from pgfmd.scene_objects import deepest_indentation
+from pgfmd.scene_objects import deepest_indentation, drive_of, machine_compliance
 from pgfmd.schemes import registry
 
 from .effort import effort_of
-from .indentation import depth_at_preload, pull_off_height
+from .indentation import depth_at_preload, pull_off_force, pull_off_height
 
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
@@ -51,7 +52,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Outlook:
-    """progress: estimated completed fraction of the punch's travel. steps: estimated number of remaining steps, None if
+    """progress: estimated completed fraction of the travel of what is driven. steps: estimated number of remaining steps, None if
     unknown. remark: why it is unknown, or what it does not include."""
 
     progress: float | None = None
@@ -61,7 +62,7 @@ class Outlook:
 
 @dataclass(frozen=True)
 class Way:
-    """The travel of the punch [m], in and out, completed and remaining."""
+    """The travel [m], in and out, completed and remaining, of what is driven: the punch, or the end of its spring."""
 
     in_done: float
     in_left: float
@@ -80,7 +81,8 @@ def outlook(scene: Scene, moment: Moment) -> Outlook:
         return Outlook(remark="where the preload was met is not known")
     way = _way(scene, moment)
     progress = way.share()
-    if way.out_left < clearance_of(scene.adhesion) and moment.phase == "retract":
+    nearly = way.out_left < clearance_of(scene.adhesion) or _pulls_a_soft_spring(scene, moment)
+    if nearly and moment.phase == "retract":
         # The place of the last jump is not known better than this.
         return Outlook(progress, remark="the punch may come off at any moment")
     steps, remark = registry.scheme_of(scene).steps_left_of(scene, moment, way)
@@ -90,15 +92,25 @@ def outlook(scene: Scene, moment: Moment) -> Outlook:
     return Outlook(progress, steps, remark)
 
 
+def _pulls_a_soft_spring(scene: Scene, moment: Moment) -> bool:
+    """Whether the punch comes off when its spring is pulled enough, at a force that is hardly known."""
+    way = machine_compliance(scene) * pull_off_force(scene)
+    return moment.force < 0.0 and way > clearance_of(scene.adhesion)
+
+
 def _way(scene: Scene, moment: Moment) -> Way:
     clearance, position = scene.drive.clearance, moment.displacement
-    beyond = pull_off_height(scene)
+    # How far the spring is, and will be, pressed.
+    spring, preload = machine_compliance(scene), scene.drive.preload
+    now, most = spring * moment.force, spring * preload
+    beyond = pull_off_height(scene) + (spring * pull_off_force(scene) if spring else 0.0)
     if moment.phase == "approach":
         depth = max(_depth_ahead(scene, moment), -position)
-        return Way(clearance - position, depth + position, 0.0, depth + beyond)
-    met = moment.depth
-    assert met is not None, "`outlook` has seen to that"
-    back = met + position if moment.phase == "retract" else 0.0
+        left = depth + position + max(most - now, 0.0)
+        return Way(clearance - position + now, left, 0.0, depth + most + beyond)
+    assert moment.depth is not None, "`outlook` has seen to that"
+    met = moment.depth + most
+    back = met + position - now if moment.phase == "retract" else 0.0
     return Way(clearance + met, 0.0, max(back, 0.0), max(met + beyond - back, 0.0))
 
 
@@ -133,7 +145,7 @@ def _dwell_steps(scene: Scene, moment: Moment, since: float) -> float:
 
 def time_left(scene: Scene, moment: Moment, way: Way) -> float:
     """Time [s] until the punch detaches."""
-    drive = scene.drive
+    drive = drive_of(scene)
     left = way.in_left / drive.speed + way.out_left / drive.retract_speed
     if moment.phase == "approach":
         left += drive.turn_time + drive.dwell

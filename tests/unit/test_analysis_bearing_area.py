@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from pgfmd.analysis.asperity_laws import JkrAsperity, MeasuredAsperity, ViscoelasticAsperity, force_of, release_rate
-from pgfmd.analysis.bearing_area import laws_of, predict
+from pgfmd.analysis.bearing_area import laws_of, machine_remarks, predict
 from pgfmd.analysis.crack_law import CrackLaw
 from pgfmd.analysis.summits import Summits, summits_of
 from pgfmd.physics.rheology import PronySeries
@@ -205,6 +205,16 @@ def test_the_curve_of_one_asperity_is_followed():
 def test_laws_of_a_scene():
     assert list(laws_of(load_scene("hex-tack", ["grid.n=64"]))) == ["JKR", "JKR with crack speed"]
     assert list(laws_of(load_scene("hex-tack", ["grid.n=64", "rheology.model=elastic"]))) == ["JKR"]
+
+
+def test_the_machine_of_a_run_is_none_of_the_model():
+    assert machine_remarks(load_scene("hex-tack")) == []
+    for change, word in (
+        ("drive.machine_stiffness=1 kN/m", "has a spring"),
+        ("drive.control=load", "controls the force"),
+    ):
+        (remark,) = machine_remarks(load_scene("hex-tack", [change]))
+        assert word in remark and "rigid machine" in remark
 
 
 def test_the_model_calls_the_hexagonal_punch_the_stickier_one():

@@ -129,6 +129,11 @@ def test_what_gfmd_costs_and_adds_is_told():
     assert "max_steps" not in warnings_of(
         "tri-tack", "solver.scheme=gfmd", "solver.max_steps=5000000", "output.every=100"
     )
+    fast = "solver.scheme=gfmd", "drive.speed=1 mm/s"
+    assert "under load control" in remarks_of("tri-tack", *fast, "drive.control=load")
+    assert "under load control" not in remarks_of("tri-tack", *fast)
+    soft = "solver.scheme=gfmd", "solver.max_steps=5000000", "output.every=100", "drive.machine_stiffness=10 N/m"
+    assert "max_steps" in warnings_of("tri-tack", *soft) and "output.every" in warnings_of("tri-tack", *soft)
     # 2 kappa_inf/omega over kappa_1 tau_1, with omega tau = 2 pi: 250/(249 pi).
     assert "32 %" in remarks_of("tri-tack", "solver.scheme=gfmd")
     lines = {

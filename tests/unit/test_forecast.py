@@ -9,13 +9,15 @@ from mpi4py import MPI
 from pgfmd.assemble import assemble
 from pgfmd.commands import check
 from pgfmd.forecast import effort as effort_module
-from pgfmd.forecast.effort import counts_of, effort_of, jump_threshold, kind_of, told_of_ahead, ways_of
+from pgfmd.forecast.effort import UNLIKE, counts_of, effort_of, jump_threshold, kind_of, told_of_ahead, ways_of
 from pgfmd.forecast.fitted import FITTED
-from pgfmd.forecast.indentation import MADELUNG, SECOND, depth_at_preload, images_share
+from pgfmd.forecast.indentation import MADELUNG, SECOND, depth_at_preload, images_share, punch_speeds, travels_of
 from pgfmd.output.ahead import met, run_ahead
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.scene import load_scene
+from pgfmd.scene_objects import SOFT_MACHINE, punch_stiffness, time_of_way
+from pgfmd.schemes.gfmd.plugin import inertia_of_scene
 from scripts.studies.forecast.scenes import CASES, FIT, JUDGE
 from scripts.studies.forecast.table import TABLE, rows_of
 
@@ -124,6 +126,39 @@ def test_depths_at_the_preload_are_those_of_runs(counted):
         for row, scene in counted if scene.solver.scheme == "inertialess"
     ])  # fmt: skip
     assert np.mean(np.abs(ratios - 1.0) < 0.2) > 0.85 and 0.9 < np.median(ratios) < 1.1
+
+
+@pytest.mark.parametrize("stiffness", ["100 N/m", "10 N/m"])
+def test_explicit_steps_follow_the_end_of_the_spring(stiffness):
+    """It goes as far as the punch, and as far as preload and pull-off press and pull the spring."""
+    base = ["solver.scheme=gfmd", "punch.pattern=sphere", "punch.curvature_radius=1 mm"]
+    rigid, sprung = (load_scene("tri-tack", [*base, *more]) for more in ([], [f"drive.machine_stiffness={stiffness}"]))
+    step, drive = inertia_of_scene(rigid).step, rigid.drive
+    # JKR: the sphere comes off at 1.5 pi gamma R.
+    forces = 2.0 * drive.preload + 1.5 * math.pi * 0.05 * 1e-3
+    ways = forces / float(stiffness.split()[0]) + sum(travel.length for travel in travels_of(sprung))
+    told = effort_of(sprung)
+    assert told.steps == pytest.approx((ways / drive.speed + drive.turn_time) / step, rel=1e-9)
+    assert told.spread == UNLIKE * effort_of(rigid).spread and "a spring" in told.unlike
+
+
+def test_the_speed_of_a_punch_on_a_spring_is_its_own():
+    rigid, sprung = (load_scene("tri-tack", more) for more in ([], ["drive.machine_stiffness=1 kN/m"]))
+    assert punch_speeds(rigid) == (rigid.drive.speed, rigid.drive.retract_speed)
+    (into, _), (soft, _) = ways_of(rigid), ways_of(sprung)
+    way = depth_at_preload(sprung) + sprung.drive.clearance
+    assert soft.time == pytest.approx((way + 40e-6) / 1e-6, rel=1e-9)
+    assert soft.slow / into.slow == pytest.approx(1.0 + 40e-6 / way, rel=1e-9)
+    found = check.report(sprung)["time to move by rho"]
+    assert found == pytest.approx(sprung.adhesion.range / 1e-6 * (1.0 + 40e-6 / way), rel=1e-9)
+
+
+def test_under_a_controlled_force_the_whole_punch_in_contact_has_the_speed_of_the_scene():
+    """Of a flat punch on a half-space F = 2aE* d, so the machine's way is (1 + 1/SOFT_MACHINE) d."""
+    scene = load_scene("flat-punch", ["drive.control=load"])
+    way = scene.drive.preload / punch_stiffness(scene)
+    assert time_of_way(scene, way, scene.drive.preload) == pytest.approx(way / scene.drive.speed, rel=1e-9)
+    assert time_of_way(scene, way, 0.0) < 2.0 * SOFT_MACHINE * way / scene.drive.speed
 
 
 def test_images_take_off_what_their_green_function_says():

@@ -337,13 +337,15 @@ def moments(folder, every):
         yield moment, every * left, every * to_dwell
 
 
+EXPLICIT = ("tri-tack", "grid.n=32", "drive.speed=500 um/s", "solver.scheme=gfmd")
 CASES = {
     "slow": ("tri-tack", "grid.n=64"),
     "fast": ("tri-tack", "grid.n=64", "drive.speed=10 um/s"),
     "slower back": ("tri-tack", "grid.n=64", "drive.retract_speed=0.1 um/s"),
     "hexagonal": ("hex-tack", "grid.n=64", "output.snapshots=[]"),
     "dwell": ("tri-tack", "grid.n=64", "drive.speed=5 um/s", "drive.dwell=20 s"),
-    "explicit": ("tri-tack", "grid.n=32", "drive.speed=500 um/s", "solver.scheme=gfmd", "output.every=10"),
+    "explicit": (*EXPLICIT, "output.every=10"),
+    "explicit, on a spring": (*EXPLICIT, "output.every=40", "drive.machine_stiffness=2 kN/m"),
 }
 
 
@@ -352,7 +354,7 @@ def test_what_is_left_is_mostly_right_within_a_factor_of_two(case, tmp_path):
     scene = load_scene(CASES[case][0], CASES[case][1:])
     run_scene(scene, MPI.COMM_SELF, tmp_path, lambda line: None)
     # At such speeds the elastomer is stiffer, and the preload met earlier, than in a static contact.
-    factor, ratios, shares = 2.5 if case == "explicit" else 2.0, [], []
+    factor, ratios, shares = 2.5 if case.startswith("explicit") else 2.0, [], []
     for moment, left, to_dwell in list(moments(tmp_path, scene.output.every))[::3]:
         ahead = outlook(scene, moment)
         shares.append(ahead.progress)
@@ -361,7 +363,8 @@ def test_what_is_left_is_mostly_right_within_a_factor_of_two(case, tmp_path):
             ratios.append(ahead.steps / left)
     good = sum(1 / factor <= ratio <= factor for ratio in ratios)
     assert len(ratios) > 20 and good >= 0.9 * len(ratios) and max(ratios) < 3.0
-    assert 0.0 <= min(shares) < 0.1 and 0.9 < max(shares) <= 1.0
+    # The end of a spring's way follows from the force of the pull-off, which is hardly known.
+    assert 0.0 <= min(shares) < 0.1 and (0.8 if "spring" in case else 0.9) < max(shares) <= 1.0
 
 
 def test_no_forecast_where_nothing_can_be_said():

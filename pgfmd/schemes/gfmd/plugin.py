@@ -124,11 +124,18 @@ def lines(scene: Scene) -> Iterator[tuple[str, float, str, str]]:
 
 
 def remarks(scene: Scene) -> Iterator[str]:
-    """The additional viscosity due to inertia, which the paper neglects but is known exactly."""
-    series = scene_objects.series_of(scene.rheology)
+    """A step that follows a speed which the punch exceeds, and the additional viscosity due to inertia, which the paper
+    neglects but is known exactly."""
+    series, inertia = scene_objects.series_of(scene.rheology), inertia_of_scene(scene)
+    if scene.drive.control == "load" and inertia.limited_by == "motion":
+        yield (
+            f"solver.gfmd: the time step, {inertia.step:.3g} s, is that of a punch at drive.speed, but under load control "
+            "the punch falls into contact and comes off faster; see with half of solver.gfmd.fast_pull whether the curve "
+            "stays the same"
+        )
     if not series.elements:
         return
-    share = inertia_of_scene(scene).added_viscosity(series)
+    share = inertia.added_viscosity(series)
     if share > WORTH_TELLING:
         yield (
             f"solver.gfmd: at low frequencies the inertia adds {100 * share:.2g} % to the viscosity of the material; "
