@@ -1,5 +1,6 @@
 """Files of instruments, read by SurfaceTopography in a process of its own."""
 
+import importlib.util
 import os
 import pickle
 import subprocess
@@ -14,7 +15,10 @@ from pgfmd.maps.raw import MapKeys
 from .map_files import lopsided, middles
 from .test_map_files import face_of, refusals
 
-pytest.importorskip("SurfaceTopography")
+# Not imported here: beside it numba keeps no compiled kernels, which other tests of this process ask for.
+pytestmark = pytest.mark.skipif(
+    importlib.util.find_spec("SurfaceTopography") is None, reason="SurfaceTopography is not installed"
+)
 SIZE = (900e-6, 800e-6)
 PROGRAM = """
 import os, pickle, sys
