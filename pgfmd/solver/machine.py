@@ -80,6 +80,14 @@ def total(points: PunchPoints, values: np.ndarray, rows: np.ndarray) -> float:
     return float(points.total_of(rows[:1])[0])
 
 
+def nonzero(points: PunchPoints, values: np.ndarray, rows: np.ndarray) -> int:
+    """How many points of the punch have a value other than zero; rows: work array (1, rows). Collective."""
+    rows[:] = 0.0
+    if points.rows:
+        rows[0, 0] = np.count_nonzero(values)
+    return int(points.total_of(rows)[0])
+
+
 def sprung(convolve: Convolves, spring: float, compliance: float) -> Convolves:
     """The convolution with the machine's spring in it; as it is where the machine is rigid."""
     return SprungConvolution(convolve, spring, compliance) if spring else convolve
@@ -130,10 +138,7 @@ class Machine:
 
     def interacting(self, values: np.ndarray) -> int:
         """How many points of the punch have a value other than zero. Collective."""
-        self._rows[:] = 0.0
-        if self.points.rows:
-            self._rows[0, 0] = np.count_nonzero(values)
-        return int(self.points.total_of(self._rows)[0])
+        return nonzero(self.points, values, self._rows)
 
     def begin(
         self, drive: float, u: np.ndarray, w: np.ndarray, history: np.ndarray, compliance: float, expected: float,

@@ -23,7 +23,7 @@ from pgfmd.schemes.path_following import EVENT_TOLERANCE, SINGLE_NOISE, PathFoll
 from pgfmd.solver import kernels
 from pgfmd.solver.descent import Descent
 from pgfmd.solver.drift import Drift
-from pgfmd.solver.machine import total
+from pgfmd.solver.machine import nonzero, total
 from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.state import State
 from pgfmd.solver.trial_step import Trial
@@ -259,10 +259,7 @@ class Quasistatic(PathFollowing):
 
     def interacting(self, state: State) -> int:
         """Number of points of the punch within the reach of the law. Collective."""
-        self._rows[:] = 0.0
-        if self.points.rows:
-            self._rows[0, 0] = np.count_nonzero(state.traction)
-        return int(self.points.total_of(self._rows)[0])
+        return nonzero(self.points, state.traction, self._rows)
 
     def _is_free(self) -> bool:
         """Whether no point interacts at the surface of the last solve. Collective."""
