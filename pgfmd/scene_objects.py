@@ -6,6 +6,7 @@ What runs a scene (assemble.py) and what only looks at it (check.py, estimate.py
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,19 +14,22 @@ import numpy as np
 from .errors import Problem, SceneError
 from .map_rules import refusals
 from .maps.raw import MapError
-from .physics.adhesion.registry import law_of, range_by_rule
-from .physics.drive import Drive
+from .physics.adhesion.registry import law_of, length_of, range_by_rule
+from .physics.drive import DETACHED, DISPLACEMENT, LOAD, PLACE, Drive, Phase
 from .physics.film import Base, Film
 from .physics.free_kernel import FreeFilm, FreeHalfSpace
 from .physics.halfspace import HalfSpace, TabulatedCompliance
 from .physics.heightfile import HIGHEST
 from .physics.rheology import PronySeries
 from .physics.topography import Topography
+from .scene.programme_section import TIME
 from .schemes import registry
 from .solver.grid import Grid
 
 if TYPE_CHECKING:
+    from .physics.programme import Step
     from .scene.model import Punch, Rheology, Scene
+    from .scene.programme_section import ProgrammeStep
 
 Periodic = HalfSpace | TabulatedCompliance | Film
 BONDED: Base = "bonded"
@@ -101,7 +105,45 @@ def drive_of(scene: Scene) -> Drive:
     if drive.control == "load":
         factor += machine_compliance(scene) * punch_stiffness(scene) / quasistatic_compliance(scene)
     approach, retract = factor * drive.speed, factor * drive.retract_speed
-    return Drive(approach, drive.preload, retract, drive.turn_time, dwell, drive.clearance)
+    found = Drive(approach, drive.preload, retract, drive.turn_time, dwell, drive.clearance, drive.control)
+    return replace(found, programme=programme_of(scene)) if drive.step else found
+
+
+def programme_of(scene: Scene) -> tuple[Phase, ...]:
+    """The phases of a scene with steps. Raises MeasurementError or OSError for a file to follow that can't be read."""
+    # Not at the top, here and below: what a scene does not use, it need not load.
+    from .physics.programme import Machine, phases_of
+
+    stiffness = punch_stiffness(scene) / quasistatic_compliance(scene)
+    timeless, reach = registry.scheme_of(scene).timeless, length_of(scene.adhesion)
+    machine = Machine(load_compliance(scene), stiffness, reach, timeless)
+    steps = tuple(_step_of(step) for step in scene.drive.step)
+    repeat = scene.drive.repeat
+    if repeat is None:
+        return phases_of(steps, machine)
+    return phases_of(steps, machine, repeat.times, repeat.first, repeat.last)
+
+
+def _step_of(step: ProgrammeStep) -> Step:
+    """A step of a scene for the programme."""
+    from .files.followed_path import read_path
+    from .physics.programme import Step
+
+    endings, duration = step.endings, step.duration or math.inf
+    until = [(quantity, value) for quantity, value in endings if quantity != TIME]
+    duration = min([duration, *(value for quantity, value in endings if quantity == TIME)])
+    if step.to is not None:
+        until.append((PLACE, step.to))
+    if step.do == "retract" and not until and math.isinf(duration):
+        until.append((DETACHED, 0.0))
+    rate = {"approach": step.speed, "retract": -(step.speed or 0.0), "ramp": step.rate}.get(step.do) or 0.0
+    swing = step.swing[0] if step.do == "oscillate" else 0.0
+    control = LOAD if step.controls_load else DISPLACEMENT
+    table = read_path(str(step.file), control) if step.file else ((), ())
+    return Step(
+        step.do, control, rate, duration, tuple(until), swing, step.frequency or 1.0, step.cycles or 0.0, table,
+        step.turn_time,
+    )  # fmt: skip
 
 
 def automatic_range(scene: Scene) -> float:
@@ -122,11 +164,25 @@ def punch_stiffness(scene: Scene) -> float:
 
 
 def machine_compliance(scene: Scene) -> float:
-    """1/k_M [m/N] of the spring between the machine and the punch, 0 for a rigid machine."""
+    """1/k_M [m/N] of the spring between the machine and the punch, 0 for a rigid machine; of a scene with steps, that of
+    those that control the displacement."""
     drive = scene.drive
-    if drive.control == "load":
-        return quasistatic_compliance(scene) / (SOFT_MACHINE * punch_stiffness(scene))
-    return 1.0 / drive.machine_stiffness
+    return load_compliance(scene) if drive.control == "load" else 1.0 / drive.machine_stiffness
+
+
+def load_compliance(scene: Scene) -> float:
+    """1/k_M [m/N] of the soft spring by which a load is controlled."""
+    return quasistatic_compliance(scene) / (SOFT_MACHINE * punch_stiffness(scene))
+
+
+def springs_of(scene: Scene) -> dict[str, float]:
+    """Compliance [m/N] of the machine's spring by what the machine controls, of what the programme has."""
+    drive, found = scene.drive, {}
+    if drive.control == "displacement" and not (drive.step and all(step.controls_load for step in drive.step)):
+        found[DISPLACEMENT] = machine_compliance(scene)
+    if drive.controls_load:
+        found[LOAD] = load_compliance(scene)
+    return found
 
 
 def time_of_way(scene: Scene, way: float, force: float, inward: bool = True) -> float:

@@ -42,6 +42,9 @@ DIMENSIONS = {
     "angular frequency": Dimension("an angular frequency", "rad/s", "15700 rad/s", ("rad/s", "1/s")),
     "wavenumber": Dimension("a wavenumber", "1/m", "5e6 1/m", ("1/m", "1/mm", "1/um", "1/nm")),
     "stiffness per area": Dimension("a stiffness per area", "Pa/m", "20 GPa/mm", ("Pa/m", "GPa/m", "GPa/mm", "MPa/um")),
+    "area": Dimension("an area", "m^2", "0.2 mm^2", ("m^2", "mm^2", "um^2", "cm^2")),
+    "force rate": Dimension("a rate of force", "N/s", "10 mN/s", ("N/s", "mN/s", "uN/s", "N/min", "mN/min")),
+    "frequency": Dimension("a frequency", "Hz", "10 Hz", ("Hz", "kHz", "mHz", "1/s")),
     "stiffness": Dimension("a stiffness", "N/m", "38.1 kN/m", ("N/m", "kN/m", "MN/m", "mN/m", "N/mm", "N/um")),
 }
 
@@ -53,7 +56,7 @@ _QUANTITY = re.compile(rf"\s*(?P<number>{_NUMBER})(?:\s*(?P<unit>{_UNIT}))?\s*",
 _DECIMAL_COMMA = re.compile(r"(?P<before>\s*[+-]?\d+),(?P<after>\d+(?:[eE][+-]?\d+)?)(?!\d)(?P<rest>[^,.]*)")
 _BARE_POWER = re.compile(r".*[^\W\d_]\d\s*")
 _PREFIXES = {12: "T", 9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "u", -9: "n", -12: "p"}
-_PREFIXED = ("m", "s", "N", "Pa", "J/m^2", "m/s", "N/m")
+_PREFIXED = ("m", "s", "N", "Pa", "J/m^2", "m/s", "N/m", "N/s", "Hz")
 """Units that a person writes with a prefix; `rad/s` and `1/m` are not among them."""
 _FACTORS = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n", 1e-12: "p", 1e-15: "f"}
 _AREAS = {1.0: "m²", 1e-6: "mm²", 1e-12: "µm²"}

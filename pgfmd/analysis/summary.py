@@ -11,7 +11,7 @@ from typing import Any
 
 from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_atomically
-from pgfmd.physics.drive import DETACHED
+from pgfmd.physics.drive import ENDED_WELL
 from pgfmd.plots.drawing import drawing, elsewhere, target_folder, write_picture
 from pgfmd.results import Results, load
 from pgfmd.results.about import about
@@ -180,7 +180,7 @@ def _add_works(table: Table, found: Measures) -> None:
 def _remark_unfinished(table: Table, results: Results) -> None:
     """Of a run that goes on, or that has ended before the punch was free."""
     finished = results.run.get("finished")
-    if finished != DETACHED:
+    if finished not in ENDED_WELL:
         how = f"the run has ended early ({finished})" if finished else "the run has not ended yet"
         table.remarks.append(f"{how}: pull-off force, works and shares are those of the way that it has come")
 

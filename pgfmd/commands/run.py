@@ -13,13 +13,15 @@ from pgfmd.host import batch, launch
 from pgfmd.host.spare_ranks import on_cores
 from pgfmd.host.streams import say
 from pgfmd.host.walltime import end_of_job, seconds_of
-from pgfmd.physics.drive import DETACHED
+from pgfmd.physics.drive import ENDED_WELL, FORCE, PRELOAD
 
 from .names import path_option
 from .printing import command
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
+
+    from pgfmd.scene import Scene
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
 Changes = Annotated[
@@ -85,7 +87,7 @@ def run(
         options = Options(fresh, tuple(allow or ()), Timing(every, until, why))
         record = run_scene(loaded, comm, directory, say, options)
         if comm.rank == 0:
-            for line in [*_missed_preload(record, loaded.drive.preload), *_summary(record, directory)]:
+            for line in [*_missed_preload(record, _asked_preload(loaded)), *_summary(record, directory)]:
                 say(line)
 
     with launch.guarded(comm):
@@ -133,10 +135,10 @@ def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -
     return scene, Path(scene.output.directory or Path("out", Path(source).stem)).expanduser()
 
 
-def _missed_preload(record: dict, asked: float) -> list[str]:
+def _missed_preload(record: dict, asked: float | None) -> list[str]:
     """What is said of a preload [N] that the run could not meet."""
     met = record["preload_N"]
-    if met is None or abs(met - asked) <= MISSED * asked:
+    if met is None or asked is None or abs(met - asked) <= MISSED * asked:
         return []
     if "accuracy" not in record:
         cure = "the force rose by so much within one step. Take shorter steps ([solver.gfmd])."
@@ -148,10 +150,21 @@ def _missed_preload(record: dict, asked: float) -> list[str]:
     return [f"The preload is {met:.4g} N instead of {asked:.4g} N: {cure}"]
 
 
+def _asked_preload(scene: Scene) -> float | None:
+    """The force [N] at which the first approach is to end; None if another value ends it."""
+    from pgfmd.scene_objects import drive_of
+
+    if not scene.drive.step:
+        return scene.drive.preload
+    first = next((phase for phase in drive_of(scene).phases if phase.ends_with == PRELOAD), None)
+    forces = [ending.value for ending in first.endings if ending.quantity == FORCE] if first else []
+    return forces[0] if len(forces) == 1 and first is not None and len(first.endings) == 1 else None
+
+
 def _summary(record: dict, directory: Path) -> list[str]:
     """The last lines of a run."""
     lines = []
-    if record["finished"] != DETACHED:
+    if record["finished"] not in ENDED_WELL:
         lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
     if record["pull_off_force_N"] is None:
         measured = "no pull-off force, the run ended before the retraction"

@@ -18,7 +18,7 @@ from typing import Any, get_type_hints
 from .storage import CURVE_FILE, ENERGY_FILE, EVENTS_FILE, PATCHES_FILE, SITES_FILE
 
 AS_IN_CURVE = "as in `curve.csv`"
-PHASES = ("approach", "turn", "dwell", "retract")
+PHASES = ("approach", "turn", "dwell", "retract", "hold", "ramp", "oscillate", "follow")
 KINDS = ("summit", "saddle", "valley")
 """Of sites, as physics/contact_sites.py has them."""
 JOINS, LEAVES = "joins", "leaves"
@@ -156,9 +156,15 @@ class CurveRow:
         "upward; 0 with a free boundary. No other column has it subtracted",
     )  # fmt: skip
     step: float = column("s", "length of the step that ended here", at_least=0.0)
+    cycle: int = column("", "number of the repeat of the programme, from 1", after="0.1", at_least=1, never_falls=True)
+    stage: int = column(
+        "", "number of the step of the programme, from 1; a turn belongs to the step that it leads to", after="0.1",
+        at_least=1,
+    )  # fmt: skip
     phase: str = column(
-        "", "part of the programme that the step belongs to: `approach`, `turn`, `dwell` or `retract`", one_of=PHASES
-    )
+        "", "part of the programme that the step belongs to: `approach`, `turn`, `dwell` (of the displacement), `hold` (of "
+        "the load), `retract`, `ramp`, `oscillate` or `follow`", one_of=PHASES,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -182,7 +188,7 @@ class EventRow:
     displacement: float = column("m", AS_IN_CURVE)
     force: float = column("N", AS_IN_CURVE)
     released: float = column("J", "energy lost in this jump; 0 for other events")
-    event: str = column("", "`preload`, `jump`, or how the run ended (`finished` in `run.json`)")
+    event: str = column("", "`preload`, `jump`, `step end` of any other step of a programme, or how the run ended (`finished` in `run.json`)")
     joined: str = column("", CHANGED_SITES, default="")
     left: str = column("", CHANGED_SITES, default="")
     x: float = column("m", WHERE_IT_JUMPED, may_lack=True, default=math.nan)

@@ -13,6 +13,7 @@ import numpy as np
 from pgfmd.files.packing import unpack
 from pgfmd.files.table_writing import TableFile
 from pgfmd.files.tables import CurveRow, EnergyRow, EventRow
+from pgfmd.physics.drive import STEP_END
 from pgfmd.solver.simulation import Observer
 from pgfmd.solver.state import State
 
@@ -50,7 +51,7 @@ class Curve(Observer):
                 first = simulation.state.counters.steps == 1
                 forced = first or event.kind != "step"
                 file.append(row(simulation), forced, before if event.kind == "jump" else None)
-        elif event.kind in ("preload", "end"):
+        elif event.kind in ("preload", STEP_END, "end"):
             # That a step is the last of its phase, or of the run, is known only after it.
             self._make_up(simulation)
 
@@ -71,12 +72,13 @@ def curve_row(simulation: Simulation) -> CurveRow:
     state = simulation.state
     cell = simulation.points.grid.cell_area
     # The phase that the step belongs to, not the one that comes next.
-    phase = simulation.phases[state.phase - _at_turn_of_phase(simulation)]
+    phase = simulation.phases[state.stepped]
     return CurveRow(
         time=state.time, displacement=simulation.punch_position,
         indentation=-simulation.punch_position, force=state.force,
         contact_area=state.contact_points * cell, overlap_area=state.overlap_points * cell,
-        near_area=state.near_points * cell, u_inf=state.far_displacement, step=state.last_step, phase=phase.name,
+        near_area=state.near_points * cell, u_inf=state.far_displacement, step=state.last_step,
+        cycle=phase.cycle, stage=phase.stage, phase=phase.name,
     )  # fmt: skip
 
 
@@ -119,7 +121,7 @@ class Events(Observer):
         self.file, self.watch = file, watch
 
     def observe(self, simulation: Simulation, event: Event) -> None:
-        if event.kind in ("jump", "preload", "end"):
+        if event.kind in ("jump", "preload", STEP_END, "end"):
             row = event_row(simulation, event)
             if self.watch and event.kind == "jump":
                 row = replace(row, **vars(self.watch.change))
@@ -132,17 +134,19 @@ def _nothing() -> np.ndarray:
 
 @dataclass
 class Frame:
-    """A surface kept back until it is known to be wanted; `kept`: what its whole cell is made of (Surface)."""
+    """A surface kept back until it is known to be wanted; `kept`: what its whole cell is made of (Surface). length [m]: of
+    the machine's spring, if the surface is that seen from the machine."""
 
     held: bool = False
     time: float = 0.0
     position: float = 0.0
     force: float = 0.0
+    length: float = 0.0
     displacement: np.ndarray = field(default_factory=_nothing)
     traction: np.ndarray = field(default_factory=_nothing)
     kept: np.ndarray = field(default_factory=_nothing)
 
-    def take(self, state: State, surface: Surface | None) -> Frame:
+    def take(self, state: State, surface: Surface | None, compliance: float) -> Frame:
         """Holds a copy of the present fields of the state, in the arrays of before where there are some."""
         if (self.displacement.size, self.displacement.dtype) != (state.displacement.size, state.displacement.dtype):
             self.displacement, self.traction = np.empty_like(state.displacement), np.empty_like(state.traction)
@@ -153,6 +157,7 @@ class Frame:
                 self.kept = np.empty_like(kept)
             self.kept[:] = kept
         self.held, self.time, self.position, self.force = True, state.time, state.position, state.force
+        self.length = compliance * state.force
         return self
 
 
@@ -224,7 +229,7 @@ class Snapshots(Observer):
     def recall(self, state: State, numbers: dict, read: Callable[[str, np.ndarray], None]) -> None:
         """Takes up the agenda of a checkpoint (restart/packing.py)."""
         # The arrays that are to be filled.
-        self.agenda.tension = Frame().take(state, self.surface) if numbers["tension"]["held"] else Frame()
+        self.agenda.tension = Frame().take(state, self.surface, 0.0) if numbers["tension"]["held"] else Frame()
         unpack(self.agenda, numbers, read)
         self.agenda.wanted = [(time, label) for time, label in self.agenda.wanted]
 
@@ -239,7 +244,7 @@ class Snapshots(Observer):
         elif event.kind in ("step", "jump"):
             tense = simulation.retracting and state.force < 0.0
             if tense and (not tension.held or state.force < tension.force):
-                tension.take(state, self.surface)
+                tension.take(state, self.surface, simulation.scheme.machine_compliance)
         elif event.kind == "end" and tension.held:
             self._write(simulation, "largest tension", tension)
         if event.kind != "end":
@@ -262,13 +267,14 @@ class Snapshots(Observer):
     def _write_present(self, simulation: Simulation, label: str) -> None:
         state = simulation.state
         kept = self.surface.keep(state) if self.surface else _nothing()  # No copies: it is written at once.
-        frame = Frame(True, state.time, state.position, state.force, state.displacement, state.traction, kept)
+        length = simulation.scheme.machine_compliance * state.force
+        frame = Frame(True, state.time, state.position, state.force, length, state.displacement, state.traction, kept)
         self._write(simulation, label, frame)
 
     def _write(self, simulation: Simulation, label: str, frame: Frame) -> None:
         points, height = simulation.points, simulation.scheme.height
         # The punch hangs on its spring, and so, seen from the machine, does the surface.
-        length = simulation.scheme.machine_compliance * frame.force
+        length = frame.length
 
         def gap() -> np.ndarray:  # In double precision, whatever that of the fields.
             return points.unfold(np.float64(frame.position) + height - frame.displacement)
@@ -314,13 +320,15 @@ class Progress(Observer):
         if self.first_step is None:
             # Of this process: the run may have been gone on with.
             self.first_step = max(0, simulation.state.counters.steps - 1)
-        if now - self.last < self.every and event.kind not in ("preload", "end"):
+        if now - self.last < self.every and event.kind not in ("preload", STEP_END, "end"):
             return
         self.last = now
         state = simulation.state
         area = state.contact_points * simulation.points.grid.cell_area
         rate = (state.counters.steps - self.first_step) / max(now - self.began, 1e-9)
-        what = {"end": state.finished, "preload": "preload"}.get(event.kind, simulation.phase.name)
+        what = {"end": state.finished, "preload": "preload"}.get(event.kind, simulation.phases[state.stepped].name)
+        if simulation.has_cycles:
+            what = f"{simulation.phases[state.stepped].cycle} {what}"
         self.say(
             f"{what:>9}  t {state.time:.4g} s  indentation {-simulation.punch_position * 1e6:.4f} um"
             f"  force {state.force * 1e3 + 0.0:.4f} mN  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s"

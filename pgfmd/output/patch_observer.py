@@ -109,7 +109,7 @@ class ContactWatch(Observer):
                 rows.append(
                     SiteRow(
                         time=state.time, displacement=simulation.punch_position, force=state.force,
-                        phase=simulation.phase.name, kind=KINDS[kind], site=site, x=sites.x[site], y=sites.y[site],
+                        phase=simulation.phases[state.stepped].name, kind=KINDS[kind], site=site, x=sites.x[site], y=sites.y[site],
                         event=event, in_contact=now[kind], of=totals[kind],
                     )
                 )  # fmt: skip

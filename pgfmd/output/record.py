@@ -14,6 +14,7 @@ from pgfmd.files.storage import plain
 from pgfmd.restart.history import History
 from pgfmd.results import uncertainty
 from pgfmd.schemes import registry
+from pgfmd.solver.cycles import numbers_in_record
 
 from . import observers
 
@@ -60,6 +61,7 @@ def record_of(simulation: Simulation, scene: Scene, comm: Intracomm, history: Hi
         "energy_residual": energies.largest_residual / abs(energies.work) if audit else None,
         # Indentation counts from the first touch of the undeformed surface. Readers ask, as it need not.
         "indentation_offset_m": 0.0,
+        **_cycles(simulation),
         "peak_rss_bytes": memory,
         "versions": history.now.versions,
         "links": links,
@@ -104,9 +106,20 @@ def _works(simulation: Simulation, scene: Scene) -> dict:
     }
 
 
+def _cycles(simulation: Simulation) -> dict:
+    """The numbers of each cycle of a programme with repeats, the present one included; nothing of another programme."""
+    if not simulation.has_cycles:
+        return {}
+    state = simulation.state
+    rows = [*state.cycles, state.cycle.row(state)]
+    return {"cycles": [numbers_in_record(row) for row in rows]}
+
+
 def _has_retracted(simulation: Simulation) -> bool:
-    """Whether the punch has begun to go up again."""
-    return simulation.state.preload_time is not None and simulation.retracting
+    """Whether the punch has gone up again since the preload."""
+    state, phases = simulation.state, simulation.phases
+    before = any(phase.may_let_go and not phase.holds_load for phase in phases[: state.phase])
+    return state.preload_time is not None and (simulation.retracting or before)
 
 
 def _span(state: State) -> float | None:

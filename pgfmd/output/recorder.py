@@ -10,6 +10,7 @@ import numpy as np
 
 from pgfmd.files.fields_layout import BLOCK_FIELDS, SNAPSHOT_NUMBERS
 from pgfmd.files.tables import CURVE, ENERGY, EVENTS, Table
+from pgfmd.physics.drive import STEP_END
 from pgfmd.results.curve import Loop
 from pgfmd.solver.grid import PunchPoints
 from pgfmd.solver.simulation import Event, Observer, Simulation
@@ -71,7 +72,7 @@ class Recorder(Observer):
                 self.measured.append(self._measure(simulation))
             if simulation.scheme.audit:
                 self.energy.append(energy_row(simulation))
-        if event.kind in ("jump", "preload", "end"):
+        if event.kind in ("jump", "preload", STEP_END, "end"):
             self.events.append(event_row(simulation, event))
 
     @property

@@ -22,6 +22,7 @@ from .fields import expectation, extra_of
 from .model import ADHESION, LARGEST_MODULUS_RATIO, PATTERNS, RHEOLOGIES, SECTIONS, Keys
 from .partial_scene import MISSING, PartialScene, Unread, example
 from .path_checks import paths_can_be_used
+from .programme_checks import PROGRAMME_RULES, followed_files_can_be_read
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys
 
 ROUNDING = 1.0 + 1e-9
@@ -336,6 +337,9 @@ def scheme_has_the_precision(draft: PartialScene) -> Iterator[Problem]:
 def scheme_has_the_machine(draft: PartialScene) -> Iterator[Problem]:
     control, stiffness = draft["drive.control"], draft["drive.machine_stiffness"]
     scheme = registry.named(draft["solver.scheme"])
+    if not scheme.has_machine and any(step.controls_load for step in draft["drive.step"]):
+        who, cure = _only([entry.name for entry in registry.entries() if entry.has_machine])
+        yield draft.problem("drive.step", f"steps of the displacement, as {who} controls a load", cure)
     if scheme.has_machine:
         if control == "load" and math.isfinite(stiffness):
             yield draft.problem("drive.machine_stiffness", "no such key under load control", "delete it")
@@ -376,7 +380,7 @@ def springs_are_not_single(draft: PartialScene) -> Iterator[Problem]:
     scheme = registry.named(draft["solver.scheme"])
     if not scheme.has_machine or precision in ("auto", "double"):
         return
-    if draft["drive.control"] == "load":
+    if draft["drive.control"] == "load" or any(step.controls_load for step in draft["drive.step"]):
         # The elongation of the soft spring is a thousand times the travel of the punch.
         yield draft.problem("solver.precision", "'double' under load control", "delete it")
     elif math.isfinite(draft["drive.machine_stiffness"]) and precision not in scheme.sprung_precisions:
@@ -412,6 +416,7 @@ RULES: tuple[Callable[[PartialScene], Iterator[Problem]], ...] = (
     scheme_has_the_boundary,
     scheme_has_the_precision,
     scheme_has_the_machine,
+    *PROGRAMME_RULES,
     single_precision_is_enough,
     springs_are_not_single,
 )
@@ -420,7 +425,7 @@ RULES: tuple[Callable[[PartialScene], Iterator[Problem]], ...] = (
 def check(draft: PartialScene, require_files: bool = True) -> list[Problem]:
     """All problems that the rules find in a draft; those about files only if `require_files`."""
     problems: list[Problem] = []
-    for rule in (*RULES, paths_can_be_used) if require_files else RULES:
+    for rule in (*RULES, paths_can_be_used, followed_files_can_be_read) if require_files else RULES:
         try:
             problems.extend(rule(draft))
         except Unread:

@@ -222,7 +222,13 @@ def snapshot_time(text: str) -> tuple[float, bool]:
 
 
 def written(value: object, extra: dict[str, Any] | None) -> object:
-    """A resolved value of a field for TOML: quantities as texts with SI units, tuples as lists."""
+    """A resolved value of a field for TOML: quantities as texts with SI units, tuples as lists, sections as tables."""
+    if isinstance(value, Section):
+        return {
+            name: written(getattr(value, name), extra_of(field))
+            for name, field in type(value).model_fields.items()
+            if getattr(value, name) not in (None, ())
+        }
     if isinstance(value, (list, tuple)):
         return [written(entry, extra) for entry in value]
     if extra and extra.get("dimension") in DIMENSIONS and isinstance(value, float):
@@ -240,11 +246,13 @@ def toml_of(title: str, tables: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def toml_text(value: Any) -> str:
-    """A text, number, boolean or list in TOML."""
+    """A text, number, boolean, list or table, on one line, in TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(toml_text(entry) for entry in value) + "]"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name} = {toml_text(entry)}" for name, entry in value.items()) + "}"
     return repr(value) if isinstance(value, (int, float)) else toml_text(str(value))

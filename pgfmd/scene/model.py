@@ -19,6 +19,7 @@ from pgfmd.physics.adhesion.registry import DEFAULT_LAW, LAWS, LawName, meanings
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity
 
+from .drive_section import Drive
 from .fields import Section, extra_of, key, number, quantity, toml_of, toml_text, written
 from .output_section import Output
 from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys, Solver
@@ -74,7 +75,6 @@ if TYPE_CHECKING:
     # use for are None, which nobody reads who has looked at these.
     Automatic = float
     OfGrid = float
-    LikeAnother = float
     OfLaw = float
     IfUsed = float
     CountIfUsed = int
@@ -82,7 +82,7 @@ if TYPE_CHECKING:
 else:
     Automatic = float | Literal["auto"]
     OfGrid = float | Literal["grid"]
-    LikeAnother = OfLaw = IfUsed = float | None
+    OfLaw = IfUsed = float | None
     CountIfUsed = int | None
     NumbersIfUsed = tuple[float, ...] | None
 
@@ -279,40 +279,6 @@ class Adhesion(Section):
         return LAWS[self.law].attractive
 
 
-class Drive(Section):
-    """The loading programme: approach at constant speed to the preload, turn, hold, retract."""
-
-    speed: float = quantity("speed", "speed of the approach")
-    preload: float = quantity("force", "compressive force at which the punch turns round")
-    retract_speed: LikeAnother = quantity(
-        "speed", "speed of the retraction; that of the approach unless said otherwise", None
-    )
-    dwell: float = quantity("time", "time for which the displacement is held after the turn", 0.0, at_least=0.0)
-    control: Literal["displacement", "load"] = key(
-        "what the machine controls: `displacement`, or `load`, by a very soft spring",
-        "displacement",
-    )
-    machine_stiffness: float = quantity(
-        "stiffness", "stiffness of the machine's spring between drive and punch", math.inf,
-        infinite=True,
-    )  # fmt: skip
-    turn_time: Automatic = quantity(
-        "time",
-        "time in which the velocity turns; `auto` moves the punch by at most 0.02 ranges beyond the preload and by "
-        "at most 0.02 back: 0.08 range/speed at equal speeds, 0.04 range over the faster one where they are very "
-        "different",
-        "auto",
-        words=("auto",),
-    )
-    clearance: Automatic = quantity(
-        "length",
-        "smallest gap at the start, negative to start pressed in; `auto` is the range, just out of reach",
-        "auto",
-        above=None,
-        words=("auto",),
-    )
-
-
 class Grid(Section):
     """The square cell and its grid."""
 
@@ -476,6 +442,8 @@ def unused_keys(scene: Scene, section: str) -> frozenset[str]:
     if section == "rheology":
         required, optional = RHEOLOGIES[scene.rheology.model]
         return frozenset(Rheology.model_fields) - required - optional - {"model"}
+    if section == "drive":
+        return scene.drive.unused
     if section in registry.sections() and section != registry.scheme_of(scene).section:
         return frozenset(SECTIONS[section].model_fields)
     if section == "solver.gfmd" and scene.solver_gfmd.omega is not None and scene.solver_gfmd.dt is not None:

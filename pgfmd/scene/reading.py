@@ -8,13 +8,14 @@ What a scene says is in given.py, the models are in model.py, the rules across k
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from pgfmd.errors import Problem, SceneError
+from pgfmd.errors import MeasurementError, Problem, SceneError
 from pgfmd.physics.adhesion.registry import LAWS, clearance_of, length_of, range_by_rule
 from pgfmd.physics.drive import automatic_turn
 from pgfmd.physics.random_surface import automatic_period
@@ -25,6 +26,7 @@ from .given import Given, did_you_mean, shipped_scenes, shipped_text
 from .model import SECTIONS, Adhesion, Scene
 from .partial_scene import MISSING, PartialScene, example, is_unicode
 from .precision import best_precision
+from .programme_section import largest_force
 
 __all__ = ["Scene", "load_scene", "parse_scene", "scene_from_mapping", "shipped_scenes", "shipped_text"]
 
@@ -86,9 +88,11 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
         raise SceneError(given.source, problems)
     try:
         scene = _resolve(title, draft)
-    except OSError as error:
-        # Of a law whose file is asked for, though files need not be there.
-        problem = Problem("adhesion.file", error.filename, "a file that can be read", error.strerror or "")
+    except (OSError, MeasurementError) as error:
+        # Of a law, or of a step to follow, whose file is asked for though files need not be there.
+        followed = any(step.file for step in draft["drive.step"])
+        file = getattr(error, "filename", None) or str(error)
+        problem = Problem("drive.step" if followed else "adhesion.file", file, "a file that can be read", str(error))
         raise SceneError(given.source, [problem]) from None
     problems = list(_automatic_problems(scene))
     if problems:
@@ -123,9 +127,10 @@ def _read_sections(mapping: Mapping[str, Any], draft: PartialScene) -> list[Prob
 def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any]) -> list[Problem]:
     """A pydantic error in the words of the scene."""
     name, context = str(error["loc"][0]), error.get("ctx", {})
-    dotted = f"{section}.{name}"
+    dotted = ".".join([section, *(str(part) for part in error["loc"])])
     if error["type"] == "scene":
-        return [Problem(dotted, *parts) for parts in context["problems"]]
+        # The fourth part, if there is one, is the rest of the key.
+        return [Problem(dotted + "".join(parts[3:]), *parts[:3]) for parts in context["problems"]]
     if error["type"] == "extra_forbidden":
         owners = [other for other, fields in SECTIONS.items() if name in fields.model_fields]
         cure = f"move it to [{owners[0]}]" if owners else did_you_mean(name, list(model.model_fields))
@@ -160,6 +165,10 @@ def _resolve(title: str, draft: PartialScene) -> Scene:
         modulus = substrate.contact_modulus
         reach = range_by_rule(adhesion, modulus, adhesion.range_factor, q_ref)
     adhesion = adhesion.model_copy(update={"q_ref": q_ref, "range": reach})
+    if drive.step:
+        radius = parts["punch"].radius or 0.5 * parts["grid"].length
+        drive = _standing_in(drive, draft, 2.0 * radius * substrate.contact_modulus, length_of(adhesion))
+        parts["drive"] = drive
     retract_speed = drive.retract_speed or drive.speed
     automatic: dict[str, dict[str, Any]] = {
         "drive": {
@@ -183,6 +192,20 @@ def _resolve(title: str, draft: PartialScene) -> Scene:
     if scene.solver.precision != "auto":
         return scene
     return scene.model_copy(update={"solver": scene.solver.chosen(best_precision(scene).precision)})
+
+
+def _standing_in(drive: Any, draft: PartialScene, stiffness: float, reach: float) -> Any:
+    """A [drive] with steps, with absolute paths, and the speed and the preload that stand for them in forecasts: about that
+    of the first step that moves, and the largest force. stiffness [N/m]: of the contact of the whole punch; reach [m]: of
+    adhesion, which the punch is taken to move by where all steps hold."""
+    steps = []
+    for step in drive.step:
+        path = step.file and str((draft.folder / os.path.expanduser(step.file)).absolute())
+        steps.append(step.model_copy(update={"file": path}))
+    held = max(step.duration or 1.0 for step in steps)
+    speed = next((speed for step in steps if (speed := step.speed_with(stiffness))), reach / held)
+    preload = largest_force(drive.step) or drive.preload
+    return drive.model_copy(update={"step": tuple(steps), "speed": speed, "preload": preload})
 
 
 def _with_own_values(draft: PartialScene, adhesion: Adhesion) -> Adhesion:

@@ -77,6 +77,13 @@ class Scheme(Protocol):
     def drive_at(self, state: State) -> float:
         """Position D [m] of what is driven: the punch, or the machine's end of its spring."""
 
+    def control(self, control: str, state: State | None = None) -> None:
+        """Prepares for phases in which the machine controls this (drive.DISPLACEMENT or LOAD). state: to be changed to it,
+        the punch staying where it is; None if it is as it should be. Idempotent."""
+
+    def values_of(self, state: State, phase: Phase, trial: Any = None) -> list[float]:
+        """The values of the quantities of `phase.endings`, of the state or at the end of a trial. Collective."""
+
     def measure(self, state: State) -> None:
         """Computes from the fields the values of the curve: contact, overlap and near points, smallest gap, far
         displacement, adhesive energy."""
@@ -158,6 +165,6 @@ class StepController(Protocol):
     def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Taken, str]:
         """Performs one step of the phase, at most to the time `until` [s] from now; returns it, and why it ended there.
 
-        The reason is "preload" if the preload has been met, "duration" at the end of the phase, "time" at `until`, else
-        "". Raises RunError if no step, however short, is possible. Collective.
+        The reason is "ending" if one of the values that end the phase has been met, "duration" at its end, "time" at
+        `until`, else "". Raises RunError if no step, however short, is possible. Collective.
         """

@@ -11,7 +11,9 @@ from itertools import accumulate
 import numpy as np
 
 from pgfmd.errors import WRITTEN_IS_VALID, RunError
+from pgfmd.physics.drive import Phase
 from pgfmd.solver import contact_kernels, kernels
+from pgfmd.solver.ending_search import values_of
 from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
 from pgfmd.solver.extrapolation import lagrange_weights
 from pgfmd.solver.newton import NewtonSolver, Outcome
@@ -73,6 +75,34 @@ class PathFollowing:
     def drive_at(self, state: State) -> float:
         """Position D [m] of what is driven: the punch, or the machine's end of its spring."""
         return state.position
+
+    def control(self, control: str, state: State | None = None) -> None:
+        """Prepares for phases in which the machine controls this; nothing to do for a rigid machine."""
+
+    def values_of(self, state: State, phase: Phase, trial: Trial | None = None) -> list[float]:
+        """The values of the quantities that may end the phase, of the state or at the end of a trial. Collective."""
+        if not phase.endings:
+            return []
+        if trial is None:
+            return values_of(phase, state, state.force, state.place, lambda: state.contact_points * self._cell)
+        return values_of(phase, state, trial.force, self.punch_at(state, trial), lambda: self._area(trial))
+
+    def punch_at(self, state: State, trial: Trial) -> float:
+        """Displacement d of the punch [m] at the end of a trial."""
+        return trial.position
+
+    @property
+    def _cell(self) -> float:
+        return self.points.grid.cell_area
+
+    def _area(self, trial: Trial) -> float:
+        """Contact area [m^2] at the end of the last trial. Collective."""
+        contact_kernels.observe(
+            self.height, trial.position, self._u[-1], self._w[-1], self.far_weights, self.solver.law_numbers,
+            self._levels, self.points.offset, self._observed,
+        )  # fmt: skip
+        area: float = self.points.reduced(self._observed, 5)[0] * self._cell
+        return area
 
     def machine_share(self, state: State) -> float:
         """How many times farther what is driven goes than the punch."""

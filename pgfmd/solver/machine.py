@@ -20,9 +20,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pgfmd.physics.drive import LOAD
+
 from . import kernels
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pgfmd.solver.grid import PunchPoints
     from pgfmd.solver.newton import NewtonSolver
     from pgfmd.solver.tiles import Convolves
@@ -37,7 +41,7 @@ class SprungConvolution:
 
     def __init__(self, convolve: Convolves, spring: float, compliance: float):
         self.convolve, self.points, self.dtype = convolve, convolve.points, convolve.dtype
-        self.mean_compliance = convolve.mean_compliance + spring * self.points.total * self.points.grid.cell_area
+        self.mean_compliance = convolve.mean_compliance
         self._rows = np.zeros((1, self.points.rows))
         self.stiffen(spring, compliance)
 
@@ -114,19 +118,27 @@ def out_of_reach(points: PunchPoints, surface: np.ndarray, height: np.ndarray, r
 class Machine:
     """The spring of a machine, in solves whose surface u is the true one.
 
-    solver: NewtonSolver, whose convolutions are `SprungConvolution`s. compliance [m/N]: 1/k_M, 0 for none. stiffness
-    [N/m]: of the contact of the whole punch on the relaxed body, about. dead_load: whether the spring stands for a load
-    that does not give way: such a spring flings a punch that comes free. After solves, `fallen` [J] is by how much the
+    solver: NewtonSolver, whose convolutions are `SprungConvolution`s. springs: compliance 1/k_M [m/N] by what the machine
+    controls, 0 for none. stiffness [N/m]: of the contact of the whole punch on the relaxed body, about. compliance: that
+    of the present phase (`control`). dead_load: whether the spring stands for a load that does not give way: such a spring
+    flings a punch that comes free. After solves, `fallen` [J] is by how much the
     energy of the spring fell in them, since it was last set to zero.
     """
 
-    def __init__(self, solver: NewtonSolver, compliance: float, stiffness: float, dead_load: bool):
+    def __init__(self, solver: NewtonSolver, springs: Mapping[str, float], stiffness: float):
         assert isinstance(solver.convolve, SprungConvolution)
         self.solver, self.points, self._convolve = solver, solver.points, solver.convolve
-        self.compliance, self.stiffness, self.dead_load = compliance, stiffness, dead_load
+        self.springs, self.stiffness = springs, stiffness
         self._rows = np.zeros((1, solver.points.rows))
         self._given = self._start = 0.0
         self.fallen = 0.0
+        self.control(next(iter(springs)))
+
+    def control(self, control: str) -> None:
+        """Prepares for phases in which the machine controls this (drive.DISPLACEMENT or LOAD)."""
+        self.compliance, self.dead_load = self.springs[control], control == LOAD
+        self.solver.hold_up(self.compliance)
+        self.solver.stiffen(self.compliance, 1.0)
 
     def place(self, drive: float, force: float) -> float:
         """Position d of the punch [m], with the machine at `drive` [m] and this force [N]."""

@@ -215,6 +215,12 @@ class NewtonSolver:
             assert isinstance(self.convolve, SprungConvolution)
             self.convolve.since(self.start, w, u)
 
+    def hold_up(self, spring: float) -> None:
+        """Prepares for a machine's spring of this compliance [m/N], 0 for none: whether it holds up the mean of the
+        surface."""
+        uniform = self.convolve.mean_compliance == 0.0 and spring == 0.0
+        self.floating = self.cg.floating = self.points.total == self.points.grid.n**2 and uniform
+
     def stiffen(self, spring: float, compliance: float) -> None:
         """Prepares for solves with a machine's spring of the compliance `spring` [m/N], and J = compliance."""
         from .machine import SprungConvolution

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
-from pgfmd.physics.drive import DETACHED, Drive, Phase
+from pgfmd.physics.drive import COMPLETED, DETACHED, FORCE, PRELOAD, STEP_END, Drive, Phase
 
+from .ending_search import PRELOAD_TOLERANCE, is_over
 from .finite_check import not_finite_on
 from .interruption import Interrupted, Question
-from .preload_search import PRELOAD_TOLERANCE
 from .state import State
 
 if TYPE_CHECKING:
@@ -26,7 +26,8 @@ STOPPED_STEPS = "max_steps reached"
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened at the end of a step: "start", "step", "jump", "preload", "time", or "end"."""
+    """Something that happened at the end of a step: "start", "step", "jump", "preload", "step end" of a
+    programme, "time", or "end"."""
 
     kind: str
     released: float = 0.0
@@ -57,6 +58,7 @@ class Simulation:
         self.scheme, self.controller, self.drive = scheme, controller, drive
         self.points, self.deepest, self.max_steps = scheme.points, deepest, max_steps
         self.phases = drive.phases
+        self.has_cycles = self.phases[-1].cycle > 1
         self.observers: list[Observer] = []
         self.state: State = scheme.new_state(drive.clearance)
 
@@ -94,6 +96,7 @@ class Simulation:
             state.counters.transform_pairs = earlier + self.scheme.pairs
             return attend is not None and attend(self)
 
+        self.scheme.control(self.phase.control)
         stopped, question = False, Question(self.points.comm, interrupt) if interrupt else None
         if not state.started:
             with self._heeding(question):
@@ -101,6 +104,10 @@ class Simulation:
             stopped = is_to_stop()
         while not (stopped or state.finished or (only_to_preload and state.preload_time is not None)):
             phase = self.phase
+            if not state.elapsed and state.phase and is_over(phase, self.scheme.values_of(state, phase)):
+                # The punch is there already.
+                self._end_phase(phase, True)
+                continue
             for observer in self.observers:
                 observer.before_step(self)
             until = min((observer.next_time(self) for observer in self.observers), default=math.inf) - state.time
@@ -117,6 +124,7 @@ class Simulation:
                 # If numbers are not finite, that is the reason, and not a missing equilibrium.
                 self._require_finite()
                 raise
+            state.stepped = state.phase
             self._measure()
             self._note(Event("jump" if taken.is_jump else "step", state.energies.released - released))
             if why == "time":
@@ -158,37 +166,63 @@ class Simulation:
         self._measure()
         self.state.energies.adhesive_start = self.state.energies.adhesive
         self.state.energies.largest_residual = 0.0
+        self.state.phase_place = self.state.place
+        if self.has_cycles:
+            self.state.cycle.begin(self.state, 1)
         self._note(Event("start"))
 
     def _require_room_to_approach(self) -> None:
         """Raises RunError if the force at the first position is already above the preload, which could then not be
         met."""
-        force, preload, clearance = self.state.force, self.drive.preload, self.drive.clearance
-        if force > preload * (1.0 + PRELOAD_TOLERANCE):
-            raise RunError(
-                f"at the start, with the punch at drive.clearance = {clearance:.6g} m, the force is {force:.6g} N at "
-                f"once: more than drive.preload = {preload:.6g} N, at which the approach is to end. Raise "
-                "drive.preload, or start higher: a larger drive.clearance, or none, to start just out of reach."
-            )
+        force, clearance = self.state.force, self.drive.clearance
+        for ending in self.phases[0].endings:
+            if ending.quantity == FORCE and ending.sign * (force - ending.value) > PRELOAD_TOLERANCE * abs(ending.value):
+                key = "until" if self.drive.programme else "drive.preload"
+                raise RunError(
+                    f"at the start, with the punch at drive.clearance = {clearance:.6g} m, the force is {force:.6g} N at "
+                    f"once: more than {key} = {ending.value:.6g} N, at which the approach is to end. Raise "
+                    f"{key}, or start higher: a larger drive.clearance, or none, to start just out of reach."
+                )
 
     def _turn_page(self, phase: Phase, why: str) -> None:
         """Ends phases and the run."""
         state = self.state
-        if why in ("duration", "preload"):
-            if why == "preload":
-                state.preload_time, state.preload, state.preload_place = state.time, state.force, state.place
-                self._note(Event("preload"))
-            state.phase += 1
-            state.elapsed, state.phase_start, state.step = 0.0, self.scheme.drive_at(state), 0.0
-            state.forget_history()
-        elif self.retracting and state.smallest_gap >= self.scheme.law.reach:
+        if why in ("duration", "ending"):
+            self._end_phase(phase, why == "ending")
+        elif (self.retracting or phase.holds_load) and state.smallest_gap >= self.scheme.law.reach:
             # After its deepest point the punch accelerates, and a surface without force decelerates, so that
             # the two don't meet again.
-            state.finished = DETACHED
-        elif phase.name == "approach" and -self.punch_position > self.deepest:
+            if phase.final:
+                state.finished = DETACHED
+            elif math.isinf(phase.duration) or phase.holds_load:
+                self._end_phase(phase, False)
+        elif phase.velocity_end < 0.0 and not phase.recedes(state.elapsed) and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
         if not state.finished and state.counters.steps >= self.max_steps:
             state.finished = STOPPED_STEPS
+
+    def _end_phase(self, phase: Phase, met: bool) -> None:
+        """Goes to the next phase, or ends the run; met: whether a value has ended the phase."""
+        state = self.state
+        if met and phase.ends_with == PRELOAD:
+            if state.preload_time is None:
+                state.preload_time, state.preload, state.preload_place = state.time, state.force, state.place
+            state.cycle.preload = state.force
+            self._note(Event("preload"))
+        elif self.drive.programme and phase.name != "turn":
+            self._note(Event(STEP_END))
+        if state.phase + 1 == len(self.phases):
+            state.finished = COMPLETED
+            return
+        state.phase += 1
+        state.forget_history()
+        if self.phase.control != phase.control:
+            self.scheme.control(self.phase.control, state)
+        state.elapsed, state.phase_start, state.step = 0.0, self.scheme.drive_at(state), 0.0
+        state.phase_place = state.place
+        if self.has_cycles and self.phase.cycle != phase.cycle:
+            state.cycles.append(state.cycle.row(state))
+            state.cycle.begin(state, self.phase.cycle)
 
     def _measure(self) -> None:
         """Computes from the fields the values of the curve and of the energy audit."""
@@ -202,12 +236,16 @@ class Simulation:
         if state.contact_points and state.first_contact_time is None:
             state.first_contact_time = state.time
         state.largest_force = max(state.largest_force, state.force)
-        if self.phase.name == "approach":
+        phase = self.phase
+        approaches, recedes = phase.velocity_end < 0.0 and phase.name != "turn", self.retracting or phase.holds_load
+        if approaches and not recedes:
             state.snap_in_force = min(state.snap_in_force, state.least_force)
             state.snap_in_at_ends = min(state.snap_in_at_ends, state.force)
-        elif self.retracting:
+        elif recedes:
             state.pull_off_force = min(state.pull_off_force, state.least_force)
             state.pull_off_at_ends = min(state.pull_off_at_ends, state.force)
+        if self.has_cycles:
+            state.cycle.follow(state, approaches, recedes)
 
     def _require_finite(self) -> None:
         """Raises RunError with array and entry if a field of the state is not finite. Collective."""

@@ -11,6 +11,8 @@ from typing import Protocol
 
 import numpy as np
 
+from .cycles import CycleNumbers
+
 
 @dataclass
 class Energies:
@@ -71,8 +73,8 @@ class State:
     time [s].
     position [m]: of the punch, or, in quasistatic with a machine's spring, of the drive.
     place, preload_place [m]: displacement d of the punch at the end of the last step, and where it met the preload.
-    phase: index in the programme. elapsed [s], phase_start [m]: time since its start, and position of the
-    drive there.
+    phase: index in the programme. elapsed [s], phase_start [m], phase_place [m]: time since its start, and positions of
+    the drive and of the punch there. stepped: index of the phase of the last step.
     displacement [m]: u of the surface, positive upward.
     load [Pa]: the effective traction w, with u = G0 w.
     traction [Pa]: f on the surface.
@@ -89,6 +91,7 @@ class State:
     largest_force [N]: at the end of any step, zero or positive.
     contact_points, overlap_points, near_points: numbers of points with a gap below the law's contact_gap, below zero,
     and below the scheme's near_gap.
+    cycle, cycles: numbers of the present cycle of a programme with repeats, and of those that are over.
     started: whether the first equilibrium has been computed.
 
     The scheme quasistatic also keeps the softest mode of the last equilibrium, soft_mode [m], and its dual, soft_load
@@ -111,6 +114,10 @@ class State:
     phase: int = 0
     elapsed: float = 0.0
     phase_start: float = 0.0
+    phase_place: float = 0.0
+    stepped: int = 0
+    cycle: CycleNumbers = field(default_factory=CycleNumbers)
+    cycles: list[list[float | None]] = field(default_factory=list)
     step: float = 0.0
     last_step: float = 0.0
     followed: float = 0.0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pgfmd.errors import ResultError, SceneError
 from pgfmd.files import storage
-from pgfmd.physics.drive import DETACHED
+from pgfmd.physics.drive import ENDED_WELL
 
 from .cases import Case
 
@@ -28,7 +28,7 @@ class CaseState:
     @property
     def complete(self) -> bool:
         """Whether the whole programme was run."""
-        return self.state == FINISHED and self.why == DETACHED
+        return self.state == FINISHED and self.why in ENDED_WELL
 
     def __str__(self) -> str:
         return self.state if not self.why or self.complete else f"{self.state} ({self.why})"

@@ -17,7 +17,7 @@ from typing import Any
 from pgfmd.errors import ResultError
 from pgfmd.files import storage
 from pgfmd.files.regular_files import write_atomically
-from pgfmd.physics.drive import DETACHED
+from pgfmd.physics.drive import DETACHED, ENDED_WELL
 from pgfmd.results import load
 from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 
@@ -93,7 +93,7 @@ def rows_of(
         standing = standings[case.name]
         record = standing.record or {}
         measured = {column: record.get(key) for column, key in MEASURED.items()}
-        if record.get("finished", DETACHED) != DETACHED:
+        if record.get("finished", DETACHED) not in ENDED_WELL:
             measured |= dict.fromkeys(OF_LOOP)
         measured |= dict.fromkeys(AREA_COLUMNS)
         trouble = ""

@@ -6,12 +6,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pgfmd.physics.drive import PRELOAD, Phase
+from pgfmd.physics.drive import Phase
 from pgfmd.schemes.base import ExplicitScheme
+from pgfmd.solver.ending_search import is_over
 from pgfmd.solver.state import State
 
 LEAST_SHARE = 0.02
-"""Shortest step to meet the preload, as a fraction of the usual one."""
+"""Shortest step to meet a value that ends a phase, as a fraction of the usual one."""
 
 
 @dataclass(frozen=True)
@@ -25,25 +26,26 @@ class Taken:
 class FixedSteps:
     """Takes steps of `step` [s] with an explicit scheme; every decision is the same on all ranks.
 
-    The interface of every controller (base.StepController). preload [N]: the force that ends an approach.
+    The interface of every controller (base.StepController).
     """
 
-    def __init__(self, scheme: ExplicitScheme, step: float, preload: float):
-        self.scheme, self.step, self.preload = scheme, step, preload
+    def __init__(self, scheme: ExplicitScheme, step: float):
+        self.scheme, self.step = scheme, step
 
     def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Taken, str]:
         """Takes one step of the phase, at most to the time `until` [s] from now; returns it and why it ended.
 
-        The second is "preload", "duration", "time" or "" as of `StepController.advance`.
+        The second is "ending", "duration", "time" or "" as of `StepController.advance`.
         """
         step, why = self._fit(phase.duration - state.elapsed, until)
-        if phase.ends_with == PRELOAD:
-            step, why = self._not_past_preload(state, step, why)
-        force, jumps = state.force, state.counters.jumps
+        before = self.scheme.values_of(state, phase) if phase.endings else []
+        if phase.endings:
+            step, why = self._not_past_ending(state, phase, before, step, why)
+        jumps = state.counters.jumps
         self.scheme.step(state, phase, step)
-        state.past_forces[:] = [force]
-        if phase.ends_with == PRELOAD and state.force >= self.preload:
-            why = "preload"
+        state.past_forces[:] = before
+        if phase.endings and is_over(phase, self.scheme.values_of(state, phase)):
+            why = "ending"
         return Taken(state.counters.jumps > jumps), why
 
     def _fit(self, end: float, until: float) -> tuple[float, str]:
@@ -55,10 +57,15 @@ class FixedSteps:
         count = max(1, math.ceil(target / self.step * (1.0 - 1e-9)))
         return target / count, why if count == 1 else ""
 
-    def _not_past_preload(self, state: State, step: float, why: str) -> tuple[float, str]:
-        """Shortens a step to end at the preload, if the force is about to exceed it."""
-        missing = self.preload - state.force
-        rate = (state.force - state.past_forces[0]) / state.last_step if state.past_forces else 0.0
-        if rate <= 0.0 or missing >= rate * step:
-            return step, why
-        return min(step, max(missing / rate, LEAST_SHARE * self.step)), ""
+    def _not_past_ending(
+        self, state: State, phase: Phase, values: list[float], step: float, why: str
+    ) -> tuple[float, str]:
+        """Shortens a step to end at a value that ends the phase, if it is about to be exceeded."""
+        for k, (ending, value) in enumerate(zip(phase.endings, values, strict=True)):
+            missing = ending.sign * (ending.value - value)
+            # Values of the step before, in the place of forces.
+            known = len(state.past_forces) == len(values)
+            rate = ending.sign * (value - state.past_forces[k]) / state.last_step if known else 0.0
+            if rate > 0.0 and missing < rate * step:
+                step, why = min(step, max(missing / rate, LEAST_SHARE * self.step)), ""
+        return step, why

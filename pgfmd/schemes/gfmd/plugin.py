@@ -46,9 +46,9 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     compliance, height, output = scene_objects.compliance_of(scene), heights_of(scene, points), scene.output
     scheme = Gfmd(
         points, plane, compliance, height, law, series, inertia, output.energy, output.near_gap,
-        scene_objects.machine_compliance(scene), scene.drive.control == "load",
+        scene_objects.springs_of(scene),
     )  # fmt: skip
-    return scheme, FixedSteps(scheme, inertia.step, scene.drive.preload)
+    return scheme, FixedSteps(scheme, inertia.step)
 
 
 def inertia_of_scene(scene: Scene) -> Inertia:
@@ -127,7 +127,7 @@ def remarks(scene: Scene) -> Iterator[str]:
     """A step that follows a speed which the punch exceeds, and the additional viscosity due to inertia, which the paper
     neglects but is known exactly."""
     series, inertia = scene_objects.series_of(scene.rheology), inertia_of_scene(scene)
-    if scene.drive.control == "load" and inertia.limited_by == "motion":
+    if scene.drive.controls_load and inertia.limited_by == "motion":
         yield (
             f"solver.gfmd: the time step, {inertia.step:.3g} s, is that of a punch at drive.speed, but under load control "
             "the punch falls into contact and comes off faster; see with half of solver.gfmd.fast_pull whether the curve "

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgfmd.physics.drive import Phase
+from pgfmd.physics.drive import LOAD, Phase
 from pgfmd.physics.rheology import PronySeries
+from pgfmd.solver.ending_search import values_of
 from pgfmd.solver.far_field import FarPoints
 from pgfmd.solver.machine import out_of_reach
 from pgfmd.solver.multiplier import FEW
@@ -25,6 +26,8 @@ from . import kernels
 from .inertia import Inertia
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pgfmd.physics.adhesion.base import CohesiveLaw
     from pgfmd.solver.grid import PunchPoints
     from pgfmd.solver.multiplier import Compliance
@@ -49,8 +52,8 @@ class Gfmd:
 
     points: PunchPoints whose rows are those of `plane`'s slab; plane: transform.Plane; compliance: the periodic
     G0(qx, qy); height z [m] (size,); law: CohesiveLaw; series: PronySeries; inertia: Inertia. audit: whether to compute
-    energies. near_gap [m]: below which a point is near. spring [m/N]: 1/k_M of the machine, 0 for a rigid one; dead_load:
-    whether it stands for a load.
+    energies. near_gap [m]: below which a point is near. springs: compliance 1/k_M [m/N] by what the machine controls, 0
+    for a rigid one.
     """
 
     machine_compliance = 0.0
@@ -68,12 +71,12 @@ class Gfmd:
         inertia: Inertia,
         audit: bool,
         near_gap: float,
-        spring: float = 0.0,
-        dead_load: bool = False,
+        springs: Mapping[str, float],
     ):
         self.points, self.plane, self.height, self.law = points, plane, height, law
         self.series, self.inertia, self.audit = series, inertia, audit
-        self.spring, self.dead_load = spring, dead_load
+        self._springs = springs
+        self.control(next(iter(springs)))
         self.law_numbers = law.numbers
         grid = points.grid
         unit = 2.0 * np.pi / grid.length
@@ -105,6 +108,17 @@ class Gfmd:
     def place(self, state: State) -> float:
         """Displacement d of the punch [m]."""
         return state.position
+
+    def control(self, control: str, state: State | None = None) -> None:
+        """Prepares for phases in which the machine controls this: with its spring, the soft one of a load, or none."""
+        self.spring, self.dead_load = self._springs[control], control == LOAD
+
+    def values_of(self, state: State, phase: Phase, trial: None = None) -> list[float]:
+        """The values of the quantities that may end the phase."""
+        if not phase.endings:
+            return []
+        area = state.contact_points * self.points.grid.cell_area
+        return values_of(phase, state, state.force, state.position, lambda: area)
 
     def drive_at(self, state: State) -> float:
         """Position D [m] of what is driven: the punch, or the machine's end of its spring."""
@@ -153,14 +167,14 @@ class Gfmd:
             state.force = self._touch(state)
         state.least_force = state.force
         moved = state.position - before
-        if self.dead_load and phase.velocity_end > 0.0 and state.smallest_gap >= self.law.reach:
+        if self.dead_load and phase.may_let_go and state.smallest_gap >= self.law.reach:
             self._fling(state, before, force, adhesive)
             moved = 0.0
         elif fallen:
             energies.released += fallen
             state.counters.jumps += 1
         energies.work -= 0.5 * (force + state.force) * moved
-        if phase.velocity_end > 0.0 and moved > 0.0:
+        if phase.may_let_go and moved > 0.0:
             # Steps are short: the force is linear within a step, and work under tension in a step through zero is negligible.
             energies.work_of_separation -= 0.5 * (min(force, 0.0) + min(state.force, 0.0)) * moved
         if self.audit:

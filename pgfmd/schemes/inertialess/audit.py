@@ -201,7 +201,7 @@ def tension_of(
     dip = float(curve.min())
     # Exclude rounding errors of a parabola that ends at zero.
     lowest = dip if dip < lowest - 1e-9 * (highest - lowest) else lowest
-    if phase.velocity_end <= 0.0 or lowest >= 0.0:
+    if not phase.may_let_go or lowest >= 0.0:
         return lowest, 0.0
     if curve.max() <= 0.0 and phase.velocity(start) >= 0.0:
         return lowest, work

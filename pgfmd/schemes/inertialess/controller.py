@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 from pgfmd.errors import WRITTEN_IS_VALID, RunError
-from pgfmd.physics.drive import Phase
+from pgfmd.physics.drive import FORCE, Ending, Phase
 from pgfmd.schemes.base import ImplicitScheme, Trial
-from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
+from pgfmd.solver.ending_search import fit, search_of, slack_of
 from pgfmd.solver.state import State
 from pgfmd.solver.trial_step import LARGEST_GROWTH, SAFETY, STRONGEST_CUT
 
@@ -48,8 +49,10 @@ class StepLimits:
     attractive: bool
 
     def largest(self, phase: Phase) -> float:
-        """Longest step [s]: the punch moves by at most one range of adhesion, so that no contact is missed."""
-        return self.range / phase.fastest if self.attractive and phase.fastest > 0.0 else math.inf
+        """Longest step [s]: the punch moves by at most one range of adhesion, so that no contact is missed, and the motion
+        of the drive is told."""
+        longest = self.range / phase.fastest if self.attractive and phase.fastest > 0.0 else math.inf
+        return min(longest, phase.longest_step)
 
     def first(self, phase: Phase) -> float:
         """First step [s] of a phase, without information about the error."""
@@ -78,14 +81,14 @@ class Controller:
         """Performs one step of the phase, at most to the time `until` [s] from now; returns (the accepted Trial, why it
         ended).
 
-        The reason is "preload" if the preload has been met, "duration" at the end of the phase, "time" at `until`, else
+        The reason is "ending" if a value has ended the phase, "duration" at the end of the phase, "time" at `until`, else
         "". Raises RunError if no step, however short, can be solved.
         """
         limits = self._limits_of(state)
         end = phase.duration - state.elapsed
         wanted = state.step or limits.first(phase)
         step, why = fit(min(wanted, limits.largest(phase)), end, until)
-        search, repeats = PreloadSearch(phase, state.force, self.preload, self.slack), 0
+        search, repeats = search_of(self.scheme, state, phase, limits.tolerance, self.preload, self.limits.range), 0
         refused: list[Trial] = []
         for _ in range(self.largest_try_count):
             short = step < limits.jump(phase) or state.elapsed + step == state.elapsed
@@ -107,16 +110,17 @@ class Controller:
                 repeats += 1
                 step, why = step * max(STRONGEST_CUT, wish), ""
                 continue
-            other = search.other_step(step, trial.force)
+            values = partial(self.scheme.values_of, state, phase, trial)
+            other = search.other_step(step, values)
             if other is not None:
                 state.counters.rejected_steps += 1
                 step, why = other, ""
                 continue
-            met = search.is_met(trial.force)
-            if met:
+            met = search.is_met(values)
+            if met and Ending(FORCE, self.preload, 1) in phase.endings:
                 self.scheme.require_preload(state, trial, self.slack)
             self._accept(state, phase, trial, wanted if why else step, limits)
-            return trial, "preload" if met else why
+            return trial, "ending" if met else why
         raise RunError(self._stuck(state, phase, trial))
 
     def _limits_of(self, state: State) -> StepLimits:

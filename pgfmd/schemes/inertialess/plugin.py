@@ -24,13 +24,13 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     from .controller import Controller, StepLimits
     from .scheme import Inertialess
 
-    spring, output, machine = scene_objects.machine_compliance(scene), scene.output, None
-    if spring:
+    springs, output, machine = scene_objects.springs_of(scene), scene.output, None
+    if any(springs.values()):
         # Most machines are taken for rigid.
         from pgfmd.solver.machine import Machine, sprung
 
-        solver = newton_solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, 1.0))
-        machine = Machine(solver, spring, scene_objects.punch_stiffness(scene), scene.drive.control == "load")
+        solver = newton_solver(scene, comm, mirror, lambda convolve: sprung(convolve, max(springs.values()), 1.0))
+        machine = Machine(solver, springs, scene_objects.punch_stiffness(scene))
     else:
         solver = newton_solver(scene, comm, mirror)
     law, series, tolerance = solver.law, scene_objects.series_of(scene.rheology), tolerance_of(scene)
@@ -53,7 +53,7 @@ def memory(scene: Scene, ranks: int) -> Memory:
     elements, rough = scene_objects.series_of(scene.rheology).elements, rough_share(scene)
     stages, periodic = scene.solver.order if elements else 1, scene.substrate.boundary == "periodic"
     more = 3.0 * rough if coarsening.expected(scene).factor else 0.0
-    more += rough if more and scene_objects.machine_compliance(scene) else 0.0
+    more += rough if more and any(scene_objects.springs_of(scene).values()) else 0.0
     counts = 7 + elements * (1 + scene.output.energy), stages * 4 + 2 + 7 * rough + periodic + more
     return memory_of_vectors(scene, ranks, counts)
 

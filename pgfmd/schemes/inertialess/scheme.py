@@ -69,15 +69,16 @@ class Inertialess(PathFollowing):
         # Without retardation each step is an equilibrium of its own: one stage.
         self.tableau = SDIRK2 if creep.elements and order == 2 else IMPLICIT_EULER
         super().__init__(solver, tolerance, self.tableau.nodes, far_weights, near_gap)
-        self.creep, self.audit, self.machine = creep, audit, machine
+        self.creep, self.audit, self.machine, self._machine = creep, audit, machine, machine
         solver.cg.patience = ELASTIC_PATIENCE if creep.J_inf > NEARLY_ELASTIC else 1
         points, stages = solver.points, self.tableau.stages
         self._f = np.zeros((stages, points.size), solver.dtype)
         self._history = np.zeros((stages, points.size), solver.dtype)
-        self.spring_compliance = spring = machine.compliance if machine else 0.0
         self._audit = None
         if audit:
-            self._audit = EnergyAudit(points, creep, solver.law, self.tableau, tolerance, solver.dtype, spring)
+            self._audit = EnergyAudit(points, creep, solver.law, self.tableau, tolerance, solver.dtype)
+        if machine:
+            self.control(next(iter(machine.springs)))
         self._rows = np.zeros((2, points.rows))
         self._stage_compliance = 1.0
 
@@ -207,6 +208,15 @@ class Inertialess(PathFollowing):
             )
         self._move_on(state, trial)
 
+    def control(self, control: str, state: State | None = None) -> None:
+        """Prepares for phases in which the machine controls this: with its spring, the soft one of a load, or none."""
+        if self._machine:
+            self._machine.control(control)
+            self.spring_compliance = self._machine.compliance
+            self.machine = self._machine if self.spring_compliance else None
+            if self._audit:
+                self._audit.spring = self.spring_compliance
+
     def drive_at(self, state: State) -> float:
         """Position D [m] of what is driven: the punch, or the machine's end of its spring."""
         return state.position - self.spring_compliance * state.force
@@ -256,7 +266,7 @@ class Inertialess(PathFollowing):
 
     def _is_flung(self, machine: Machine, trial: Trial) -> bool:
         """Whether a dead load has pulled the punch off in a trial. Collective."""
-        return machine.dead_load and trial.phase.velocity_end > 0.0 and not machine.interacting(self.solver.curvature)
+        return machine.dead_load and trial.phase.may_let_go and not machine.interacting(self.solver.curvature)
 
     def _follow_flight(self, machine: Machine, state: State, trial: Trial, jump: bool) -> None:
         """Leaves a flung punch out of reach. What it releases is counted up to there, and not what a spring that stands for

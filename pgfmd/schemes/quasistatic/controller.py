@@ -8,10 +8,11 @@ the uncertainty of its energy decides whether the step is short enough.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 from pgfmd.errors import WRITTEN_IS_VALID, RunError
-from pgfmd.physics.drive import Phase
-from pgfmd.solver.preload_search import PreloadSearch, fit, slack_of
+from pgfmd.physics.drive import FORCE, Ending, Phase
+from pgfmd.solver.ending_search import fit, search_of, slack_of
 from pgfmd.solver.state import State
 from pgfmd.solver.trial_step import LARGEST_GROWTH, SAFETY, STRONGEST_CUT, Trial
 
@@ -50,7 +51,7 @@ class LoadSteps:
 
     def advance(self, state: State, phase: Phase, until: float = math.inf) -> tuple[Trial, str]:
         """Performs one step of the phase, at most to the time `until` [s] from now; returns (the accepted trial, why it
-        ended): "preload", "duration", "time", or "".
+        ended): "ending", "duration", "time", or "".
 
         Raises RunError if no equilibrium is found.
         """
@@ -64,8 +65,8 @@ class LoadSteps:
         longest = math.inf
         if self.attractive:
             longest = LONGEST_PULLING * unit if state.force < 0.0 else unit
-        step, why = fit(min(wanted, longest), end, until)
-        search = PreloadSearch(phase, state.force, self.preload, self.slack)
+        step, why = fit(min(wanted, longest, phase.longest_step), end, until)
+        search = search_of(self.scheme, state, phase, self.tolerance, self.preload, self.reach)
         for _ in range(self.largest_try_count):
             follow = step <= followed * (1.0 + 1e-9)
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=follow)
@@ -80,7 +81,8 @@ class LoadSteps:
                     followed = max(shorter, shortest)
                 step, why, search.bracket = shorter, "", None
                 continue
-            other = search.other_step(step, trial.force)
+            values = partial(self.scheme.values_of, state, phase, trial)
+            other = search.other_step(step, values)
             if other is not None:
                 state.counters.rejected_steps += 1
                 step, why = other, ""
@@ -90,13 +92,13 @@ class LoadSteps:
                 room = trial.uncertainty / self._allowed(trial, state.energies.released)
                 followed = LARGEST_GROWTH * followed if room < ROOM and step > 0.5 * followed else followed
             state.followed, met = followed, search.is_met(trial.force)
-            if met:
+            if met and Ending(FORCE, self.preload, 1) in phase.endings:
                 self.scheme.require_preload(state, trial, self.slack)
             self.scheme.accept(state, trial)
             # A longer step than may follow a jump would meet the next instability, and be abandoned.
             followed = shortest if state.force < 0.0 else followed
             state.step = self._next(trial, wanted if why else step, followed)
-            return trial, "preload" if met else why
+            return trial, "ending" if met else why
         raise RunError(
             f"no equilibrium found in step {state.counters.steps + 1} ({phase.name}, "
             f"d = {self.scheme.place(state):.6g} m, "

@@ -24,13 +24,12 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     from .controller import LoadSteps
     from .scheme import Quasistatic
 
-    compliance, spring = scene_objects.quasistatic_compliance(scene), scene_objects.machine_compliance(scene)
-    solver = newton_solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, compliance))
+    compliance, springs = scene_objects.quasistatic_compliance(scene), scene_objects.springs_of(scene)
+    solver = newton_solver(scene, comm, mirror, lambda convolve: sprung(convolve, max(springs.values()), compliance))
     law, tolerance = solver.law, tolerance_of(scene)
     stiffness = scene_objects.punch_stiffness(scene) / compliance
-    dead = scene.drive.control == "load"
     weights, near = far_weights_of(scene, solver), scene.output.near_gap
-    scheme = Quasistatic(solver, compliance, tolerance, weights, near, spring, stiffness, dead)
+    scheme = Quasistatic(solver, compliance, tolerance, weights, near, springs, stiffness)
     return scheme, LoadSteps(scheme, tolerance, law.length, scene.drive.preload, law.attractive)
 
 

@@ -14,11 +14,12 @@ confirmed by a search for its lowest curvature (lobpcg.py). Time is only a measu
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from pgfmd.errors import RunError
-from pgfmd.physics.drive import AT_REST, Phase
+from pgfmd.physics.drive import AT_REST, LOAD, Phase
 from pgfmd.schemes.path_following import EVENT_TOLERANCE, SINGLE_NOISE, PathFollowing, known_change
 from pgfmd.solver import kernels
 from pgfmd.solver.descent import Descent
@@ -62,9 +63,9 @@ class Quasistatic(PathFollowing):
     `accept` advances the state.
 
     solver: NewtonSolver, whose convolution includes the machine's spring (`sprung`). compliance: J, 1 for the relaxed
-    body, E(0)/E(infinity) for the instantaneous one. tolerance: of a step, in ranges of adhesion. spring [m/N]: 1/k_M,
-    0 for a rigid machine. contact_stiffness [N/m]: approximate stiffness of the contact of the whole punch. dead_load:
-    whether the spring represents a controlled force. far_weights, near_gap: as in PathFollowing.
+    body, E(0)/E(infinity) for the instantaneous one. tolerance: of a step, in ranges of adhesion. springs: compliance
+    1/k_M [m/N] by what the machine controls, 0 for a rigid machine. contact_stiffness [N/m]: approximate stiffness of the
+    contact of the whole punch. far_weights, near_gap: as in PathFollowing.
     """
 
     cure = "Try a smaller solver.accuracy."
@@ -74,20 +75,43 @@ class Quasistatic(PathFollowing):
 
     def __init__(
         self, solver: NewtonSolver, compliance: float, tolerance: float, far_weights: np.ndarray, near_gap: float,
-        spring: float = 0.0, contact_stiffness: float = math.inf, dead_load: bool = False,
+        springs: Mapping[str, float], contact_stiffness: float = math.inf,
     ):  # fmt: skip
         super().__init__(solver, tolerance, (1.0,), far_weights, near_gap)
-        self.compliance, self.machine_compliance, self.contact_stiffness = compliance, spring, contact_stiffness
-        self.spring = SpringWork(spring, dead_load, solver.law.reach)
+        self.compliance, self.contact_stiffness, self._springs = compliance, contact_stiffness, springs
+        self._has_spring = any(springs.values())
         solver.cg.patience = PATIENCE
         # A soft spring is softer than all modes of the surface by decades. The first updates of a descent would only concern
         # the spring, and be so small that the descent would end.
-        self._go_down = solver.solve if spring else Descent(solver).solve
+        self._go_down = solver.solve if self._has_spring else Descent(solver).solve
         # Without attraction the potential is convex: the equilibrium is unique, and no search is needed.
         self.soft_mode = SoftMode(solver, compliance) if solver.law.attractive else None
         self._none = np.zeros(self.points.size, solver.dtype)
         self._rows = np.zeros((1, self.points.rows))
         self._stored = 0.0
+        self.control(next(iter(springs)))
+
+    def control(self, control: str, state: State | None = None) -> None:
+        """Prepares for phases in which the machine controls this: with its spring, the soft one of a load, or none.
+
+        The surface of a state is that seen from the machine, which moves where the spring becomes another one.
+        """
+        spring, place = self._springs[control], self.place(state) if state else 0.0
+        changes = state is not None and spring != self.machine_compliance
+        self.machine_compliance = spring
+        self.spring = SpringWork(spring, control == LOAD, self.solver.law.reach)
+        if self._has_spring:
+            self.solver.hold_up(spring)
+            self.solver.stiffen(spring, self.compliance)
+        if state is not None and changes:
+            state.position = place - spring * state.force
+            self.solver.convolve(state.load, state.displacement)
+            drift = Drift(state.drift, self._rounding).renewed(self._extent(state.position))
+            state.drift = np.ascontiguousarray(drift.kept([0]).factor)
+
+    def punch_at(self, state: State, trial: Trial) -> float:
+        """Displacement d of the punch [m] at the end of a trial."""
+        return self.spring.end(state, trial)
 
     def new_state(self, position: float) -> State:
         """A state with the surface at rest, the machine at `position` [m]; call `start` before stepping."""
@@ -142,7 +166,7 @@ class Quasistatic(PathFollowing):
         trial.force = self._force(w)
         trial.forces.append(trial.force)
         self._stored = self._elastic(u, w, trial.force)
-        trial.flung = self.spring.dead_load and phase.velocity_end > 0.0 and self._is_free()
+        trial.flung = self.spring.dead_load and phase.may_let_go and self._is_free()
         trial.change = self._change(state, trial)
         trial.error = trial.change.elastic_error(self.law.attractive)
         gained = self._stored - state.energies.elastic + outcome.adhesive - state.energies.adhesive

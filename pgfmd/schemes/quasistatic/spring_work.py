@@ -64,7 +64,7 @@ class SpringWork:
     def pulled(self, state: State, trial: Trial) -> float:
         """Work [J] of a retracting punch under tension, with a linear force within the step."""
         first, last = -state.force, -self._last_force(state, trial)
-        if trial.phase.velocity_end <= 0.0 or max(first, last) <= 0.0:
+        if not trial.phase.may_let_go or max(first, last) <= 0.0:
             return 0.0
         share = 1.0 if min(first, last) >= 0.0 else max(first, last) / abs(last - first)
         way = max(self.end(state, trial) - self.place(state), 0.0)

@@ -21,7 +21,7 @@ def build(scene, comm, mirror):
         points, convolution_of(scene, points), heights_of(scene, points), scene_objects.law_of(scene.adhesion), _tau(scene),
         weights, scene.output.near_gap,
     )  # fmt: skip
-    return scheme, FixedSteps(scheme, _step(scene), scene.drive.preload)
+    return scheme, FixedSteps(scheme, _step(scene))
 
 
 def memory(scene, ranks):

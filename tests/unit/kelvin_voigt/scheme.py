@@ -5,6 +5,7 @@ tau = sum kappa_n tau_n is all that is left of a relaxation spectrum whose times
 
 import numpy as np
 
+from pgfmd.solver.ending_search import values_of
 from pgfmd.solver.state import State
 
 
@@ -33,6 +34,13 @@ class KelvinVoigt:
 
     def drive_at(self, state):
         return state.position
+
+    def control(self, control, state=None):
+        """Its machine is rigid."""
+
+    def values_of(self, state, phase, trial=None):
+        area = state.contact_points * self.points.grid.cell_area
+        return values_of(phase, state, state.force, state.position, lambda: area)
 
     def surface_of(self, state):
         return state.load

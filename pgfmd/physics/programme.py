@@ -1,0 +1,279 @@
+"""Programmes of any steps: approach, hold, retract, ramp, oscillate, follow, and repeats of them. Plain NumPy.
+
+`phases_of` turns the steps into phases (drive.py), with smooth turns between steps whose velocities differ. Where the
+machine changes from displacement to load or back, the punch stays where it is, and its velocity is not given: there is
+no turn from what was before.
+
+Under load control the drive is the far end of a soft spring of compliance c, so a load rate R is a velocity of the
+drive,  -R (c + 1/k)  with the stiffness k of the contact: 1/(c k) is the small share of R that this depends on k.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .drive import (
+    AREA, DETACHED, DISPLACEMENT, FORCE, LOAD, PLACE, PRELOAD, TRAVEL, Ending, Phase, automatic_turn,
+)  # fmt: skip
+
+POINTS_A_CYCLE = 64
+"""Fewest steps in a cycle of an oscillation."""
+INWARD, OUTWARD = -1.0, 1.0
+
+
+@dataclass(frozen=True)
+class Oscillation(Phase):
+    """A phase in which the drive oscillates about its position, at first inward: D = D_0 - A sin(omega t).
+
+    amplitude [m]: A, of the drive. frequency [Hz]. cycles: their number.
+    """
+
+    amplitude: float = 0.0
+    frequency: float = 1.0
+
+    def displacement(self, elapsed: float) -> float:
+        """Displacement [m] of the drive since the start of the phase."""
+        return -self.amplitude * math.sin(2.0 * math.pi * self.frequency * elapsed)
+
+    def velocity(self, elapsed: float) -> float:
+        """Velocity [m/s] of the drive at this time [s] after the start of the phase."""
+        omega = 2.0 * math.pi * self.frequency
+        return -self.amplitude * omega * math.cos(omega * elapsed)
+
+    @property
+    def fastest(self) -> float:
+        """The largest speed [m/s] within the phase."""
+        return 2.0 * math.pi * self.frequency * self.amplitude
+
+    @property
+    def longest_step(self) -> float:
+        """Longest step [s]."""
+        return 1.0 / (POINTS_A_CYCLE * self.frequency)
+
+    def recedes(self, elapsed: float) -> bool:
+        """Whether the drive moves up at this time [s] after the start of the phase."""
+        return self.velocity(elapsed) > 0.0
+
+    @property
+    def may_let_go(self) -> bool:
+        """Whether the punch may come off in this phase."""
+        return True
+
+
+@dataclass(frozen=True)
+class Path:
+    """Positions [m] of a drive at times [s], of shape (rows,), and what lies between: a monotone cubic through each
+    three of them (PCHIP), whose velocity is continuous.
+
+    Source: F. N. Fritsch, J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, by SciPy.
+    """
+
+    times: tuple[float, ...]
+    places: tuple[float, ...]
+
+    @cached_property
+    def _curve(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        # Not at the top: only scenes with a measured path need it.
+        from scipy.interpolate import PchipInterpolator
+
+        found = PchipInterpolator(self.times, self.places)
+        return np.asarray(found.x), np.asarray(found.c)
+
+    def _piece(self, time: float) -> tuple[float, NDArray[np.float64]]:
+        """Time [s] since the last knot, and the coefficients of the cubic there, highest power first."""
+        knots, coefficients = self._curve
+        k = min(max(int(np.searchsorted(knots, time, "right")) - 1, 0), len(knots) - 2)
+        return time - float(knots[k]), coefficients[:, k]
+
+    def place(self, time: float) -> float:
+        """Position [m] at a time [s]."""
+        t, (a, b, c, d) = self._piece(time)
+        return float(((a * t + b) * t + c) * t + d)
+
+    def velocity(self, time: float) -> float:
+        """Velocity [m/s] at a time [s]."""
+        t, (a, b, c, _) = self._piece(time)
+        return float((3.0 * a * t + 2.0 * b) * t + c)
+
+    @cached_property
+    def fastest(self) -> float:
+        """The largest speed [m/s]: at a knot, or where the acceleration of a piece is zero."""
+        knots, (a, b, c, _) = self._curve
+        spans = np.diff(knots)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            still = np.where(a != 0.0, -b / (3.0 * a), 0.0)
+        still = np.clip(np.nan_to_num(still), 0.0, spans)
+        speeds = [np.abs((3.0 * a * t + 2.0 * b) * t + c).max() for t in (0.0 * spans, still, spans)]
+        return float(max(speeds))
+
+
+@dataclass(frozen=True)
+class Following(Phase):
+    """A phase in which the drive follows a path."""
+
+    path: Path = Path((0.0, 1.0), (0.0, 0.0))
+
+    def displacement(self, elapsed: float) -> float:
+        """Displacement [m] of the drive since the start of the phase."""
+        return self.path.place(elapsed)
+
+    def velocity(self, elapsed: float) -> float:
+        """Velocity [m/s] of the drive at this time [s] after the start of the phase."""
+        return self.path.velocity(elapsed)
+
+    @property
+    def fastest(self) -> float:
+        """The largest speed [m/s] within the phase."""
+        return self.path.fastest
+
+    @property
+    def longest_step(self) -> float:
+        """Longest step [s]: the usual distance of the rows."""
+        return float(np.median(np.diff(self.path.times)))
+
+    def recedes(self, elapsed: float) -> bool:
+        """Whether the drive moves up at this time [s] after the start of the phase."""
+        return self.velocity(elapsed) > 0.0
+
+    @property
+    def may_let_go(self) -> bool:
+        """Whether the punch may come off in this phase."""
+        return True
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of a programme.
+
+    do: "approach", "hold", "retract", "ramp", "oscillate" or "follow". control: of displacement or load. rate: of the
+    displacement [m/s] or of the load [N/s]; positive where the punch is pressed in. duration [s]: or infinity. until:
+    pairs of a quantity and its value [N, m or m^2], or of DETACHED. amplitude [m or N], frequency [Hz], cycles: of an
+    oscillation. table: times [s] and displacements [m] or loads [N] to follow. turn_time [s]: of the turn before the
+    step; None for the automatic one.
+    """
+
+    do: str
+    control: str
+    rate: float = 0.0
+    duration: float = math.inf
+    until: tuple[tuple[str, float], ...] = ()
+    amplitude: float = 0.0
+    frequency: float = 1.0
+    cycles: float = 0.0
+    table: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
+    turn_time: float | None = None
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the step lasts until the punch is free."""
+        return (DETACHED, 0.0) in self.until
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What a programme needs to know of its machine. soft [m/N]: compliance of the spring that controls a load;
+    stiffness [N/m]: of the contact of the whole punch, about; reach [m]: range of adhesion; timeless: whether time is
+    only a measure of travel, so that nothing is held."""
+
+    soft: float
+    stiffness: float
+    reach: float
+    timeless: bool = False
+
+    @property
+    def ahead(self) -> float:
+        """How many times farther the drive goes than the punch, if a load is controlled."""
+        return 1.0 + self.soft * self.stiffness
+
+    def drive_velocity(self, control: str, rate: float) -> float:
+        """Velocity [m/s] of the drive, for a rate of displacement [m/s] or load [N/s], positive inward."""
+        return -rate if control == DISPLACEMENT else -rate / self.stiffness * self.ahead
+
+    def punch_speed(self, control: str, velocity: float) -> float:
+        """Speed [m/s] of the punch in contact, about."""
+        return abs(velocity) / (1.0 if control == DISPLACEMENT else self.ahead)
+
+
+def phases_of(
+    steps: tuple[Step, ...], machine: Machine, times: int = 1, first: int = 1, last: int | None = None
+) -> tuple[Phase, ...]:
+    """The phases of a programme, in which the steps from `first` to `last`, counted from 1, are done so many times."""
+    found: list[Phase] = []
+    velocity, control = 0.0, ""
+    order = list(_order(len(steps), times, first, last or len(steps)))
+    for cycle, number in order:
+        step = steps[number - 1]
+        if machine.timeless and step.do == "hold":
+            continue
+        phase = _phase_of(step, machine, replace(BLANK, control=step.control, cycle=cycle, stage=number))
+        if found:
+            before = velocity if control == step.control else 0.0
+            if before != phase.velocity_start:
+                found.append(_turn(before, phase, step, machine))
+        found.append(phase)
+        velocity, control = phase.velocity_end, step.control
+    return tuple(replace(phase, final=_only_out(found[k:])) for k, phase in enumerate(found))
+
+
+BLANK = Phase("", 0.0, 0.0)
+
+
+def _order(count: int, times: int, first: int, last: int) -> Iterator[tuple[int, int]]:
+    """Cycle and number of the steps in the order in which they are done."""
+    yield from ((1, number) for number in range(1, first))
+    yield from ((cycle, number) for cycle in range(1, times + 1) for number in range(first, last + 1))
+    yield from ((times, number) for number in range(last + 1, count + 1))
+
+
+def _only_out(rest: list[Phase]) -> bool:
+    """Whether from here on the programme only retracts, or holds a load: a punch that is free then stays so."""
+    return all(phase.may_let_go and not isinstance(phase, (Oscillation, Following)) for phase in rest)
+
+
+def _turn(before: float, phase: Phase, step: Step, machine: Machine) -> Phase:
+    """The turn before a phase, from a velocity [m/s] of the drive."""
+    speeds = (machine.punch_speed(phase.control, velocity) for velocity in (before, phase.velocity_start))
+    time = step.turn_time if step.turn_time is not None else automatic_turn(machine.reach, *speeds)
+    about = {"control": phase.control, "cycle": phase.cycle, "stage": phase.stage}
+    return Phase("turn", before, phase.velocity_start, time, **about)
+
+
+def _phase_of(step: Step, machine: Machine, about: Phase) -> Phase:
+    """The phase of a step, with control and numbers as in `about`."""
+    control = about.control
+    if step.do == "hold":
+        name = "dwell" if control == DISPLACEMENT else "hold"
+        return replace(about, name=name, duration=step.duration, endings=_endings(step, 0.0))
+    common = {"control": control, "cycle": about.cycle, "stage": about.stage}
+    if step.do == "oscillate":
+        amplitude = abs(machine.drive_velocity(control, step.amplitude))
+        speed = 2.0 * math.pi * step.frequency * amplitude
+        return Oscillation(
+            step.do, -speed, -speed, step.cycles / step.frequency, amplitude=amplitude, frequency=step.frequency, **common
+        )
+    if step.do == "follow":
+        times, values = (np.array(column) for column in step.table)
+        sign = 1.0 if control == DISPLACEMENT else machine.drive_velocity(control, 1.0)
+        path = Path(tuple((times - times[0]).tolist()), tuple((sign * (values - values[0])).tolist()))
+        ends = path.velocity(0.0), path.velocity(path.times[-1])
+        return Following(step.do, *ends, path.times[-1], endings=_endings(step, 0.0), path=path, **common)
+    velocity = machine.drive_velocity(control, step.rate)
+    ends_with = DETACHED if step.is_free else ""
+    if step.do in ("approach", "ramp") and step.rate > 0.0 and any(quantity == FORCE for quantity, _ in step.until):
+        ends_with = PRELOAD
+    return Phase(
+        step.do, velocity, velocity, step.duration, ends_with, endings=_endings(step, step.rate), **common
+    )
+
+
+def _endings(step: Step, rate: float) -> tuple[Ending, ...]:
+    """The endings of a step that goes inward (rate > 0) or outward."""
+    inward = 1 if rate > 0.0 else -1
+    signs = {FORCE: inward, AREA: inward, PLACE: -inward, TRAVEL: 1}
+    return tuple(Ending(quantity, value, signs[quantity]) for quantity, value in step.until if quantity in signs)
