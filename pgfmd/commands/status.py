@@ -95,7 +95,8 @@ def _lines(one: Any) -> list[str]:
     """A folder's status, a line a matter."""
     headline = [one.state + (f" ({one.why})" if one.why else "")]
     if one.progress is not None:
-        headline.append(f"about {100 * one.progress:.0f} % of the punch's way")
+        what = "the programme" if one.stage else "the punch's way"
+        headline.append(f"about {100 * one.progress:.0f} % of {what}")
     lines = {"title": one.title or ""}
     if one.holder:
         job = f", {one.holder['job']}" if one.holder["job"] else ""
@@ -125,10 +126,18 @@ def _step(one: Any) -> list[str]:
     if one.displacement_m is not None:
         texts.append(f"punch at {one.displacement_m * 1e6:.4g} um")
     if one.phase:
-        texts.append(one.phase)
+        texts.append(one.phase + _of_programme(one))
     if one.row_age_s is not None:
         texts.append(f"{span(one.row_age_s)} ago")
     return texts
+
+
+def _of_programme(one: Any) -> str:
+    """Where a run is in a programme of steps; empty for another one."""
+    if one.stage is None:
+        return ""
+    cycle = f", cycle {one.cycle} of {one.cycles}" if one.cycles > 1 else ""
+    return f" (step {one.stage} of {one.stages}{cycle})"
 
 
 def _rate(one: Any) -> list[str]:

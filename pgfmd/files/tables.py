@@ -188,7 +188,10 @@ class EventRow:
     displacement: float = column("m", AS_IN_CURVE)
     force: float = column("N", AS_IN_CURVE)
     released: float = column("J", "energy lost in this jump; 0 for other events")
-    event: str = column("", "`preload`, `jump`, `step end` of any other step of a programme, or how the run ended (`finished` in `run.json`)")
+    event: str = column(
+        "",
+        "`preload`, `jump`, `step end` of any other step of a programme, or how the run ended (`finished` in `run.json`)",
+    )
     joined: str = column("", CHANGED_SITES, default="")
     left: str = column("", CHANGED_SITES, default="")
     x: float = column("m", WHERE_IT_JUMPED, may_lack=True, default=math.nan)

@@ -164,9 +164,16 @@ def fitted_effort(scene: Scene) -> Effort:
     """The same for schemes with an accuracy, from the fitted constants."""
     found = FITTED[kind_of(scene)]
     (steps_in, pairs_in), (steps_out, pairs_out) = (counts_of(way, found) for way in ways_of(scene))
-    unlike = ", ".join(_unlike(scene))
+    unlike, steps, pairs = ", ".join(_unlike(scene)), steps_in + steps_out, pairs_in + pairs_out
+    if scene.drive.step:
+        # Not at the top: few scenes have a programme.
+        from .programme import size_of
+
+        size = size_of(scene)
+        told = pairs / steps * size.steps
+        steps, pairs = size.loops * steps + size.steps, size.loops * pairs + told
     return Effort(
-        steps_in + steps_out, pairs_in + pairs_out, partial(pair_seconds, scene), pair_cost(scene),
+        steps, pairs, partial(pair_seconds, scene), pair_cost(scene),
         found.spread * (UNLIKE if unlike else 1.0), (steps_in, pairs_in), unlike, kind_of(scene),
     )  # fmt: skip
 
@@ -235,6 +242,8 @@ def _unlike(scene: Scene) -> Iterator[str]:
         yield "an elastomer that is nearly elastic"
     if scene.drive.dwell > 0.0 and series.elements:
         yield "a dwell"
+    if scene.drive.step:
+        yield "a programme of steps"
 
 
 def effort_of_steps(scene: Scene, step: float, pair: float, cost: float) -> Effort:
@@ -242,7 +251,13 @@ def effort_of_steps(scene: Scene, step: float, pair: float, cost: float) -> Effo
     the indentation, the stretch due to adhesion, and the way of a machine's spring. pair: time of a pair, relative to `pair_seconds`; cost: as in
     Effort."""
     into, out = (travel.time for travel in travels_of(scene))
-    steps = (into + (out + scene.drive.turn_time + scene.drive.dwell)) / step
+    duration = into + (out + scene.drive.turn_time + scene.drive.dwell)
+    if scene.drive.step:
+        from .programme import size_of
+
+        size = size_of(scene)
+        duration = size.loops * (into + out) + size.time
+    steps = duration / step
     spread = FLAT_SPREAD if scene.punch.pattern == "flat" else EXPLICIT_SPREAD
     unlike = SPRUNG if machine_compliance(scene) else ""
     return Effort(

@@ -36,6 +36,7 @@ class Moment:
 
     stiffness [N/m]: of the recent approach, None if the force has not risen. steps: so far; dwell_steps: those within
     the dwell. preload_time [s] and depth [m]: time of the preload and indentation there; None before, or if unknown.
+    cycle, stage: of a programme.
     """
 
     phase: str
@@ -48,6 +49,8 @@ class Moment:
     dwell_steps: int = 0
     preload_time: float | None = None
     depth: float | None = None
+    cycle: int = 1
+    stage: int = 1
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,12 @@ class Way:
 
 def outlook(scene: Scene, moment: Moment) -> Outlook:
     """The estimate for a run in this state."""
+    if scene.drive.step:
+        from .programme import share_done
+
+        share = share_done(scene, moment.cycle, moment.stage)
+        steps = moment.steps * (1.0 - share) / share if share else None
+        return Outlook(share, steps, "if the steps to come are like those that are over")
     if moment.phase != "approach" and moment.depth is None:
         return Outlook(remark="where the preload was met is not known")
     way = _way(scene, moment)

@@ -19,19 +19,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .drive import (
-    AREA, DETACHED, DISPLACEMENT, FORCE, LOAD, PLACE, PRELOAD, TRAVEL, Ending, Phase, automatic_turn,
+    AREA,
+    DETACHED,
+    DISPLACEMENT,
+    FORCE,
+    PLACE,
+    PRELOAD,
+    TRAVEL,
+    Ending,
+    Phase,
+    automatic_turn,
 )  # fmt: skip
 
 POINTS_A_CYCLE = 64
 """Fewest steps in a cycle of an oscillation."""
-INWARD, OUTWARD = -1.0, 1.0
+STEEPEST = 1.5
+"""Largest rate of the envelope of an oscillation, per cycle."""
+ENDS = 2.0
+"""Cycles of an oscillation in which its amplitude rises and falls."""
 
 
 @dataclass(frozen=True)
 class Oscillation(Phase):
-    """A phase in which the drive oscillates about its position, at first inward: D = D_0 - A sin(omega t).
+    """A phase in which the drive oscillates about its position, at first inward: D = D_0 - A e(t) sin(omega t).
 
-    amplitude [m]: A, of the drive. frequency [Hz]. cycles: their number.
+    amplitude [m]: A, of the drive. frequency [Hz]. The envelope e rises smoothly from 0 to 1 in the first cycle, and falls
+    back in the last one, so that the drive starts and ends at rest: full cycles are all but these two.
     """
 
     amplitude: float = 0.0
@@ -39,17 +52,25 @@ class Oscillation(Phase):
 
     def displacement(self, elapsed: float) -> float:
         """Displacement [m] of the drive since the start of the phase."""
-        return -self.amplitude * math.sin(2.0 * math.pi * self.frequency * elapsed)
+        return -self.amplitude * self._envelope(elapsed)[0] * math.sin(2.0 * math.pi * self.frequency * elapsed)
 
     def velocity(self, elapsed: float) -> float:
         """Velocity [m/s] of the drive at this time [s] after the start of the phase."""
         omega = 2.0 * math.pi * self.frequency
-        return -self.amplitude * omega * math.cos(omega * elapsed)
+        size, rate = self._envelope(elapsed)
+        return -self.amplitude * (size * omega * math.cos(omega * elapsed) + rate * math.sin(omega * elapsed))
+
+    def _envelope(self, elapsed: float) -> tuple[float, float]:
+        """The envelope, and its rate of change [1/s]."""
+        left = self.duration - elapsed
+        x = min(self.frequency * min(elapsed, left), 1.0)
+        rate = 6.0 * x * (1.0 - x) * self.frequency
+        return x * x * (3.0 - 2.0 * x), rate if elapsed < left else -rate
 
     @property
     def fastest(self) -> float:
-        """The largest speed [m/s] within the phase."""
-        return 2.0 * math.pi * self.frequency * self.amplitude
+        """The largest speed [m/s] within the phase, and a little more."""
+        return (2.0 * math.pi + STEEPEST) * self.frequency * self.amplitude
 
     @property
     def longest_step(self) -> float:
@@ -211,7 +232,7 @@ def phases_of(
         step = steps[number - 1]
         if machine.timeless and step.do == "hold":
             continue
-        phase = _phase_of(step, machine, replace(BLANK, control=step.control, cycle=cycle, stage=number))
+        phase = _phase_of(step, machine, cycle, number)
         if found:
             before = velocity if control == step.control else 0.0
             if before != phase.velocity_start:
@@ -219,9 +240,6 @@ def phases_of(
         found.append(phase)
         velocity, control = phase.velocity_end, step.control
     return tuple(replace(phase, final=_only_out(found[k:])) for k, phase in enumerate(found))
-
-
-BLANK = Phase("", 0.0, 0.0)
 
 
 def _order(count: int, times: int, first: int, last: int) -> Iterator[tuple[int, int]]:
@@ -240,40 +258,37 @@ def _turn(before: float, phase: Phase, step: Step, machine: Machine) -> Phase:
     """The turn before a phase, from a velocity [m/s] of the drive."""
     speeds = (machine.punch_speed(phase.control, velocity) for velocity in (before, phase.velocity_start))
     time = step.turn_time if step.turn_time is not None else automatic_turn(machine.reach, *speeds)
-    about = {"control": phase.control, "cycle": phase.cycle, "stage": phase.stage}
-    return Phase("turn", before, phase.velocity_start, time, **about)
+    return Phase(
+        "turn", before, phase.velocity_start, time, control=phase.control, cycle=phase.cycle, stage=phase.stage
+    )
 
 
-def _phase_of(step: Step, machine: Machine, about: Phase) -> Phase:
-    """The phase of a step, with control and numbers as in `about`."""
-    control = about.control
-    if step.do == "hold":
-        name = "dwell" if control == DISPLACEMENT else "hold"
-        return replace(about, name=name, duration=step.duration, endings=_endings(step, 0.0))
-    common = {"control": control, "cycle": about.cycle, "stage": about.stage}
+def _phase_of(step: Step, machine: Machine, cycle: int, number: int) -> Phase:
+    """The phase of a step."""
+    control, endings = step.control, _endings(step)
     if step.do == "oscillate":
-        amplitude = abs(machine.drive_velocity(control, step.amplitude))
-        speed = 2.0 * math.pi * step.frequency * amplitude
         return Oscillation(
-            step.do, -speed, -speed, step.cycles / step.frequency, amplitude=amplitude, frequency=step.frequency, **common
-        )
+            step.do, 0.0, 0.0, (step.cycles + ENDS) / step.frequency, control=control, cycle=cycle, stage=number,
+            amplitude=abs(machine.drive_velocity(control, step.amplitude)), frequency=step.frequency,
+        )  # fmt: skip
     if step.do == "follow":
         times, values = (np.array(column) for column in step.table)
         sign = 1.0 if control == DISPLACEMENT else machine.drive_velocity(control, 1.0)
         path = Path(tuple((times - times[0]).tolist()), tuple((sign * (values - values[0])).tolist()))
         ends = path.velocity(0.0), path.velocity(path.times[-1])
-        return Following(step.do, *ends, path.times[-1], endings=_endings(step, 0.0), path=path, **common)
-    velocity = machine.drive_velocity(control, step.rate)
-    ends_with = DETACHED if step.is_free else ""
-    if step.do in ("approach", "ramp") and step.rate > 0.0 and any(quantity == FORCE for quantity, _ in step.until):
-        ends_with = PRELOAD
-    return Phase(
-        step.do, velocity, velocity, step.duration, ends_with, endings=_endings(step, step.rate), **common
-    )
+        return Following(
+            step.do, *ends, path.times[-1], endings=endings, control=control, cycle=cycle, stage=number, path=path
+        )
+    name, velocity = step.do, machine.drive_velocity(control, step.rate)
+    if step.do == "hold":
+        name, velocity = "dwell" if control == DISPLACEMENT else "hold", 0.0
+    pressed = step.rate > 0.0 and any(quantity == FORCE for quantity, _ in step.until)
+    ends_with = PRELOAD if pressed else DETACHED if step.is_free else ""
+    return Phase(name, velocity, velocity, step.duration, ends_with, endings, control, cycle=cycle, stage=number)
 
 
-def _endings(step: Step, rate: float) -> tuple[Ending, ...]:
-    """The endings of a step that goes inward (rate > 0) or outward."""
-    inward = 1 if rate > 0.0 else -1
+def _endings(step: Step) -> tuple[Ending, ...]:
+    """The endings of a step, whose values are reached from the side that it comes from."""
+    inward = 1 if step.rate > 0.0 else -1
     signs = {FORCE: inward, AREA: inward, PLACE: -inward, TRAVEL: 1}
     return tuple(Ending(quantity, value, signs[quantity]) for quantity, value in step.until if quantity in signs)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from pgfmd.errors import Problem, SceneError
 from pgfmd.physics.adhesion.registry import length_of
-from pgfmd.physics.drive import PRELOAD, automatic_turn
+from pgfmd.physics.drive import PRELOAD, Drive, Phase, automatic_turn
 from pgfmd.scene import parse_scene
 from pgfmd.scene.given import PATHS
 from pgfmd.scene.model import SECTIONS
@@ -113,9 +113,11 @@ def _refusal(key: str, head: dict, scene: Scene, allow: Sequence[str]) -> str | 
             return why
     elif key not in CHANGEABLE:
         return ""
-    if key in allow or section in allow or (_turn_follows(key, scene) and "drive.retract_speed" in allow):
+    # Such as drive.repeat of drive.repeat.times.
+    table = ".".join(key.split(".")[:2])
+    if {key, table, section} & set(allow) or (_turn_follows(key, scene) and "drive.retract_speed" in allow):
         return None
-    return f"to go on with the new one, add --allow {key}"
+    return f"to go on with the new one, add --allow {table}"
 
 
 def _turn_follows(key: str, scene: Scene) -> bool:
@@ -131,17 +133,28 @@ def _drive_refusal(head: dict, scene: Scene) -> str:
     before = parse_scene(head["scene"], source="the scene of the checkpoint", require_files=False)
     old, new, state = drive_of(before), drive_of(scene), head["state"]
     now = state["phase"]
-    if old.clearance != new.clearance or old.phases[: now + 1] != new.phases[: now + 1]:
+    if scene.drive.controls_load and not before.drive.controls_load and before.solver.precision != "double":
+        return 'a held load needs solver.precision = "double", which the run did not begin with'
+    if old.clearance != new.clearance or _begun(old, now) != _begun(new, now):
         begun = f"the {old.phases[now].name} has begun"
         kept = replace(new, turn_time=old.turn_time)
-        if kept.clearance == old.clearance and kept.phases[: now + 1] == old.phases[: now + 1]:
+        if kept.clearance == old.clearance and _begun(kept, now) == _begun(old, now):
             return f'{begun}: keep drive.turn_time = "{old.turn_time!r} s"'
         return begun
-    if old.preload == new.preload:
+    if old.preload == new.preload or new.programme:
         return ""
     if old.phases[now].ends_with != PRELOAD:
         return "the preload has been met"
     return "" if new.preload > state["force"] else f"the force is {state['force']:.6g} N already"
+
+
+def _begun(drive: Drive, now: int) -> list[Phase]:
+    """The phases of a programme that have begun, up to the one of number `now`; the present one of the short form without
+    the preload, which may change as long as it is ahead."""
+    phases = [replace(phase, final=False) for phase in drive.phases[: now + 1]]
+    if not drive.programme:
+        phases[-1] = replace(phases[-1], endings=())
+    return phases
 
 
 def _rewritten(text: str) -> str:

@@ -12,11 +12,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pgfmd.errors import SceneError
+from pgfmd.errors import PgfmdError, SceneError
 from pgfmd.files import storage
 from pgfmd.files.table_reading import CurveTail, count_ends
 from pgfmd.files.tables import CurveRow
 from pgfmd.forecast.progress import Moment, outlook
+from pgfmd.physics.drive import Phase
 from pgfmd.restart.resume import OF_EARLIER
 from pgfmd.scene import Scene, parse_scene
 from pgfmd.scene_objects import drive_of
@@ -24,6 +25,7 @@ from pgfmd.schemes import registry
 
 from .inventory import Checkpoint, Inventory, take_inventory
 
+Phases = tuple[Phase, ...]
 RUNNING, FINISHED, RESUMABLE, DAMAGED, EMPTY = "running", "finished", "resumable", "damaged", "empty"
 GOOD_SPAN = 10.0
 """Time [s] over which a rate is averaged, if available."""
@@ -38,10 +40,11 @@ class Status:
     """The state of a run. Unknown or inapplicable values are None.
 
     why: how it finished, why it ended, or what is wrong. time_s [s], steps, displacement_m [m], force_N [N], phase: the
-    present ones of a running run, else those from which it would continue. row_age_s [s]: age of the last row of the
-    curve. checkpoint: the newest valid one. wall_s [s]: of all links, up to the checkpoint. steps_per_s, punch_m_per_s
-    [m/s]: per second of wall time. progress: completed fraction of the punch's travel. left_s [s]: estimated remaining
-    wall time (progress.py); left_remark: what it does not include, or why it is unknown.
+    present ones of a running run, else those from which it would continue. stage, cycle: of a programme of steps, of so
+    many. row_age_s [s]: age of the last row of the curve. checkpoint: the newest valid one. wall_s [s]: of all links, up
+    to the checkpoint. steps_per_s, punch_m_per_s [m/s]: per second of wall time. progress: completed fraction of the
+    punch's travel, or of a programme. left_s [s]: estimated remaining wall time (progress.py); left_remark: what it does
+    not include, or why it is unknown.
     """
 
     folder: str
@@ -53,6 +56,10 @@ class Status:
     links: int | None = None
     holder: dict[str, Any] | None = None
     phase: str | None = None
+    stage: int | None = None
+    stages: int | None = None
+    cycle: int | None = None
+    cycles: int | None = None
     time_s: float | None = None
     steps: int | None = None
     displacement_m: float | None = None
@@ -179,18 +186,26 @@ def _look_ahead(status: Status, found: Inventory) -> None:
     except (OSError, ValueError, SceneError) as error:
         status.left_remark = f"its scene can't be read here: {error}"
         return
-    status.preload_N = scene.drive.preload
-    valid, tail, names = found.valid, found.tail, [phase.name for phase in drive_of(scene).phases]
+    status.preload_N = None if scene.drive.step else scene.drive.preload
+    try:
+        phases = drive_of(scene).phases
+    except (OSError, PgfmdError) as error:
+        status.left_remark = f"the file that its programme follows can't be read here: {error}"
+        return
+    valid, tail = found.valid, found.tail
     if tail is not None and valid is not None and status.state == RESUMABLE:
         tail = CurveTail(tail.path, valid.curve_bytes)
-    row = _row_of(valid, tail, names)
+    row = _row_of(valid, tail, phases)
     if row is None:
         status.left_remark = "no step has been made yet"
         return
     status.phase, status.time_s = row.phase, row.time
+    if scene.drive.step:
+        status.stage, status.stages = row.stage, len(scene.drive.step)
+        status.cycle, status.cycles = row.cycle, phases[-1].cycle
     status.force_N, status.displacement_m = row.force, row.displacement
     if status.state == RUNNING:
-        _look_at_present(status, found, scene.output.every, row, names)
+        _look_at_present(status, found, scene.output.every, row, phases)
     elif valid is not None:
         link = valid.head["links"][-1]
         status.steps_per_s = link["steps"] / link["wall_s"] if link["steps"] else None
@@ -202,7 +217,7 @@ def _look_ahead(status: Status, found: Inventory) -> None:
         status.left_remark = "its rate is not known yet"
 
 
-def _look_at_present(status: Status, found: Inventory, every: int, row: CurveRow, names: list[str]) -> None:
+def _look_at_present(status: Status, found: Inventory, every: int, row: CurveRow, phases: Phases) -> None:
     """Sets steps and speed of a running run."""
     valid, tail = found.valid, found.tail
     # Without a checkpoint, the header and the start come before the first step.
@@ -211,18 +226,19 @@ def _look_at_present(status: Status, found: Inventory, every: int, row: CurveRow
     written = max(file.written for file in (tail, valid) if file)
     status.row_age_s = max(0.0, time.time() - written)
     now = Mark(written, status.steps, row.displacement, row.phase)
-    status.steps_per_s, status.punch_m_per_s = _pace(_marks(found, names), now)
+    status.steps_per_s, status.punch_m_per_s = _pace(_marks(found, phases), now)
 
 
-def _row_of(valid: Checkpoint | None, tail: CurveTail | None, names: list[str]) -> CurveRow | None:
+def _row_of(valid: Checkpoint | None, tail: CurveTail | None, phases: Phases) -> CurveRow | None:
     """The last known state of a run; its curve may be older than the checkpoint if `output.every` leaves out rows."""
     row = tail.rows[-1] if tail and tail.rows else None
     if valid is None or (row is not None and row.time > valid.state["time"]):
         return row
     state = valid.state
+    phase = phases[state["phase"]]
     return CurveRow(
         state["time"], _place(state), -_place(state), state["force"], 0.0, 0.0, 0.0, 0.0, state["last_step"],
-        names[state["phase"]],
+        phase.cycle, phase.stage, phase.name,
     )  # fmt: skip
 
 
@@ -237,7 +253,7 @@ def _moment(status: Status, found: Inventory, scene: Scene, tail: CurveTail | No
         row.phase, row.time, row.displacement, row.force, row.step, status.steps or 0,
         stiffness=tail.stiffness if tail else None, dwell_steps=dwelt,
         preload_time=state["preload_time"] if met else None,
-        depth=-state.get("preload_place", state["phase_start"]) if met else None,
+        depth=-state.get("preload_place", state["phase_start"]) if met else None, cycle=row.cycle, stage=row.stage,
     )  # fmt: skip
 
 
@@ -256,16 +272,16 @@ class Mark:
     phase: str = ""
 
 
-def _marks(found: Inventory, names: list[str]) -> list[Mark]:
+def _marks(found: Inventory, phases: Phases) -> list[Mark]:
     """Known states of the present process, newest first."""
-    marks = [_mark(one.written, one, names) for one in found.checkpoints if one.head and one.written >= found.began]
+    marks = [_mark(one.written, one, phases) for one in found.checkpoints if one.head and one.written >= found.began]
     if marks and found.valid:
         return [*marks, Mark(found.began, found.valid.head["links"][-1]["first_step"])]
-    return [_mark(found.began, found.valid, names) if found.valid else Mark(found.began, 0)]
+    return [_mark(found.began, found.valid, phases) if found.valid else Mark(found.began, 0)]
 
 
-def _mark(wall: float, one: Checkpoint, names: list[str]) -> Mark:
-    return Mark(wall, one.steps, _place(one.state), names[one.state["phase"]])
+def _mark(wall: float, one: Checkpoint, phases: Phases) -> Mark:
+    return Mark(wall, one.steps, _place(one.state), phases[one.state["phase"]].name)
 
 
 def _pace(marks: list[Mark], now: Mark) -> tuple[float | None, float | None]:

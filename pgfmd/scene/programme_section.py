@@ -18,9 +18,7 @@ from .fields import LARGEST, Section, expectation, extra_of, key, number, quanti
 FREE, TIME = "free", "time"
 UNTIL = {"force": FORCE, "length": TRAVEL, "area": AREA, "time": TIME}
 """What `until` means, by the dimension of its value."""
-UNTIL_EXPECTED = (
-    'a force such as "40 mN", a travel such as "3 um", a time such as "60 s", a contact area such as "0.2 mm^2", or "free"'
-)
+UNTIL_EXPECTED = 'a force such as "40 mN", a travel such as "3 um", a time such as "60 s", a contact area such as "0.2 mm^2", or "free"'
 AMPLITUDE_EXPECTED = 'a length above 0, such as "20 nm", or a force above 0, such as "1 mN"'
 STEPS: dict[str, tuple[frozenset[str], frozenset[str]]] = {
     "approach": (frozenset({"speed"}), frozenset({"until", "to", "duration", "turn_time"})),
@@ -57,7 +55,11 @@ class ProgrammeStep(Section):
     duration: float | None = quantity("time", "time that ends the step; `for` means the same", None)
     amplitude: str | None = key("amplitude of `oscillate`: of the displacement, or of the load", None, min_length=1)
     frequency: float | None = quantity("frequency", "frequency of `oscillate`", None)
-    cycles: float | None = number("number of cycles of `oscillate`", None, above=0.0)
+    cycles: float | None = number(
+        "number of cycles of `oscillate` with its full amplitude; in one more before and one after, the amplitude rises and falls",
+        None,
+        above=0.0,
+    )
     file: str | None = key(
         "file of `follow`: two columns, time and displacement or load, with their units in the header; relative to the "
         "scene's folder",
@@ -255,6 +257,7 @@ def _problems_of_keys(table: Mapping[str, Any], number_: int) -> list[Problem]:
         problems.append((table[name], f"no such key in '{do}'", f"only in {', '.join(users)}", f".{number_}.{name}"))
     ends = {"until", "to", "duration"} & table.keys()
     if do in ("approach", "hold", "ramp") and not ends:
-        problems.append(("missing", f"what ends '{do}'", 'add until = "40 mN" or duration = "60 s"', f".{number_}.until"))
+        problems.append(
+            ("missing", f"what ends '{do}'", 'add until = "40 mN" or duration = "60 s"', f".{number_}.until")
+        )
     return problems
-

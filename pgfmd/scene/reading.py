@@ -196,7 +196,7 @@ def _resolve(title: str, draft: PartialScene) -> Scene:
 
 def _standing_in(drive: Any, draft: PartialScene, stiffness: float, reach: float) -> Any:
     """A [drive] with steps, with absolute paths, and the speed and the preload that stand for them in forecasts: about that
-    of the first step that moves, and the largest force. stiffness [N/m]: of the contact of the whole punch; reach [m]: of
+    of the first step that moves, the largest speed, and the largest force. stiffness [N/m]: of the contact of the whole punch; reach [m]: of
     adhesion, which the punch is taken to move by where all steps hold."""
     steps = []
     for step in drive.step:
@@ -204,8 +204,9 @@ def _standing_in(drive: Any, draft: PartialScene, stiffness: float, reach: float
         steps.append(step.model_copy(update={"file": path}))
     held = max(step.duration or 1.0 for step in steps)
     speed = next((speed for step in steps if (speed := step.speed_with(stiffness))), reach / held)
+    fastest = max(speed, *(step.speed_with(stiffness) for step in steps))
     preload = largest_force(drive.step) or drive.preload
-    return drive.model_copy(update={"step": tuple(steps), "speed": speed, "preload": preload})
+    return drive.model_copy(update={"step": tuple(steps), "speed": speed, "retract_speed": fastest, "preload": preload})
 
 
 def _with_own_values(draft: PartialScene, adhesion: Adhesion) -> Adhesion:

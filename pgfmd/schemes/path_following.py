@@ -13,8 +13,8 @@ import numpy as np
 from pgfmd.errors import WRITTEN_IS_VALID, RunError
 from pgfmd.physics.drive import Phase
 from pgfmd.solver import contact_kernels, kernels
-from pgfmd.solver.ending_search import values_of
 from pgfmd.solver.drift import ROUNDING, SINGLE_ROUNDING, Drift
+from pgfmd.solver.ending_search import values_of
 from pgfmd.solver.extrapolation import lagrange_weights
 from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.state import State

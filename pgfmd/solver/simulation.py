@@ -176,7 +176,9 @@ class Simulation:
         met."""
         force, clearance = self.state.force, self.drive.clearance
         for ending in self.phases[0].endings:
-            if ending.quantity == FORCE and ending.sign * (force - ending.value) > PRELOAD_TOLERANCE * abs(ending.value):
+            if ending.quantity == FORCE and ending.sign * (force - ending.value) > PRELOAD_TOLERANCE * abs(
+                ending.value
+            ):
                 key = "until" if self.drive.programme else "drive.preload"
                 raise RunError(
                     f"at the start, with the punch at drive.clearance = {clearance:.6g} m, the force is {force:.6g} N at "

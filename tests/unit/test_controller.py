@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from pgfmd.solver.preload_search import PRELOAD_TOLERANCE, Bracket
 
 from pgfmd.errors import RunError
 from pgfmd.physics.drive import PRELOAD, Phase
 from pgfmd.schemes.inertialess.controller import ENERGY_CUT, MOST_REPEATS, Controller, StepLimits
 from pgfmd.solver.extrapolation import integral
-from pgfmd.solver.preload_search import PRELOAD_TOLERANCE, Bracket
 from pgfmd.solver.state import State
 from pgfmd.solver.trial_step import Change, Trial
 

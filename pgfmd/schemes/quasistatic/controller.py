@@ -91,7 +91,7 @@ class LoadSteps:
                 # Negligible jumps need not be located as accurately.
                 room = trial.uncertainty / self._allowed(trial, state.energies.released)
                 followed = LARGEST_GROWTH * followed if room < ROOM and step > 0.5 * followed else followed
-            state.followed, met = followed, search.is_met(trial.force)
+            state.followed, met = followed, search.is_met(values)
             if met and Ending(FORCE, self.preload, 1) in phase.endings:
                 self.scheme.require_preload(state, trial, self.slack)
             self.scheme.accept(state, trial)
