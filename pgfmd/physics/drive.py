@@ -57,8 +57,8 @@ area."""
 
 @dataclass(frozen=True)
 class Ending:
-    """A value that ends a phase: the quantity, the value [N, m or m^2], and whether it is reached from below (1) or from
-    above (-1)."""
+    """A value that ends a phase: the quantity, the value [N, m or m^2], and whether it is reached from below (1), from above
+    (-1), or from where it is at the start of the phase (0)."""
 
     quantity: str
     value: float

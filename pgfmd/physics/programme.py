@@ -289,6 +289,6 @@ def _phase_of(step: Step, machine: Machine, cycle: int, number: int) -> Phase:
 
 def _endings(step: Step) -> tuple[Ending, ...]:
     """The endings of a step, whose values are reached from the side that it comes from."""
-    inward = 1 if step.rate > 0.0 else -1
+    inward = (step.rate > 0.0) - (step.rate < 0.0)
     signs = {FORCE: inward, AREA: inward, PLACE: -inward, TRAVEL: 1}
     return tuple(Ending(quantity, value, signs[quantity]) for quantity, value in step.until if quantity in signs)

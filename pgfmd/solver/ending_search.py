@@ -45,23 +45,30 @@ def values_of(phase: Phase, state: State, force: float, place: float, area: Call
     return found
 
 
-def is_over(phase: Phase, values: Sequence[float]) -> bool:
-    """Whether one of these values has ended a phase."""
+def signs_at(phase: Phase, values: Sequence[float]) -> list[int]:
+    """From which side the values that end a phase are reached, from the values at its start."""
     pairs = zip(phase.endings, values, strict=True)
-    return any(ending.sign * (value - ending.value) >= 0.0 for ending, value in pairs)
+    return [ending.sign or (1 if value < ending.value else -1) for ending, value in pairs]
+
+
+def is_over(phase: Phase, values: Sequence[float], signs: Sequence[int]) -> bool:
+    """Whether one of these values has ended a phase."""
+    triples = zip(phase.endings, values, signs, strict=True)
+    return any(sign * (value - ending.value) >= 0.0 for ending, value, sign in triples)
 
 
 class EndingSearch:
     """Finds the length of a step at whose end a phase ends with a value, by trial steps; inactive in other phases.
 
-    start: values of the endings at the start of the step. tolerance: of a step, in lengths of the law. preload [N]: scale
-    of forces; length [m]: of the law; cell [m^2]: of a grid point.
+    start: values of the endings at the start of the step. signs: from which side they are reached. tolerance: of a step, in
+    lengths of the law. preload [N]: scale of forces; length [m]: of the law; cell [m^2]: of a grid point.
     """
 
     def __init__(
-        self, phase: Phase, start: Sequence[float], tolerance: float, preload: float, length: float, cell: float
-    ):
-        self.endings, self.start = phase.endings, start
+        self, phase: Phase, start: Sequence[float], signs: Sequence[int], tolerance: float, preload: float,
+        length: float, cell: float,
+    ):  # fmt: skip
+        self.endings, self.start, self.signs = phase.endings, start, signs
         self.slacks = [_slack(ending, tolerance, preload, length, cell) for ending in phase.endings]
         self.bracket: Bracket | None = None
 
@@ -69,8 +76,8 @@ class EndingSearch:
     def sharp(self) -> bool:
         """Whether trial steps need a smaller tolerance, because a force is close to the one that ends the phase."""
         return self.bracket is not None or any(
-            ending.quantity == FORCE and _is_close(ending, value)
-            for ending, value in zip(self.endings, self.start, strict=True)
+            ending.quantity == FORCE and _is_close(ending.value, value, sign)
+            for ending, value, sign in zip(self.endings, self.start, self.signs, strict=True)
         )
 
     def other_step(self, step: float, values: Callable[[], Sequence[float]]) -> float | None:
@@ -93,7 +100,8 @@ class EndingSearch:
     def _excess(self, values: Sequence[float]) -> tuple[float, float]:
         """By how much the values are beyond the nearest ending, and the allowed error: in units of that ending's quantity,
         or, of several endings, in allowed errors."""
-        beyond = [ending.sign * (value - ending.value) for ending, value in zip(self.endings, values, strict=True)]
+        triples = zip(self.endings, values, self.signs, strict=True)
+        beyond = [sign * (value - ending.value) for ending, value, sign in triples]
         if len(beyond) == 1:
             return beyond[0], self.slacks[0]
         return max(excess / slack for excess, slack in zip(beyond, self.slacks, strict=True)), 1.0
@@ -104,7 +112,8 @@ def search_of(
 ) -> EndingSearch:
     """The search in a step of a scheme; arguments as of EndingSearch."""
     cell = scheme.points.grid.cell_area if phase.endings else 0.0
-    return EndingSearch(phase, scheme.values_of(state, phase), tolerance, preload, length, cell)
+    start = scheme.values_of(state, phase)
+    return EndingSearch(phase, start, state.phase_signs, tolerance, preload, length, cell)
 
 
 def _slack(ending: Ending, tolerance: float, preload: float, length: float, cell: float) -> float:
@@ -116,10 +125,10 @@ def _slack(ending: Ending, tolerance: float, preload: float, length: float, cell
     return PRELOAD_SHARE * tolerance * length
 
 
-def _is_close(ending: Ending, force: float) -> bool:
-    if ending.sign > 0 and ending.value > 0.0:
-        return force > CLOSE * ending.value
-    return ending.sign * (ending.value - force) < (1.0 - CLOSE) * max(abs(ending.value), abs(force))
+def _is_close(value: float, force: float, sign: int) -> bool:
+    if sign > 0 and value > 0.0:
+        return force > CLOSE * value
+    return sign * (value - force) < (1.0 - CLOSE) * max(abs(value), abs(force))
 
 
 NARROW = 1e-6

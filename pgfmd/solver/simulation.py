@@ -12,7 +12,7 @@ from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
 from pgfmd.physics.drive import COMPLETED, DETACHED, FORCE, PRELOAD, STEP_END, Drive, Phase
 
-from .ending_search import PRELOAD_TOLERANCE, is_over
+from .ending_search import PRELOAD_TOLERANCE, is_over, signs_at
 from .finite_check import not_finite_on
 from .interruption import Interrupted, Question
 from .state import State
@@ -104,7 +104,7 @@ class Simulation:
             stopped = is_to_stop()
         while not (stopped or state.finished or (only_to_preload and state.preload_time is not None)):
             phase = self.phase
-            if not state.elapsed and state.phase and is_over(phase, self.scheme.values_of(state, phase)):
+            if not state.elapsed and state.phase and self._is_over(phase):
                 # The punch is there already.
                 self._end_phase(phase, True)
                 continue
@@ -166,7 +166,7 @@ class Simulation:
         self._measure()
         self.state.energies.adhesive_start = self.state.energies.adhesive
         self.state.energies.largest_residual = 0.0
-        self.state.phase_place = self.state.place
+        self._begin_phase()
         if self.has_cycles:
             self.state.cycle.begin(self.state, 1)
         self._note(Event("start"))
@@ -203,6 +203,16 @@ class Simulation:
         if not state.finished and state.counters.steps >= self.max_steps:
             state.finished = STOPPED_STEPS
 
+    def _begin_phase(self) -> None:
+        """Keeps what the ends of a phase are counted from."""
+        state, phase = self.state, self.phase
+        state.phase_place = state.place
+        state.phase_signs = signs_at(phase, self.scheme.values_of(state, phase))
+
+    def _is_over(self, phase: Phase) -> bool:
+        """Whether a phase that begins is over at once."""
+        return is_over(phase, self.scheme.values_of(self.state, phase), self.state.phase_signs)
+
     def _end_phase(self, phase: Phase, met: bool) -> None:
         """Goes to the next phase, or ends the run; met: whether a value has ended the phase."""
         state = self.state
@@ -221,7 +231,7 @@ class Simulation:
         if self.phase.control != phase.control:
             self.scheme.control(self.phase.control, state)
         state.elapsed, state.phase_start, state.step = 0.0, self.scheme.drive_at(state), 0.0
-        state.phase_place = state.place
+        self._begin_phase()
         if self.has_cycles and self.phase.cycle != phase.cycle:
             state.cycles.append(state.cycle.row(state))
             state.cycle.begin(state, self.phase.cycle)

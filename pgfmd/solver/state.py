@@ -74,7 +74,8 @@ class State:
     position [m]: of the punch, or, in quasistatic with a machine's spring, of the drive.
     place, preload_place [m]: displacement d of the punch at the end of the last step, and where it met the preload.
     phase: index in the programme. elapsed [s], phase_start [m], phase_place [m]: time since its start, and positions of
-    the drive and of the punch there. stepped: index of the phase of the last step.
+    the drive and of the punch there. phase_signs: from which side the values that end the phase are reached, as of
+    drive.Ending. stepped: index of the phase of the last step.
     displacement [m]: u of the surface, positive upward.
     load [Pa]: the effective traction w, with u = G0 w.
     traction [Pa]: f on the surface.
@@ -115,6 +116,7 @@ class State:
     elapsed: float = 0.0
     phase_start: float = 0.0
     phase_place: float = 0.0
+    phase_signs: list[int] = field(default_factory=list)
     stepped: int = 0
     cycle: CycleNumbers = field(default_factory=CycleNumbers)
     cycles: list[list[float | None]] = field(default_factory=list)

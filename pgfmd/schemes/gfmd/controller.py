@@ -44,7 +44,7 @@ class FixedSteps:
         jumps = state.counters.jumps
         self.scheme.step(state, phase, step)
         state.past_forces[:] = before
-        if phase.endings and is_over(phase, self.scheme.values_of(state, phase)):
+        if phase.endings and is_over(phase, self.scheme.values_of(state, phase), state.phase_signs):
             why = "ending"
         return Taken(state.counters.jumps > jumps), why
 
@@ -61,11 +61,11 @@ class FixedSteps:
         self, state: State, phase: Phase, values: list[float], step: float, why: str
     ) -> tuple[float, str]:
         """Shortens a step to end at a value that ends the phase, if it is about to be exceeded."""
-        for k, (ending, value) in enumerate(zip(phase.endings, values, strict=True)):
-            missing = ending.sign * (ending.value - value)
+        for k, (ending, value, sign) in enumerate(zip(phase.endings, values, state.phase_signs, strict=True)):
+            missing = sign * (ending.value - value)
             # Values of the step before, in the place of forces.
             known = len(state.past_forces) == len(values)
-            rate = ending.sign * (value - state.past_forces[k]) / state.last_step if known else 0.0
+            rate = sign * (value - state.past_forces[k]) / state.last_step if known else 0.0
             if rate > 0.0 and missing < rate * step:
                 step, why = min(step, max(missing / rate, LEAST_SHARE * self.step)), ""
         return step, why
