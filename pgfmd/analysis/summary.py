@@ -16,6 +16,7 @@ from pgfmd.plots.drawing import drawing, elsewhere, target_folder, write_picture
 from pgfmd.results import Results, load
 from pgfmd.results.about import about
 from pgfmd.results.curve import Loop, Measures, measure
+from pgfmd.results.cycles import cycle_of
 from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
 
 from . import pictures
@@ -95,6 +96,7 @@ def analyse(
     bearing_area: bool = False,
     asperity: str | Path | None = None,
     resolution: float | None = None,
+    cycle: int | None = None,
 ) -> Analysis:
     """Analyse a results folder. Reads files only; works while the run goes on, as far as it has come.
 
@@ -103,6 +105,8 @@ def analyse(
         bearing_area: whether a bearing-area model is laid beside it. asperity: results of a run of one isolated
             asperity, for that model; implies it.
         resolution: [m] of a low-pass filter for the curve, None for none. Energies of the audit are never filtered.
+        cycle: number of a cycle of a programme with repeats whose forces, works and bulges are measured; None for those of
+        the whole run.
 
     Raises:
         ResultError: if a folder can't be read, or what is asked for can't be had from it; SceneError if its scene
@@ -113,11 +117,18 @@ def analyse(
         other = stack.enter_context(load(twin)) if twin is not None else None
         single = stack.enter_context(load(asperity)) if asperity is not None else None
         whole = Loop.of(results)
-        loop = whole if resolution is None else _filtered(whole, resolution)
+        chosen = whole if cycle is None else cycle_of(results, whole, cycle).loop
+        loop = chosen if resolution is None else _filtered(chosen, resolution)
         table = Table(f"{results.scene.get('title') or results.directory.name}: {results.directory}")
         found = measure(loop)
         _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.told else WITHIN_STEPS)
         _add_works(table, found)
+        if results.scene.get("drive", {}).get("step"):
+            # Not at the top: few runs have a programme.
+            from .programme import add_cycles, add_oscillations
+
+            add_cycles(table, results, whole)
+            add_oscillations(table, results, whole)
         add_areas(table, results, found)
         _remark_unfinished(table, results)
         _remark_thinned(table, results)

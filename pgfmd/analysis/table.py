@@ -11,7 +11,7 @@ from pgfmd.files.storage import plain
 
 SUFFIXES = {
     "N": "N", "m": "m", "J": "J", "s": "s", "N/m": "N_per_m", "m^2": "m2", "J/m^2": "J_per_m2", "Pa": "Pa", "m/s": "m_per_s",
-    "1/m": "per_m", "rad/s": "rad_per_s",
+    "1/m": "per_m", "rad/s": "rad_per_s", "Hz": "Hz",
 }  # fmt: skip
 """How a unit is written at the end of a record's key."""
 

@@ -51,6 +51,9 @@ def analyse(
         path_option("--asperity", metavar="DIR", help="Results of one isolated asperity, for that model."),
     ] = None,
     low_pass: LowPass = None,
+    cycle: Annotated[
+        int | None, typer.Option("--cycle", min=1, help="Measure this cycle of a programme alone.")
+    ] = None,
     out: Annotated[
         Path | None,
         path_option("--out", "-o", metavar="DIR", help="Folder of what is written, if not DIR itself."),
@@ -61,7 +64,7 @@ def analyse(
     from pgfmd.analysis.summary import analyse as analysis_of
     from pgfmd.analysis.table import show
 
-    analysis = analysis_of(directory, twin, bearing_area, asperity, length(low_pass, "--low-pass"))
+    analysis = analysis_of(directory, twin, bearing_area, asperity, length(low_pass, "--low-pass"), cycle)
     paths = analysis.write(out)
     if as_json:
         print_json(analysis.record)

@@ -59,7 +59,8 @@ class Loop:
 
     For runs only: work [J] of the loop, and separation [J], the work of separation (None before the retraction); both
     are independent of filters. told: other numbers of `run.json`, by key (TOLD). share: relative uncertainty of forces
-    due to the errors of steps (uncertainty.py).
+    due to the errors of steps (uncertainty.py). cycle, stage: numbers of the repeat and of the step of the programme, from
+    1; None if unknown.
 
     For measured loops only: closed: whether the rows hold both ways. treated: what was done to the curve when it was read,
     in words. remarks: what else is to be known of it.
@@ -81,6 +82,8 @@ class Loop:
     share: float = 0.0
     overlap: Array | None = None
     near: Array | None = None
+    cycle: Array | None = None
+    stage: Array | None = None
     closed: bool = True
     treated: str = ""
     remarks: tuple[str, ...] = ()
@@ -110,7 +113,8 @@ class Loop:
         name = name or results.directory.name
         loop = cls(
             name, time, displacement, force, area, u_inf, phase, jump, offset, held, overlap=areas.get("overlap"),
-            near=areas.get("near"), share=uncertainty.share_of(scene.get("solver", {})),
+            near=areas.get("near"), cycle=_numbers(curve, "cycle"), stage=_numbers(curve, "stage"),
+            share=uncertainty.share_of(scene.get("solver", {})),
         )  # fmt: skip
         return loop._told_by(results)
 
@@ -148,7 +152,7 @@ class Loop:
     @property
     def met_preload(self) -> bool:
         """Whether the approach has ended."""
-        return "preload_N" in self.told or bool(np.any(self.phase != "approach"))
+        return "preload_N" in self.told or _after_approach(self.phase) is not None
 
     @property
     def preload_row(self) -> int:
@@ -207,10 +211,27 @@ def column(table: Any, name: str) -> NDArray[Any]:
     return np.asarray(table[name])
 
 
+def _numbers(curve: Any, name: str) -> Array | None:
+    """A column of numbers of cycles or steps; None in a table of an earlier version, which has none."""
+    found = np.asarray(column(curve, name), float)
+    return None if np.isnan(found).any() else found
+
+
+def _after_approach(phase: NDArray[np.str_]) -> int | None:
+    """The first row after the approach, or after another first step of a programme; None if there is none. A turn that
+    leads to it, from an earlier cycle, is passed over."""
+    begun = np.flatnonzero(phase != "turn")
+    if not begun.size:
+        return None
+    first = int(begun[0])
+    later = np.flatnonzero(phase[first:] != phase[first])
+    return first + int(later[0]) if later.size else None
+
+
 def end_of_approach(phase: NDArray[np.str_]) -> int:
     """The last row of the approach, or of the whole curve if there is no other phase."""
-    later = np.flatnonzero(phase != "approach")
-    return max(int(later[0]) - 1, 0) if later.size else len(phase) - 1
+    later = _after_approach(phase)
+    return max(later - 1, 0) if later is not None else len(phase) - 1
 
 
 def turning_row(displacement: Array, phase: NDArray[np.str_]) -> int:
@@ -218,7 +239,7 @@ def turning_row(displacement: Array, phase: NDArray[np.str_]) -> int:
     approach and the retraction at constant speed; within the turn, or at the end of a dwell. len(phase) during the
     approach."""
     first, out = end_of_approach(phase), np.flatnonzero(phase == "retract")
-    if not np.any(phase != "approach"):
+    if _after_approach(phase) is None:
         return len(phase)
     between = np.asarray(displacement)[first : max(int(out[0]), first + 1) if out.size else len(phase)]
     return first + len(between) - 1 - int(np.argmin(between[::-1]))
