@@ -254,7 +254,10 @@ def _restore(
     history.go_on(head["links"], state.counters.steps, changed)
     if "solver.max_steps" in changed and state.finished == STOPPED_STEPS:
         state.finished = ""
-    if {"output.snapshots", "drive.preload"} & set(changed):
+    if any(
+        key in ("output.snapshots", "drive.preload") or key.startswith(("drive.step", "drive.repeat"))
+        for key in changed
+    ):
         outputs.plan_snapshots(state, keeper)
     for line in _told(simulation, path, changed, history) if comm.rank == 0 else []:
         keeper.say(line)
@@ -282,6 +285,11 @@ def _require_space(simulation: Simulation, scene: Scene, comm: Intracomm, folder
     # Two surfaces and loads of the past, and a surface kept for a snapshot.
     later = 2 * (state.displacement.nbytes + state.load.nbytes) + 3 * state.displacement.nbytes
     grid, count = points.grid, 2 + len(scene.output.snapshots)
+    if scene.output.rhythms:
+        # Not at the top: few scenes ask for regular ones.
+        from .forecast.programme import snapshot_count
+
+        count = 2 + snapshot_count(scene)
     checkpoint = comm.allreduce(arrays + later) + (8 * grid.n**2 if scene.output.surface else 0)
     frame = Layout(grid.n, grid.length, points.block_start, points.nb, scene.output.surface).frame_bytes
     storage.on_root(comm, f"{folder}", lambda: require_space(folder, checkpoint, count * frame))

@@ -17,10 +17,13 @@ from pgfmd.physics.drive import STEP_END
 from pgfmd.solver.simulation import Observer
 from pgfmd.solver.state import State
 
+from .regular_snapshots import RegularSnapshots
+
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
+    from pgfmd.scene.output_section import Rhythm
     from pgfmd.solver.simulation import Event, Simulation
 
 
@@ -178,12 +181,13 @@ class Agenda:
     """What snapshots are still to come, and what a checkpoint has to know of them.
 
     wanted: times [s] with labels, in order; fractions: of the time t_pl from first contact to preload, whose times are
-    not known yet. tension: the surface at the largest tension so far.
+    not known yet. tension: the surface at the largest tension so far. regular: those at regular distances.
     """
 
     wanted: list[tuple[float, str]]
     fractions: list[float]
     tension: Frame = field(default_factory=Frame)
+    regular: RegularSnapshots = field(default_factory=RegularSnapshots)
 
 
 Made = Callable[[], np.ndarray]
@@ -219,8 +223,11 @@ class Snapshots(Observer):
         self.file, self.surface, self.follow = file, surface, follow
         self.agenda = Agenda(sorted(wanted), fractions)
 
-    def replan(self, state: State, wanted: list[tuple[float, str]], fractions: list[float]) -> None:
+    def replan(
+        self, state: State, wanted: list[tuple[float, str]], fractions: list[float], rhythms: list[Rhythm]
+    ) -> None:
         """Other snapshots from now on; what is over already is left out."""
+        self.agenda.regular = RegularSnapshots.of(rhythms, state)
         coming = [entry for entry in wanted if _is_to_come(entry, state) or not state.started]
         self.agenda.wanted, self.agenda.fractions = sorted(coming), fractions
         if state.preload_time is not None:
@@ -234,7 +241,8 @@ class Snapshots(Observer):
         self.agenda.wanted = [(time, label) for time, label in self.agenda.wanted]
 
     def next_time(self, simulation: Simulation) -> float:
-        return self.agenda.wanted[0][0] if self.agenda.wanted else math.inf
+        single = self.agenda.wanted[0][0] if self.agenda.wanted else math.inf
+        return min(single, self.agenda.regular.next_time(simulation.state))
 
     def observe(self, simulation: Simulation, event: Event) -> None:
         state, tension = simulation.state, self.agenda.tension
@@ -247,6 +255,12 @@ class Snapshots(Observer):
                 tension.take(state, self.surface, simulation.scheme.machine_compliance)
         elif event.kind == "end" and tension.held:
             self._write(simulation, "largest tension", tension)
+        if event.kind in ("step", "jump"):
+            for label in self.agenda.regular.take(state):
+                self._write_present(simulation, label)
+        elif event.kind == STEP_END and self.agenda.regular.step_ends:
+            phase = simulation.phases[state.stepped]
+            self._write_present(simulation, f"end of step {phase.stage}, cycle {phase.cycle}")
         if event.kind != "end":
             self._write_due(simulation)
 

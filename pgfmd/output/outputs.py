@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
+    from pgfmd.scene.output_section import Rhythm
     from pgfmd.solver.interruption import Impatient
     from pgfmd.solver.simulation import Simulation
     from pgfmd.solver.state import State
@@ -108,15 +109,15 @@ class Outputs:
 
 def snapshots_wanted(
     scene: Scene, state: State, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None = None
-) -> tuple[list[tuple[float, str]], list[float]]:
-    """Times [s] with labels of the snapshots that a scene asks for, and fractions of t_pl above 1, whose times are not
-    known yet. See `Outputs.plan_snapshots`. Collective."""
+) -> tuple[list[tuple[float, str]], list[float], list[Rhythm]]:
+    """Times [s] with labels of the snapshots that a scene asks for; fractions of t_pl above 1, whose times are not known
+    yet; and those at regular distances. See `Outputs.plan_snapshots`. Collective."""
     asked = scene.output.snapshot_times
     wanted = [(value, f"t = {value:g} s") for value, relative in asked if not relative]
     fractions = [value for value, relative in asked if relative]
     if state.preload_time is None:
         wanted += run_ahead(scene, comm, say, keeper)
-    return wanted, [value for value in fractions if value > 1.0]
+    return wanted, [value for value in fractions if value > 1.0], scene.output.rhythms
 
 
 def _sites_of(scene: Scene) -> ContactSites:

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 
 from pgfmd.errors import ResultError
 from pgfmd.results import Results, load
+from pgfmd.results.curve import Loop
+from pgfmd.results.cycles import count_of
 from pgfmd.results.reading import runs_in
 
 from .curves import QUANTITIES, plot_curve, plot_energy, plot_force, plot_time
+from .cycles import plot_cycles
 from .drawing import drawing, elsewhere, target_folder, write_picture
 from .maps import pages_of, plot_contact_maps, plot_stress_maps, stress_limit
 from .numbers import NUMBERS, plot_numbers
@@ -36,7 +39,8 @@ def plot_results(
     """Makes every picture that the folder has data for; returns the files written, in it or in the folder `out`.
 
     `force-displacement.png` and `time.png` always; `contact-maps.png`, `stress-maps.png` with snapshots, more than
-    twelve on further pages, `contact-maps-2.png` and so on; `energy.png` with an audit; `sites.png` where summits,
+    twelve on further pages, `contact-maps-2.png` and so on; `cycles.png` of a programme with repeats;
+    `energy.png` with an audit; `sites.png` where summits,
     saddles or valleys have met the elastomer.
 
     Args:
@@ -69,6 +73,8 @@ def pictures_of(
     """
     yield "force-displacement", partial(plot_force, results)
     yield "time", partial(plot_time, results)
+    if results.run.get("cycles") or (results.scene.get("drive", {}).get("repeat") and count_of(Loop.of(results)) > 1):
+        yield "cycles", partial(plot_cycles, results)
     pages = range(1, len(pages_of(results)) + 1)
     for page in pages:
         yield _paged("contact-maps", page), partial(contact or partial(plot_contact_maps, results), page=page)

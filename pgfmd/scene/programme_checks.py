@@ -7,11 +7,13 @@ from collections.abc import Iterator
 
 from pgfmd.errors import MeasurementError, Problem
 from pgfmd.files.followed_path import read_path
+from pgfmd.physics.drive import FORCE
 from pgfmd.schemes import registry
 
 from .drive_section import REPLACED
 from .fields import expectation, extra_of
 from .model import SECTIONS
+from .output_section import Output
 from .partial_scene import MISSING, PartialScene, example
 from .programme_section import largest_force
 
@@ -81,4 +83,20 @@ def followed_files_can_be_read(draft: PartialScene) -> Iterator[Problem]:
             yield Problem(f"drive.step.{number}.file", step.file, "a file to follow", str(error))
 
 
-PROGRAMME_RULES = (programme_is_said_once, repeats_are_of_steps, programme_can_be_done)
+def snapshots_ahead_can_be_placed(draft: PartialScene) -> Iterator[Problem]:
+    """Snapshots before the preload, whose times are found by a run of the first step alone."""
+    steps, texts = draft["drive.step"], draft["output.snapshots"]
+    if not steps or (steps[0].do in ("approach", "ramp") and FORCE in [named for named, _ in steps[0].endings]):
+        return
+    output = Output.model_construct(snapshots=texts)
+    if any(relative and value < 1.0 for value, relative in output.snapshot_times):
+        expected = "no fractions of t_pl below 1, as the first step does not end with a force"
+        yield draft.problem("output.snapshots", expected, 'write "every 0.1 um" or "every 1 mN" instead')
+
+
+PROGRAMME_RULES = (
+    programme_is_said_once,
+    repeats_are_of_steps,
+    programme_can_be_done,
+    snapshots_ahead_can_be_placed,
+)
