@@ -121,7 +121,7 @@ def analyse(
         loop = chosen if resolution is None else _filtered(chosen, resolution)
         table = Table(f"{results.scene.get('title') or results.directory.name}: {results.directory}")
         found = measure(loop)
-        _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.told else WITHIN_STEPS)
+        _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.recorded else WITHIN_STEPS)
         _add_works(table, found)
         if results.scene.get("drive", {}).get("step"):
             # Not at the top: few runs have a programme.

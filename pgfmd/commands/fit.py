@@ -92,10 +92,19 @@ def fit(
     )
     moved = None if offset.strip() == "fit" else quantity(offset, "length", "--offset")
     k_machine = quantity(machine_stiffness, "stiffness", "--machine-stiffness", lambda value: value > 0)
-    way = Corrections(correct.value, k_machine, length(low_pass, "--low-pass"), moved)
+    corrections = Corrections(correct.value, k_machine, length(low_pass, "--low-pass"), moved)
     out = out or Path("out", f"fit-{Path(scene).stem}-{experiment.stem}")
     runs = Runs(
-        scene, tuple(given), parameters, Misfit(measured, way), out, ranks, jobs, checkpoint_every, most_runs, say
+        scene,
+        tuple(given),
+        parameters,
+        Misfit(measured, corrections),
+        out,
+        ranks,
+        jobs,
+        checkpoint_every,
+        most_runs,
+        say,
     )
     found = fitted(runs, levels, say)
     paths = found.write()

@@ -151,9 +151,12 @@ class Frame:
 
     def take(self, state: State, surface: Surface | None, compliance: float) -> Frame:
         """Holds a copy of the present fields of the state, in the arrays of before where there are some."""
-        if (self.displacement.size, self.displacement.dtype) != (state.displacement.size, state.displacement.dtype):
-            self.displacement, self.traction = np.empty_like(state.displacement), np.empty_like(state.traction)
-        self.displacement[:], self.traction[:] = state.displacement, state.traction
+        if (self.displacement.size, self.displacement.dtype) != (
+            state.surface_displacement.size,
+            state.surface_displacement.dtype,
+        ):
+            self.displacement, self.traction = np.empty_like(state.surface_displacement), np.empty_like(state.traction)
+        self.displacement[:], self.traction[:] = state.surface_displacement, state.traction
         if surface:
             kept = surface.keep(state)
             if (self.kept.size, self.kept.dtype) != (kept.size, kept.dtype):
@@ -190,7 +193,7 @@ class Agenda:
     regular: RegularSnapshots = field(default_factory=RegularSnapshots)
 
 
-Made = Callable[[], np.ndarray]
+Producer = Callable[[], np.ndarray]
 
 
 class SnapshotFile(Protocol):
@@ -200,7 +203,7 @@ class SnapshotFile(Protocol):
     def frames(self) -> int: ...
 
     def append(
-        self, label: str, time: float, position: float, force: float, gap: Made, traction: Made, displacement: Made, /,
+        self, label: str, time: float, position: float, force: float, gap: Producer, traction: Producer, displacement: Producer, /,
         surface: tuple[np.ndarray, int] | None = None,
     ) -> None:  # fmt: skip
         """Adds one, of functions that make this rank's rows (fields_file.py). Collective."""
@@ -282,7 +285,9 @@ class Snapshots(Observer):
         state = simulation.state
         kept = self.surface.keep(state) if self.surface else _nothing()  # No copies: it is written at once.
         length = simulation.scheme.machine_compliance * state.force
-        frame = Frame(True, state.time, state.position, state.force, length, state.displacement, state.traction, kept)
+        frame = Frame(
+            True, state.time, state.position, state.force, length, state.surface_displacement, state.traction, kept
+        )
         self._write(simulation, label, frame)
 
     def _write(self, simulation: Simulation, label: str, frame: Frame) -> None:

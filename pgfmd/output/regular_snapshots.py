@@ -68,7 +68,7 @@ class RegularSnapshots:
     def _value(self, k: int, state: State) -> float:
         kind = self.kinds[k]
         if kind == "displacement":
-            return state.place
+            return state.punch_displacement
         if kind == "force":
             return state.force
         if kind == "time":

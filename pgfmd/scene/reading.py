@@ -75,10 +75,10 @@ def scene_from_mapping(
 def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool = True) -> Scene:
     """The checked and resolved scene of what was given. Raises SceneError with every problem found."""
     given, problems = given.overridden(overrides)
-    mapping, draft = given.mapping, PartialScene(given.folder)
-    problems += _read_sections(mapping, draft)
-    problems += refer_to_relaxed(draft)
-    problems += check(draft, require_files)
+    mapping, partial = given.mapping, PartialScene(given.folder)
+    problems += _read_sections(mapping, partial)
+    problems += refer_to_relaxed(partial)
+    problems += check(partial, require_files)
     title = mapping.get("title", "")
     if not isinstance(title, str):
         problems.append(Problem("title", title, "a text", "put it in quotes"))
@@ -87,10 +87,10 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
     if problems:
         raise SceneError(given.source, problems)
     try:
-        scene = _resolve(title, draft)
+        scene = _resolve(title, partial)
     except (OSError, MeasurementError) as error:
         # Of a law, or of a step to follow, whose file is asked for though files need not be there.
-        followed = any(step.file for step in draft["drive.step"])
+        followed = any(step.file for step in partial["drive.step"])
         file = getattr(error, "filename", None) or str(error)
         problem = Problem("drive.step" if followed else "adhesion.file", file, "a file that can be read", str(error))
         raise SceneError(given.source, [problem]) from None
@@ -100,7 +100,7 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
     return scene.remembering(given)
 
 
-def _read_sections(mapping: Mapping[str, Any], draft: PartialScene) -> list[Problem]:
+def _read_sections(mapping: Mapping[str, Any], partial: PartialScene) -> list[Problem]:
     """Fill the draft; returns what is wrong with single keys."""
     problems = []
     for name, value in mapping.items():
@@ -115,9 +115,9 @@ def _read_sections(mapping: Mapping[str, Any], draft: PartialScene) -> list[Prob
             cure = f"write [{section}] on a line of its own, its keys below"
             problems.append(Problem(section, raw, "a section", cure))
             raw = {}
-        draft.raw[section], draft.values[section] = raw, {}
+        partial.raw[section], partial.values[section] = raw, {}
         try:
-            model.model_validate(raw, context=draft.values[section])
+            model.model_validate(raw, context=partial.values[section])
         except ValidationError as error:
             for details in error.errors(include_url=False):
                 problems += _problems_of(section, model, details)
@@ -150,13 +150,13 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
     return [Problem(dotted, error["input"], expected)]
 
 
-def _resolve(title: str, draft: PartialScene) -> Scene:
+def _resolve(title: str, partial: PartialScene) -> Scene:
     """The scene with defaults, automatic values and absolute paths filled in; the draft is free of problems."""
     # Of these, words are still words.
-    parts: dict[str, Any] = {name: model.model_construct(**draft.values[name]) for name, model in SECTIONS.items()}
+    parts: dict[str, Any] = {name: model.model_construct(**partial.values[name]) for name, model in SECTIONS.items()}
     drive, substrate = parts["drive"], parts["substrate"]
     # As the others.
-    adhesion: Any = _with_own_values(draft, parts["adhesion"])
+    adhesion: Any = _with_own_values(partial, parts["adhesion"])
     q_ref = adhesion.q_ref
     if q_ref == "grid":
         q_ref = 2.0 * math.pi * parts["grid"].n / parts["grid"].length
@@ -167,7 +167,7 @@ def _resolve(title: str, draft: PartialScene) -> Scene:
     adhesion = adhesion.model_copy(update={"q_ref": q_ref, "range": reach})
     if drive.step:
         radius = parts["punch"].radius or 0.5 * parts["grid"].length
-        drive = _standing_in(drive, draft, 2.0 * radius * substrate.contact_modulus, length_of(adhesion))
+        drive = _standing_in(drive, partial, 2.0 * radius * substrate.contact_modulus, length_of(adhesion))
         parts["drive"] = drive
     retract_speed = drive.retract_speed or drive.speed
     automatic: dict[str, dict[str, Any]] = {
@@ -180,9 +180,9 @@ def _resolve(title: str, draft: PartialScene) -> Scene:
             ),
             "clearance": clearance_of(adhesion) if drive.clearance == "auto" else drive.clearance,
         },
-        "punch": {"file": _text(draft.path("punch.file")), **_of_random_face(parts["punch"], parts["grid"].length)},
+        "punch": {"file": _text(partial.path("punch.file")), **_of_random_face(parts["punch"], parts["grid"].length)},
         "substrate": {
-            "compliance_file": _text(draft.path("substrate.compliance_file")),
+            "compliance_file": _text(partial.path("substrate.compliance_file")),
             "base": (substrate.base or "bonded") if math.isfinite(substrate.thickness) else None,
         },
     }
@@ -194,13 +194,13 @@ def _resolve(title: str, draft: PartialScene) -> Scene:
     return scene.model_copy(update={"solver": scene.solver.chosen(best_precision(scene).precision)})
 
 
-def _standing_in(drive: Any, draft: PartialScene, stiffness: float, reach: float) -> Any:
+def _standing_in(drive: Any, partial: PartialScene, stiffness: float, reach: float) -> Any:
     """A [drive] with steps, with absolute paths, and the speed and the preload that stand for them in forecasts: about that
     of the first step that moves, the largest speed, and the largest force. stiffness [N/m]: of the contact of the whole punch; reach [m]: of
     adhesion, which the punch is taken to move by where all steps hold."""
     steps = []
     for step in drive.step:
-        path = step.file and str((draft.folder / os.path.expanduser(step.file)).absolute())
+        path = step.file and str((partial.folder / os.path.expanduser(step.file)).absolute())
         steps.append(step.model_copy(update={"file": path}))
     held = max(step.duration or 1.0 for step in steps)
     speed = next((speed for step in steps if (speed := step.speed_with(stiffness))), reach / held)
@@ -209,11 +209,11 @@ def _standing_in(drive: Any, draft: PartialScene, stiffness: float, reach: float
     return drive.model_copy(update={"step": tuple(steps), "speed": speed, "retract_speed": fastest, "preload": preload})
 
 
-def _with_own_values(draft: PartialScene, adhesion: Adhesion) -> Adhesion:
+def _with_own_values(partial: PartialScene, adhesion: Adhesion) -> Adhesion:
     """The section with the path of its file, and with what its law knows by itself of keys that are not given."""
     law = LAWS[adhesion.law]
-    adhesion = adhesion.model_copy(update={"file": _text(draft.path("adhesion.file"))})
-    left = [name for name in law.known if not draft.given(f"adhesion.{name}")]
+    adhesion = adhesion.model_copy(update={"file": _text(partial.path("adhesion.file"))})
+    left = [name for name in law.known if not partial.given(f"adhesion.{name}")]
     found = law.own_values(adhesion) if left else {}
     return adhesion.model_copy(update={name: found[name] for name in left})
 

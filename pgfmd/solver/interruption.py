@@ -23,7 +23,7 @@ class Interrupted(Exception):
     """A step was abandoned, on every rank at the same place."""
 
 
-class Impatient(Protocol):
+class StopCondition(Protocol):
     """Who may want a run to end: on a signal, at a limit of time (restart/checkpoint_policy.py), on Ctrl-C
     (in_memory.py)."""
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pgfmd.solver.tiles import Convolves
 
 
-class SprungConvolution:
+class ConvolutionWithSpring:
     """G0' as a Convolution: u' = G0' * w between point vectors.
 
     convolve: the Convolution with G0. spring [m/N]: 1/k_M. compliance: J of the equilibria that it is used for; it may be
@@ -92,9 +92,9 @@ def nonzero(points: PunchPoints, values: np.ndarray, rows: np.ndarray) -> int:
     return int(points.total_of(rows)[0])
 
 
-def sprung(convolve: Convolves, spring: float, compliance: float) -> Convolves:
+def with_spring(convolve: Convolves, spring: float, compliance: float) -> Convolves:
     """The convolution with the machine's spring in it; as it is where the machine is rigid."""
-    return SprungConvolution(convolve, spring, compliance) if spring else convolve
+    return ConvolutionWithSpring(convolve, spring, compliance) if spring else convolve
 
 
 MISPLACED = 0.1
@@ -103,7 +103,7 @@ a small error of the load, the load is corrected beforehand."""
 
 
 CLEAR = 1e-9
-"""How far beyond the reach of the law a flung punch is left, relative to it."""
+"""How far beyond the reach of the law a runaway punch is left, relative to it."""
 
 
 def out_of_reach(points: PunchPoints, surface: np.ndarray, height: np.ndarray, reach: float) -> float:
@@ -118,7 +118,7 @@ def out_of_reach(points: PunchPoints, surface: np.ndarray, height: np.ndarray, r
 class Machine:
     """The spring of a machine, in solves whose surface u is the true one.
 
-    solver: NewtonSolver, whose convolutions are `SprungConvolution`s. springs: compliance 1/k_M [m/N] by what the machine
+    solver: NewtonSolver, whose convolutions are `ConvolutionWithSpring`s. springs: compliance 1/k_M [m/N] by what the machine
     controls, 0 for none. stiffness [N/m]: of the contact of the whole punch on the relaxed body, about. compliance: that
     of the present phase (`control`). dead_load: whether the spring stands for a load that does not give way: such a spring
     flings a punch that comes free. After solves, `fallen` [J] is by how much the
@@ -126,7 +126,7 @@ class Machine:
     """
 
     def __init__(self, solver: NewtonSolver, springs: Mapping[str, float], stiffness: float):
-        assert isinstance(solver.convolve, SprungConvolution)
+        assert isinstance(solver.convolve, ConvolutionWithSpring)
         self.solver, self.points, self._convolve = solver, solver.points, solver.convolve
         self.springs, self.stiffness = springs, stiffness
         self._rows = np.zeros((1, solver.points.rows))

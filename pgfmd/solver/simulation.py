@@ -146,7 +146,7 @@ class Simulation:
         state = self.state
         # Apart from these, trials do not change the state.
         counters = replace(state.counters)
-        modes = [(mode, mode.copy()) for mode in (state.soft_mode, state.soft_load) if mode is not None]
+        modes = [(mode, mode.copy()) for mode in (state.softest_mode, state.softest_mode_dual) if mode is not None]
         question.begin()
         solver.cg.poll = question
         try:
@@ -206,7 +206,7 @@ class Simulation:
     def _begin_phase(self) -> None:
         """Keeps what the ends of a phase are counted from."""
         state, phase = self.state, self.phase
-        state.phase_place = state.place
+        state.phase_place = state.punch_displacement
         state.phase_signs = signs_at(phase, self.scheme.values_of(state, phase))
 
     def _is_over(self, phase: Phase) -> bool:
@@ -218,7 +218,11 @@ class Simulation:
         state = self.state
         if met and phase.ends_with == PRELOAD:
             if state.preload_time is None:
-                state.preload_time, state.preload, state.preload_place = state.time, state.force, state.place
+                state.preload_time, state.preload, state.preload_displacement = (
+                    state.time,
+                    state.force,
+                    state.punch_displacement,
+                )
             state.cycle.preload = state.force
             self._note(Event("preload"))
         elif self.drive.programme and phase.name != "turn":
@@ -240,7 +244,7 @@ class Simulation:
         """Computes from the fields the values of the curve and of the energy audit."""
         state, energies = self.state, self.state.energies
         self.scheme.measure(state)
-        state.place = self.punch_position
+        state.punch_displacement = self.punch_position
         if not math.isfinite(state.force + energies.adhesive + energies.residual + state.far_displacement):
             self._require_finite()
         if self.scheme.audit:

@@ -34,7 +34,7 @@ class CaseState:
         return self.state if not self.why or self.complete else f"{self.state} ({self.why})"
 
 
-def standing_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> CaseState:
+def case_state_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> CaseState:
     """The standing of a case whose results are in `folder`; allow: keys that may differ from what the run began with.
 
     `failed`: the run itself said that it can't go on. `changed`: the folder holds a run of another scene. `damaged`: no

@@ -27,9 +27,9 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     springs, output, machine = scene_objects.springs_of(scene), scene.output, None
     if any(springs.values()):
         # Most machines are taken for rigid.
-        from pgfmd.solver.machine import Machine, sprung
+        from pgfmd.solver.machine import Machine, with_spring
 
-        solver = newton_solver(scene, comm, mirror, lambda convolve: sprung(convolve, max(springs.values()), 1.0))
+        solver = newton_solver(scene, comm, mirror, lambda convolve: with_spring(convolve, max(springs.values()), 1.0))
         machine = Machine(solver, springs, scene_objects.punch_stiffness(scene))
     else:
         solver = newton_solver(scene, comm, mirror)
