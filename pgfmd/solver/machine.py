@@ -99,13 +99,13 @@ a small error of the load, the load is corrected beforehand."""
 
 
 CLEAR = 1e-9
-"""How far beyond the reach of the law a flung punch is left, relative to it."""
+"""How far beyond the reach of the law a punch that a dead load has torn off is stopped, relative to that reach."""
 
 
 def out_of_reach(points: PunchPoints, surface: np.ndarray, height: np.ndarray, reach: float) -> float:
     """The nearest position [m] at which a punch of this face no longer feels the surface, all [m]. Collective.
 
-    A punch that a dead load flings away is left there: there is no end to its way.
+    A punch that a dead load has torn off is stopped there, because nothing else would stop it.
     """
     nearest = float((surface - height).max()) if points.size else -np.inf
     return points.maximum_of(nearest) + (1.0 + CLEAR) * reach

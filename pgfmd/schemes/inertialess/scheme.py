@@ -259,7 +259,7 @@ class Inertialess(PathFollowing):
         return machine.dead_load and trial.phase.velocity_end > 0.0 and not machine.interacting(self.solver.curvature)
 
     def _follow_flight(self, machine: Machine, state: State, trial: Trial, jump: bool) -> None:
-        """Leaves a flung punch out of reach. What it releases is counted up to there, and not what a spring that stands for
+        """Stops a punch that a dead load has torn off just out of reach. What it releases is counted up to there, and not what a spring that stands for
         a load makes of the rest."""
         trial.flung = True
         if machine.interacting(state.traction):
