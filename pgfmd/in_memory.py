@@ -102,7 +102,7 @@ class Step:
         """Gap [m] between punch and elastomer, (rows, columns), NaN beyond the punch."""
         simulation = self._simulation
         return self._rows(
-            np.float64(simulation.state.position) + simulation.scheme.height - simulation.state.displacement
+            np.float64(simulation.state.position) + simulation.scheme.height - simulation.state.surface_displacement
         )
 
     @cached_property
@@ -115,7 +115,7 @@ class Step:
         """Displacement of the elastomer's surface [m], positive upward, (rows, columns), NaN beyond the punch."""
         simulation = self._simulation
         # Seen from the machine, the surface hangs on its spring, as the punch does.
-        return self._rows(simulation.state.displacement) + simulation.scheme.machine_compliance * self.force
+        return self._rows(simulation.state.surface_displacement) + simulation.scheme.machine_compliance * self.force
 
     def _rows(self, values: np.ndarray) -> np.ndarray:
         points = self._simulation.points
@@ -178,8 +178,8 @@ def _table(rows: Rows) -> Any:
     return table_of(rows.columns(), rows.table)
 
 
-class _Keeper(Observer):
-    """Calls a function with each step, and knows whether the simulation is to end: by that function, or by Ctrl-C.
+class _StepCallback(Observer):
+    """Calls a function with each step. The simulation ends when that function asks for it, or on Ctrl-C.
 
     asked: its entry is whether Ctrl-C has come, on this rank.
     """
@@ -234,18 +234,18 @@ def simulate(
     fields = FieldsInMemory(simulation.points.whole)
     history = History(comm.size, versions(), began)
     with _heeding_ctrl_c() as asked:
-        keeper = _Keeper(simulation, asked, each)
+        callback = _StepCallback(simulation, asked, each)
         snapshots = Snapshots(fields, [], [])
-        simulation.observers += [recorder, snapshots, keeper]
+        simulation.observers += [recorder, snapshots, callback]
         try:
-            snapshots.replan(simulation.state, *snapshots_wanted(scene, simulation.state, comm, _say_nothing, keeper))
+            snapshots.replan(simulation.state, *snapshots_wanted(scene, simulation.state, comm, _say_nothing, callback))
             forget()
-            simulation.run(attend=lambda _: keeper.has_to_stop(), interrupt=keeper.interrupts)
+            simulation.run(attend=lambda _: callback.has_to_stop(), interrupt=callback.interrupts)
         except Interrupted:
             raise KeyboardInterrupt("interrupted before the first step") from None
         # It may have come after the last step, too.
-        keeper.has_to_stop()
-    if keeper.interrupted:
+        callback.has_to_stop()
+    if callback.interrupted:
         _tell_of_interruption(simulation, comm)
     return Recording(scene, recorder, fields, record_of(simulation, scene, comm, history))
 

@@ -86,7 +86,7 @@ def run_scene(
     try:
         plan = launch.on_first(comm, lambda: _planned(folder, scene, options))
         if comm.rank == 0:
-            for line in plan.told:
+            for line in plan.messages:
                 say(line)
         if plan.record:
             if comm.rank == 0:
@@ -173,19 +173,19 @@ def _run(
                 "mirror": simulation.points.mirror,
             }  # fmt: skip
             checkpoints = Checkpoints(folder, comm, guard)
-            keeper = CheckpointPolicy(
+            policy = CheckpointPolicy(
                 comm, checkpoints, outputs, signals, options.timing, about, history, expected, say
             )
             if plan.go_on:
-                _restore(checkpoints, simulation, outputs, history, scene, options.allow, keeper)
-                keeper.go_on(simulation)
+                _restore(checkpoints, simulation, outputs, history, scene, options.allow, policy)
+                policy.go_on(simulation)
             else:
-                outputs.plan_snapshots(simulation.state, keeper)
+                outputs.plan_snapshots(simulation.state, policy)
             storage.on_root(comm, "the scene", lambda: _write_scene(folder, text, guard))
-            _to_the_end(simulation, keeper, scene, folder, history)
+            _to_the_end(simulation, policy, scene, folder, history)
             marks = outputs.marks()
     except Interrupted:
-        raise _stopped_early(keeper, folder) from None
+        raise _stopped_early(policy, folder) from None
     finally:
         outputs.close()
     record = record_of(simulation, scene, comm, history) | {"outputs": marks}
@@ -195,26 +195,26 @@ def _run(
     return record
 
 
-def _to_the_end(simulation: Simulation, keeper: CheckpointPolicy, scene: Scene, folder: Path, history: History) -> None:
+def _to_the_end(simulation: Simulation, policy: CheckpointPolicy, scene: Scene, folder: Path, history: History) -> None:
     """Steps, checkpoints, and what is left behind where it ends early."""
-    state, comm = simulation.state, keeper.comm
+    state, comm = simulation.state, policy.comm
     forget()
     try:
-        simulation.run(attend=keeper.attend, interrupt=keeper.interrupts)
+        simulation.run(attend=policy.attend, interrupt=policy.interrupts)
     except RunError as error:
         state.finished = resume.FAILED
         record = record_of(simulation, scene, comm, history) | {"error": str(error)}
-        storage.write_run_json(folder / storage.RUN_FILE, comm, record, keeper.checkpoints.guard)
+        storage.write_run_json(folder / storage.RUN_FILE, comm, record, policy.checkpoints.guard)
         raise
-    if keeper.out_of_time and state.counters.steps - history.now.first_step < LEAST_STEPS:
+    if policy.out_of_time and state.counters.steps - history.now.first_step < LEAST_STEPS:
         # A chain of such links would go on for ever.
         raise RunError(
-            f"{keeper.why} came after {state.counters.steps - history.now.first_step} steps of this process: allow "
+            f"{policy.why} came after {state.counters.steps - history.now.first_step} steps of this process: allow "
             f"more of it. There is a checkpoint in {folder}, from which the same command goes on"
         )
-    if keeper.why:
+    if policy.why:
         raise Stopped(
-            f"stopped by {keeper.why} after step {state.counters.steps} ({simulation.phase.name}, t = {state.time:.6g} "
+            f"stopped by {policy.why} after step {state.counters.steps} ({simulation.phase.name}, t = {state.time:.6g} "
             f"s), with a checkpoint in {folder}: the same command goes on from there"
         )
 
@@ -224,18 +224,18 @@ def _write_scene(folder: Path, text: bytes, guard: Callable[[], None]) -> None:
     write_atomically(folder / storage.SCENE_FILE, text)
 
 
-def _stopped_early(keeper: CheckpointPolicy, folder: Path) -> PgfmdError:
+def _stopped_early(policy: CheckpointPolicy, folder: Path) -> PgfmdError:
     """The end of a run that had to stop before a step of this process was made. Collective."""
-    keeper.has_to_stop()
-    if keeper.out_of_time:
-        return RunError(f"{keeper.why} came before the first step of this process: allow more of it")
-    what = f"stopped by {keeper.why} before the first step"
+    policy.has_to_stop()
+    if policy.out_of_time:
+        return RunError(f"{policy.why} came before the first step of this process: allow more of it")
+    what = f"stopped by {policy.why} before the first step"
     return Stopped(f"{what}; {folder} is as it was: the same command starts again")
 
 
 def _restore(
     checkpoints: Checkpoints, simulation: Simulation, outputs: Outputs, history: History, scene: Scene,
-    allow: Sequence[str], keeper: CheckpointPolicy,
+    allow: Sequence[str], policy: CheckpointPolicy,
 ) -> None:  # fmt: skip
     """Puts the simulation and its outputs where a checkpoint left them."""
     comm, state, found = checkpoints.comm, simulation.state, {}
@@ -247,7 +247,7 @@ def _restore(
         agenda = head["outputs"]["snapshots"]
         outputs.snapshots.recall(state, agenda, lambda name, share: read(f"snapshots/{name}", share))
 
-    path = checkpoints.restore(apply, keeper.say)
+    path = checkpoints.restore(apply, policy.say)
     head, changed = found["head"], found["changed"]
     outputs.cut_back(head["outputs"])
     storage.on_root(comm, "the old record", lambda: (path.parent / storage.RUN_FILE).unlink(missing_ok=True))
@@ -255,12 +255,12 @@ def _restore(
     if "solver.max_steps" in changed and state.finished == STOPPED_STEPS:
         state.finished = ""
     if {"output.snapshots", "drive.preload"} & set(changed):
-        outputs.plan_snapshots(state, keeper)
-    for line in _told(simulation, path, changed, history) if comm.rank == 0 else []:
-        keeper.say(line)
+        outputs.plan_snapshots(state, policy)
+    for line in _restart_messages(simulation, path, changed, history) if comm.rank == 0 else []:
+        policy.say(line)
 
 
-def _told(simulation: Simulation, path: Path, changed: list[str], history: History) -> list[str]:
+def _restart_messages(simulation: Simulation, path: Path, changed: list[str], history: History) -> list[str]:
     """What is said when a run goes on."""
     state = simulation.state
     lines = [f"going on from {path.name}: step {state.counters.steps}, t = {state.time:.6g} s"]
@@ -280,7 +280,10 @@ def _require_space(simulation: Simulation, scene: Scene, comm: Intracomm, folder
     state, points = simulation.state, simulation.points
     arrays = sum(array.nbytes for array in arrays_of(state).values())
     # Two surfaces and loads of the past, and a surface kept for a snapshot.
-    later = 2 * (state.displacement.nbytes + state.load.nbytes) + 3 * state.displacement.nbytes
+    later = (
+        2 * (state.surface_displacement.nbytes + state.effective_traction.nbytes)
+        + 3 * state.surface_displacement.nbytes
+    )
     grid, count = points.grid, 2 + len(scene.output.snapshots)
     checkpoint = comm.allreduce(arrays + later) + (8 * grid.n**2 if scene.output.surface else 0)
     frame = Layout(grid.n, grid.length, points.block_start, points.nb, scene.output.surface).frame_bytes

@@ -129,13 +129,13 @@ def machine_compliance(scene: Scene) -> float:
     return 1.0 / drive.machine_stiffness
 
 
-def time_of_way(scene: Scene, way: float, force: float, inward: bool = True) -> float:
-    """Time [s] in which the punch moves by `way` [m], in or out, while the force on it changes by `force` [N] to that side.
+def travel_time(scene: Scene, distance: float, force: float, inward: bool = True) -> float:
+    """Time [s] in which the punch moves by `distance` [m], in or out, while the force on it changes by `force` [N] to that side.
 
     The machine goes that far, and as far as its spring is pressed or pulled.
     """
     drive = drive_of(scene)
-    return (way + machine_compliance(scene) * force) / (drive.speed if inward else drive.retract_speed)
+    return (distance + machine_compliance(scene) * force) / (drive.speed if inward else drive.retract_speed)
 
 
 def deepest_indentation(scene: Scene) -> float:
@@ -209,8 +209,8 @@ def confirm(scene: Scene, source: str, ranks: int = 1) -> None:
     rows, columns = shared_out(scene, nb)
     most = min(rows, columns)
     if ranks > most:
-        told = "rows of points" if registry.scheme_of(scene).whole_plane else "pairs of rows of points"
-        what = told if rows <= columns else "columns of waves"
+        divided = "rows of points" if registry.scheme_of(scene).whole_plane else "pairs of rows of points"
+        what = divided if rows <= columns else "columns of waves"
         expected = f"work for each of the {ranks} ranks, but there is work for {most} only, by the number of {what}"
         cure = f"use {'one rank' if most == 1 else f'at most {most} ranks'}, or raise grid.n"
         problems.append(Problem("grid.n", scene.grid.n, expected, cure))

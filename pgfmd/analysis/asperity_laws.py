@@ -105,12 +105,14 @@ class ViscoelasticAsperity:
             strongest = self.work_of_adhesion * self.crack.stiffest
             last = jkr.displacement_controlled_pull_off(self.radius, self.contact_modulus, strongest).indentation
             longest = 2.0 * (turn - last)
-            self._shrunk[turn] = self._solve(lambda way: turn - way, self.retraction_speed, start, longest, _opened)
+            self._shrunk[turn] = self._solve(
+                lambda travel: turn - travel, self.retraction_speed, start, longest, _opened
+            )
         found = self._shrunk[turn]
-        way = turn - depth
-        radius = found.sol(np.clip(way, 0.0, found.t[-1]))[0] * self._scale
+        travel = turn - depth
+        radius = found.sol(np.clip(travel, 0.0, found.t[-1]))[0] * self._scale
         force = force_of(radius, depth, self.radius, self.contact_modulus)
-        return np.where(way <= found.t[-1], force, 0.0)
+        return np.where(travel <= found.t[-1], force, 0.0)
 
     def _approach_to(self, depth: float):
         """Contact radius [m] at depths up to this one [m], as a function; known depths are not computed again."""
@@ -119,12 +121,12 @@ class ViscoelasticAsperity:
             # An edge so far from equilibrium moves at once: the contact begins as large as glassy JKR makes it.
             energy = self.work_of_adhesion / self.crack.stiffest
             first = float(jkr.contact_radius_at_indentation(0.0, self.radius, self.contact_modulus, energy))
-            solution = self._solve(lambda way: way, self.approach_speed, first, depth, None).sol
+            solution = self._solve(lambda travel: travel, self.approach_speed, first, depth, None).sol
             self._grown[known := depth] = lambda at: solution(at)[0] * self._scale
         return self._grown[known]
 
     def _solve(
-        self, depth_of: Callable[[float], Any], speed: float, start: float, way: float,
+        self, depth_of: Callable[[float], Any], speed: float, start: float, travel: float,
         event: Callable[[float, Array], float] | None,
     ) -> Any:  # fmt: skip
         """The edge over a way [m] of the punch, beginning at a contact radius [m]; radii in units of `_scale`."""
@@ -141,10 +143,10 @@ class ViscoelasticAsperity:
             "dense_output": True,
             "events": event,
         }
-        return solve_ivp(rate, (0.0, way), np.array([start / self._scale]), **settings)
+        return solve_ivp(rate, (0.0, travel), np.array([start / self._scale]), **settings)
 
 
-def _opened(way: float, a: Array) -> float:
+def _opened(travel: float, a: Array) -> float:
     return float(a[0]) - LEAST_RADIUS
 
 

@@ -141,7 +141,7 @@ def overlay(
 
     Args:
         runs: at least one. experiments: measured loops, if any.
-        correct: what takes up the compliance of the periodic cell, one of `compliance.WAYS`: each "experiment" loses
+        correct: what takes up the compliance of the periodic cell, one of `compliance.CORRECTIONS`: each "experiment" loses
             F/k_cc of the first run, as in the paper's figures; each "simulation" gains its own; or "none" does.
         machine_stiffness: k_M [N/m] that is taken off the experiments, infinite for nothing.
         resolution: of the low-pass filter [m], for all loops; None for none.
@@ -211,18 +211,18 @@ def _first_passage(loop: Loop, levels: np.ndarray) -> np.ndarray | None:
 
 def rms_difference(one: Loop, other: Loop) -> float | None:
     """Root mean square of the difference of forces [N] on the retraction, over equal steps of the common way."""
-    ways = []
+    retractions = []
     for loop in (one, other):
         rows = loop.branches["retraction"]
         place, force = loop.indentation[rows][::-1], loop.force[rows][::-1]
         if place.size < 2:
             return None
-        ways.append((np.maximum.accumulate(place), force))
-    low, high = max(place[0] for place, _ in ways), min(place[-1] for place, _ in ways)
+        retractions.append((np.maximum.accumulate(place), force))
+    low, high = max(place[0] for place, _ in retractions), min(place[-1] for place, _ in retractions)
     if low >= high:
         return None
     at = np.linspace(low, high, SAMPLES)
-    first, second = (np.interp(at, place, force) for place, force in ways)
+    first, second = (np.interp(at, place, force) for place, force in retractions)
     return float(np.sqrt(np.mean((first - second) ** 2)))
 
 

@@ -20,7 +20,7 @@ from pgfmd.results.curve import Loop
 
 LEAST_FORCE = 1e-3
 """Rows below this share of the largest force say nothing about a stiffness and are left out of the fit."""
-WAYS = ("experiment", "simulation", "none")
+CORRECTIONS = ("experiment", "simulation", "none")
 """Which curves the correction of the periodic cell moves."""
 
 

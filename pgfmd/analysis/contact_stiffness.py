@@ -71,11 +71,11 @@ def _between(loop: Loop, branch: str, force: Array, indentation: Array, upper: f
     places = [place for place in found if place is not None]
     if len(places) < 2 or places[0] == places[1]:
         return None
-    way = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(indentation)))))
-    start, end = (np.interp(place, np.arange(len(way)), way) for place in places)
+    travel = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(indentation)))))
+    start, end = (np.interp(place, np.arange(len(travel)), travel) for place in places)
     samples = np.linspace(start, end, SAMPLES)
     # Equal steps of the way: rows may be few, or crowd where the run took short steps.
-    x, f = np.interp(samples, way, indentation), np.interp(samples, way, force)
+    x, f = np.interp(samples, travel, indentation), np.interp(samples, travel, force)
     x = x - x.mean()
     if not np.any(x):
         return None

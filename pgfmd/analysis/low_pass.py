@@ -93,5 +93,5 @@ def filtered(loop: Loop, resolution: float = PAPER_RESOLUTION) -> Loop:
     deepest = len(force) - 1 - int(np.argmin(loop.displacement[::-1]))
     for rows in (slice(0, loop.preload_row + 1), slice(max(deepest, loop.preload_row), len(force))):
         force[rows] = low_pass(loop.displacement[rows], loop.force[rows], resolution)
-    told = {key: value for key, value in loop.told.items() if not key.endswith("_N")}
-    return dataclasses.replace(loop.with_force(force), work=loop.work, separation=loop.separation, told=told)
+    recorded = {key: value for key, value in loop.recorded.items() if not key.endswith("_N")}
+    return dataclasses.replace(loop.with_force(force), work=loop.work, separation=loop.separation, recorded=recorded)

@@ -48,12 +48,12 @@ def confirm_signs(rows: Rows) -> None:
     """
     if len(rows.force) < LEAST_ROWS:
         raise MeasurementError(f"{rows.path}: expected at least {LEAST_ROWS} rows of numbers, found {len(rows.force)}")
-    way = float(np.ptp(rows.indentation))
-    if way == 0.0 or np.ptp(rows.force) == 0.0:
+    stroke = float(np.ptp(rows.indentation))
+    if stroke == 0.0 or np.ptp(rows.force) == 0.0:
         raise MeasurementError(f"{rows.path}: expected a punch that moves and a force that changes, found neither")
     deepest = int(np.argmax(rows.indentation))
     span = next(span for span in _cycles(rows.indentation) if span.start <= deepest < span.stop)
-    inward = np.ptp(rows.indentation[span.start : deepest + 1]) > LEAST_SWING * way
+    inward = np.ptp(rows.indentation[span.start : deepest + 1]) > LEAST_SWING * stroke
     force = rows.force[span.start : deepest + 1] if inward else rows.force[deepest : span.stop]
     smallest, largest = int(np.argmin(force)), int(np.argmax(force))
     if (largest < smallest) if inward else (smallest < largest):
@@ -92,10 +92,10 @@ def one_cycle(rows: Rows, cycle: int | None = None) -> Rows:
 def confirm_deepest(rows: Rows) -> None:
     """Whether the force is large where the punch is deepest, and not where it is farthest out. Raises MeasurementError."""
     indentation, force = rows.indentation, rows.force
-    way, span = float(np.ptp(indentation)), float(np.ptp(force))
-    near = indentation >= np.max(indentation) - NEAR_THE_DEEPEST * way
+    stroke, span = float(np.ptp(indentation)), float(np.ptp(force))
+    near = indentation >= np.max(indentation) - NEAR_THE_DEEPEST * stroke
     deep, outer = (
-        edge <= FAR[0] * way for edge in (np.max(indentation) - indentation, indentation - np.min(indentation))
+        edge <= FAR[0] * stroke for edge in (np.max(indentation) - indentation, indentation - np.min(indentation))
     )
     is_level = [float(np.ptp(np.percentile(force[zone], [5, 95]))) <= LEVEL * span for zone in (deep, outer)]
     zero = float(np.mean(force[outer])) if is_level[1] else 0.0
@@ -113,9 +113,9 @@ def confirm_deepest(rows: Rows) -> None:
 
 def turn_of(rows: Rows) -> tuple[int, bool]:
     """The row of the largest force, which parts the branches, and whether both are there."""
-    turn, way = int(np.argmax(rows.force)), float(np.ptp(rows.indentation))
+    turn, stroke = int(np.argmax(rows.force)), float(np.ptp(rows.indentation))
     before, after = np.ptp(rows.indentation[: turn + 1]), np.ptp(rows.indentation[turn:])
-    return turn, bool(min(before, after) > LEAST_SWING * way)
+    return turn, bool(min(before, after) > LEAST_SWING * stroke)
 
 
 def confirm_loss(rows: Rows) -> None:
@@ -192,9 +192,9 @@ def _far(rows: Rows, clock: Array, branch: slice, span: float) -> tuple[float, f
 def _refuse_jumps(rows: Rows) -> None:
     """Raises MeasurementError where the punch seems to jump back: two branches, both sorted by position."""
     steps = np.diff(rows.indentation)
-    way = float(np.ptp(rows.indentation))
+    stroke = float(np.ptp(rows.indentation))
     at = int(np.argmax(np.abs(steps)))
-    if len(steps) > 2 * LEAST_ROWS and abs(steps[at]) > JUMP * way:
+    if len(steps) > 2 * LEAST_ROWS and abs(steps[at]) > JUMP * stroke:
         raise MeasurementError(
             f"{rows.path}, line {rows.lines[at + 1]}: expected rows in the order in which they were measured, but from line "
             f"{rows.lines[at]} on the punch jumps by {shown(float(abs(steps[at])), 'length')}; are approach and retraction "

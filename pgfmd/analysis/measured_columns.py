@@ -88,9 +88,9 @@ class Rows:
         """The same rows, turned to grow inwards and in compression; place: the key of INWARDS that says the position;
         positive_displacement: "in" or "out", None for what the name says; positive_force: "compression" or "tension"."""
         inwards = INWARDS[place] if positive_displacement is None else positive_displacement == "in"
-        way, pressing = (1.0 if inwards else -1.0), (1.0 if positive_force == "compression" else -1.0)
+        direction, pressing = (1.0 if inwards else -1.0), (1.0 if positive_force == "compression" else -1.0)
         senses = f"the {place} is taken to grow {'inwards' if inwards else 'outwards'}, the force in {positive_force}"
-        return replace(self, indentation=way * self.indentation, force=pressing * self.force, senses=senses)
+        return replace(self, indentation=direction * self.indentation, force=pressing * self.force, senses=senses)
 
 
 def rows_of(path: str | Path, positive_displacement: str | None, positive_force: str) -> Rows:
@@ -231,9 +231,9 @@ def _in_order(rows: Rows, parts: NDArray) -> Rows:
     edges = np.flatnonzero(parts[1:] != parts[:-1]) + 1
     order = []
     for run in np.split(np.arange(len(parts)), edges):
-        way = rows.indentation[run[-1]] - rows.indentation[run[0]]
+        direction = rows.indentation[run[-1]] - rows.indentation[run[0]]
         wanted = {"approach": 1.0, "retract": -1.0}.get(str(parts[run[0]]), 0.0)
-        if way * wanted < 0.0:
+        if direction * wanted < 0.0:
             rows.remarks.append(
                 f"{rows.path.name}: the rows of the {parts[run[0]]} run against its way (lines {rows.lines[run[0]]} to "
                 f"{rows.lines[run[-1]]}) and were turned round"

@@ -104,8 +104,8 @@ def overlay_figure(loops: list[Loop], measured: int | None = None, changes: Sequ
     measured: number of the first loop that was measured; these are drawn in black and greys. changes: what has been done to
     each curve, for its legend; none for nothing to say.
     """
-    told = zip(loops, changes, strict=True) if changes else ()
-    labels = [textwrap.wrap(f"{loop.name}: {change}", LEGEND_WIDTH) for loop, change in told]
+    labelled_loops = zip(loops, changes, strict=True) if changes else ()
+    labels = [textwrap.wrap(f"{loop.name}: {change}", LEGEND_WIDTH) for loop, change in labelled_loops]
     figure = new_figure(5.6, 4.0 + LEGEND_LINE * sum(map(len, labels)))
     axis = figure.subplots()
     axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)

@@ -116,7 +116,7 @@ def analyse(
         loop = whole if resolution is None else _filtered(whole, resolution)
         table = Table(f"{results.scene.get('title') or results.directory.name}: {results.directory}")
         found = measure(loop)
-        _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.told else WITHIN_STEPS)
+        _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.recorded else WITHIN_STEPS)
         _add_works(table, found)
         add_areas(table, results, found)
         _remark_unfinished(table, results)

@@ -21,7 +21,7 @@ import numpy as np
 from pgfmd.results.curve import Array, Loop, work_of_separation
 
 PULL_OFF = "pull_off_force_N"
-"""Key of the pull-off force among what a run tells of itself (Loop.told)."""
+"""Key of the pull-off force among the numbers that a run records (Loop.recorded)."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def errors(curve: Loop, reference: Loop, preload: float) -> Errors:
     """
     return Errors(
         rms_difference(curve, reference, "force") / preload,
-        _relative(curve.told[PULL_OFF], reference.told[PULL_OFF]),
+        _relative(curve.recorded[PULL_OFF], reference.recorded[PULL_OFF]),
         _relative(work_of_separation(curve), work_of_separation(reference)),
         rms_difference(curve, reference, "area") / float(reference.area.max()),
     )
@@ -86,9 +86,9 @@ def richardson(coarse: Loop, fine: Loop, ratio: float, order: float = 1.0) -> Lo
         return here + weight * (here - there)
 
     force, area = (limit(_at(coarse, what, fine.time), getattr(fine, what)) for what in ("force", "area"))
-    told = {PULL_OFF: limit(coarse.told[PULL_OFF], fine.told[PULL_OFF])}
+    recorded = {PULL_OFF: limit(coarse.recorded[PULL_OFF], fine.recorded[PULL_OFF])}
     separation = limit(work_of_separation(coarse), work_of_separation(fine))
-    return replace(fine, force=force, area=area, told=told, separation=separation)
+    return replace(fine, force=force, area=area, recorded=recorded, separation=separation)
 
 
 def cost_at(target: float, errors: Iterable[float], costs: Iterable[float]) -> float:

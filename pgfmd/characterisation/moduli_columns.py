@@ -138,12 +138,12 @@ def choose(table: TextTable, modulus: Kind | None = None) -> Chosen:
 def _kind(table: TextTable, modulus: Kind | None, swept: bool) -> tuple[Kind, bool]:
     """Of what kind the moduli of a table are, and whether their names say so."""
     parts = PARTS[:3] if swept else PARTS[3:]
-    told = {kind: [c for part in parts for c in table.found(f"{kind} {part}")] for kind in ("tensile", "shear")}
-    both = [kind for kind, columns in told.items() if columns]
+    by_kind = {kind: [c for part in parts for c in table.found(f"{kind} {part}")] for kind in ("tensile", "shear")}
+    both = [kind for kind, columns in by_kind.items() if columns]
     if len(both) == 2 and modulus is None:
         raise MeasurementError(
-            f"{table.where}: expected tensile or shear moduli, found both ('{told['tensile'][0].title}' and "
-            f"'{told['shear'][0].title}'); say which: --modulus tensile|shear"
+            f"{table.where}: expected tensile or shear moduli, found both ('{by_kind['tensile'][0].title}' and "
+            f"'{by_kind['shear'][0].title}'); say which: --modulus tensile|shear"
         )
     if modulus in both or not both:
         kind = modulus or "tensile"
@@ -154,7 +154,7 @@ def _kind(table: TextTable, modulus: Kind | None, swept: bool) -> tuple[Kind, bo
             )
         return kind, bool(both)
     if modulus is not None:
-        title = told[both[0]][0].title
+        title = by_kind[both[0]][0].title
         raise MeasurementError(
             f"{table.where}: '{title}' is a {both[0]} modulus by its name; leave out --modulus {modulus}"
         )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pgfmd import coarsening
 from pgfmd.forecast import map_advice
 from pgfmd.forecast.advice import remarks, warnings
-from pgfmd.forecast.effort import Effort, effort_of, told_of_ahead
+from pgfmd.forecast.effort import Effort, ahead_summary, effort_of
 from pgfmd.forecast.estimate import FILE_BYTES, OWN_BYTES, memory_of, punch_points
 from pgfmd.forecast.indentation import punch_speeds
 from pgfmd.forecast.plausibility import face_of
@@ -130,7 +130,7 @@ def _punch(scene: Scene) -> Iterator[Line]:
     yield Line("steepest slope", face.slope, "", "1 is 45 degrees; small slopes are assumed")
     if scene.punch.pattern == "rough":
         yield from _roughness(scene.punch)
-    yield from (Line(*line) for line in map_advice.told(scene))
+    yield from (Line(*line) for line in map_advice.facts_of(scene))
 
 
 def _roughness(punch) -> Iterator[Line]:
@@ -160,7 +160,7 @@ def _adhesion(scene: Scene) -> Iterator[Line]:
     yield Line("theoretical strength sigma_th", law.strength, "Pa", law.strength_note)
     if law.reach != reach:
         yield Line("reach of the law", law.reach, "m", f"{law.reach / reach:.3g} rho; no traction beyond")
-    yield from (Line(*told) for told in law.told())
+    yield from (Line(*fact) for fact in law.facts())
     yield Line("cohesive zone at a crack", cohesive_zone(scene), "m", "(pi/4) E* gamma/sigma_th^2, static")
     # It goes with the square of the range.
     note = f"{points * (own / reach) ** 2:.2g} at the automatic range"
@@ -218,7 +218,7 @@ def _cost(scene: Scene, ranks: int) -> Iterator[Line]:
     yield Line("memory in all", memory.in_all(ranks), "B", f"with {program}")
     yield _expected("expected steps", effort.steps, effort)
     yield _expected("expected transform pairs", effort.pairs, effort)
-    ahead, share = told_of_ahead(scene)
+    ahead, share = ahead_summary(scene)
     if ahead:
         yield Line("run ahead", ahead, "", f"places the snapshots before the preload; {share}")
 

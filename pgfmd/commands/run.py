@@ -33,7 +33,7 @@ Overrides = Annotated[
 LAUNCHER_NEEDS = 10.0
 """Time [s] before the end of a job at which a run has to be over: after a code other than 0, mpirun takes 5 s to
 end."""
-TOLD = (
+REPORTED = (
     ("pull-off force", "pull_off_force", "_N", 1e3, "mN"),
     ("work of separation", "work_of_separation", "_J", 1e9, "nJ"),
 )
@@ -156,7 +156,7 @@ def _summary(record: dict, directory: Path) -> list[str]:
     if record["pull_off_force_N"] is None:
         measured = "no pull-off force, the run ended before the retraction"
     else:
-        measured = ", ".join(_number(record, *about) for about in TOLD)
+        measured = ", ".join(_number(record, *about) for about in REPORTED)
     lines.append(
         f"{measured}; {record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
     )
@@ -167,8 +167,8 @@ def _summary(record: dict, directory: Path) -> list[str]:
 def _number(record: dict, name: str, key: str, suffix: str, factor: float, unit: str) -> str:
     """A number of the record, with its uncertainty where there is one."""
     spread = record.get(f"{key}_uncertainty{suffix}")
-    told = f" ± {spread * factor:.2g}" if spread else ""
-    return f"{name} {record[key + suffix] * factor + 0.0:.4g}{told} {unit}"
+    spread_text = f" ± {spread * factor:.2g}" if spread else ""
+    return f"{name} {record[key + suffix] * factor + 0.0:.4g}{spread_text} {unit}"
 
 
 def _unbalanced(record: dict, directory: Path) -> list[str]:
@@ -191,8 +191,8 @@ def _unbalanced(record: dict, directory: Path) -> list[str]:
         scale = abs(work)
     if residual <= UNBALANCED * scale:
         return []
-    way = "lower solver.accuracy" if "accuracy" in record else "take shorter steps ([solver.gfmd])"
-    cure = f"{way} before believing energies"
+    remedy = "lower solver.accuracy" if "accuracy" in record else "take shorter steps ([solver.gfmd])"
+    cure = f"{remedy} before believing energies"
     if scale == abs(work):
         return [f"The energy audit closes to {100 * residual / scale:.2g} % of the loop's work: {cure}."]
     return [

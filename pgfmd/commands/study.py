@@ -140,7 +140,7 @@ def converge(
         say(line)
     table, problem = plan.run()
     show(table)
-    if problem is None or sum(row.standing.complete for row in table.rows) >= FEWEST:
+    if problem is None or sum(row.state.complete for row in table.rows) >= FEWEST:
         found = extrapolate(ladder, table.rows, quantity.value, power)
         for line in [*report(found), " ".join(map(str, write(out, found, table.title)))]:
             say(line)
@@ -171,9 +171,9 @@ def show(table: StudyTable) -> None:
 
 def show_agenda(campaign: Campaign) -> None:
     """Prints every case, how it stands, and whether a job is to be started for it."""
-    standings = campaign.standings()
-    chosen = {case.name for case in campaign.agenda(standings)}
+    states = campaign.states()
+    chosen = {case.name for case in campaign.agenda(states)}
     for case in campaign.cases:
         mark = "to run" if case.name in chosen else "left"
-        say(f"{mark:6}  {case.name}: {standings[case.name]}")
+        say(f"{mark:6}  {case.name}: {states[case.name]}")
         say(f"        {command('pgfmd', 'run', *campaign.arguments(case), '--out', campaign.folder(case))}")

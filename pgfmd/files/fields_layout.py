@@ -94,13 +94,13 @@ def _chunk_rows(side: int) -> int:
     return max(1, min(side, CHUNK_BYTES // (8 * side)))
 
 
-def create(path: Path, layout: Layout, told: Mapping[str, float] = MappingProxyType({})) -> None:
-    """Creates a file without snapshots. told: other attributes of its root. Raises OSError if it can't be written."""
+def create(path: Path, layout: Layout, extra_attributes: Mapping[str, float] = MappingProxyType({})) -> None:
+    """Creates a file without snapshots. extra_attributes: of its root, besides those of the layout. Raises OSError if it can't be written."""
     # "x": fails if anything of this name exists, even a link.
     with open_serial(path, "x") as file:
         file.attrs["Conventions"] = "CF-1.11"
         file.attrs["title"] = "pgfmd: snapshots of an adhesive contact"
-        for name, value in {**told, **layout.attributes}.items():
+        for name, value in {**extra_attributes, **layout.attributes}.items():
             file.attrs[name] = value
         for name, position in layout.axes.items():
             axis = file.create_dataset(name, data=position)

@@ -98,7 +98,7 @@ def name_of_folder(descriptor: int) -> Path | None:
     return None
 
 
-def unfinished_beside(path: Path) -> Path:
+def temporary_name_for(path: Path) -> Path:
     """A temporary name for the replacement of a file; to be created with O_EXCL, as by mode "x"."""
     return path.with_name(f"{path.name}.{uuid.uuid4().hex}.tmp")
 
@@ -111,7 +111,7 @@ def write_atomically(path: Path, content: bytes) -> None:
         ResultError: if the name belongs to something other than a file.
     """
     require_regular(path)
-    temporary = unfinished_beside(path)
+    temporary = temporary_name_for(path)
     try:
         with open(temporary, "xb") as file:
             file.write(content)
@@ -133,7 +133,7 @@ def write_new(path: Path, content: str | bytes, force: bool = False) -> None:
     taken = FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
     if os.path.lexists(path):
         raise taken
-    temporary = unfinished_beside(path)
+    temporary = temporary_name_for(path)
     try:
         with open(temporary, "xb") as file:
             file.write(content)

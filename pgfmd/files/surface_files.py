@@ -101,7 +101,7 @@ def _x3p_description(surface: HeightMapFile, checksum: str) -> str:
     axes = {
         "CX": ("I", surface.pixel[0], surface.first[0]), "CY": ("I", surface.pixel[1], surface.first[1]), "CZ": ("A", 1.0, 0.0),
     }  # fmt: skip
-    told = "".join(
+    axis_records = "".join(
         f"      <{name}><AxisType>{kind}</AxisType><DataType>D</DataType><Increment>{step!r}</Increment>"
         f"<Offset>{offset!r}</Offset></{name}>\n"
         for name, (kind, step, offset) in axes.items()
@@ -114,7 +114,7 @@ def _x3p_description(surface: HeightMapFile, checksum: str) -> str:
     <Revision>ISO5436 - 2000</Revision>
     <FeatureType>SUR</FeatureType>
     <Axes>
-{told}    </Axes>
+{axis_records}    </Axes>
   </Record1>
   <Record2>
     <Date>{now}</Date>

@@ -220,8 +220,8 @@ class CurveTail:
             return None
         last = rows[-1]
         before = next((row for row in reversed(rows) if row.force <= RISE * last.force), rows[0])
-        way = before.displacement - last.displacement
-        return (last.force - before.force) / way if way > 0.0 and last.force > before.force else None
+        travel = before.displacement - last.displacement
+        return (last.force - before.force) / travel if travel > 0.0 and last.force > before.force else None
 
 
 def _curve_row(line: str, columns: Sequence[Column]) -> CurveRow | None:

@@ -91,8 +91,8 @@ def titles_of(line: str, delimiter: str, width: int) -> list[str]:
     if delimiter != " ":
         return cells_of(line, delimiter)
     text = line.strip()
-    ways = (re.split(r"\s{2,}|\t", text), re.split(r"\s+(?![(\[/])(?![^(\[]*[)\]])", text), text.split())
-    return next((cells for cells in ways if len(cells) == width), [])
+    splits = (re.split(r"\s{2,}|\t", text), re.split(r"\s+(?![(\[/])(?![^(\[]*[)\]])", text), text.split())
+    return next((cells for cells in splits if len(cells) == width), [])
 
 
 def in_words(numbers: list[int]) -> str:

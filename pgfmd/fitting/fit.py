@@ -139,7 +139,7 @@ class Fit:
             "by their autocorrelation",
         )
         table.add(
-            section, "runs", "runs", len(self.runs.made), "", f"on grids of n = {', '.join(map(str, self.levels))}"
+            section, "runs", "runs", len(self.runs.by_name), "", f"on grids of n = {', '.join(map(str, self.levels))}"
         )
         table.remarks += self.doubts()
         return table

@@ -89,8 +89,15 @@ class Misfit:
 
     def laid_over(self, run: Loop) -> Overlay:
         """The run and the measured loop as they are compared. ValueError if they can't be."""
-        way = self.corrections
-        return overlay([run], [self.measured], way.correct, way.machine_stiffness, way.resolution, way.offset)
+        corrections = self.corrections
+        return overlay(
+            [run],
+            [self.measured],
+            corrections.correct,
+            corrections.machine_stiffness,
+            corrections.resolution,
+            corrections.offset,
+        )
 
     def forces(self, run: Loop) -> tuple[Array, Array, Array]:
         """Indentations [m], forces [N] of the run and measured forces [N] at all places, (SAMPLES for each branch,), the way
@@ -111,8 +118,8 @@ class Misfit:
 
 def _force_at(loop: Loop, branch: str, depth: Array) -> Array:
     """Forces [N] of a run's branch at indentations [m]."""
-    way = loop.branches["approach"]
-    inward, force_in = np.maximum.accumulate(loop.indentation[way]), loop.force[way]
+    rows = loop.branches["approach"]
+    inward, force_in = np.maximum.accumulate(loop.indentation[rows]), loop.force[rows]
     deepest = inward[-1]
     end = inward >= deepest - END * (deepest - inward[0])
     stiffness = np.polyfit(inward[end], force_in[end], 1)[0] if np.ptp(inward[end]) > 0.0 else 0.0

@@ -32,7 +32,7 @@ from .parameters import Parameter
 
 TABLE = "runs.csv"
 MODULUS = "substrate.youngs_modulus"
-TOLD = {"pull_off_force [N]": "pull_off_force_N", "work [J]": "work_J", "steps": "steps", "wall [s]": "wall_s"}
+REPORTED = {"pull_off_force [N]": "pull_off_force_N", "work [J]": "work_J", "steps": "steps", "wall [s]": "wall_s"}
 """Columns of the table with numbers of a run, by their keys in run.json."""
 
 
@@ -43,7 +43,7 @@ class NotConverged(PgfmdError):
 
 
 @dataclass(frozen=True)
-class Made:
+class FitRun:
     """A run of a fit. purpose: what it was made for; values: of the numbers in SI units; misfit [N]: root mean square; why: what is
     wrong with a run that counts for nothing."""
 
@@ -73,7 +73,7 @@ class Runs:
     checkpoint_every: str = "10min"
     most: int = 200
     say: Any = print
-    made: dict[str, Made] = field(default_factory=dict)
+    by_name: dict[str, FitRun] = field(default_factory=dict)
     _residuals: dict[str, Array | None] = field(default_factory=dict)
 
     def residuals(self, n: int, places: Sequence[Array], purpose: str) -> list[Array | None]:
@@ -104,11 +104,11 @@ class Runs:
     @property
     def last_trouble(self) -> str:
         """Name of the last run that counts for nothing, and what is wrong with it; empty without one."""
-        return next((f"{one.name}: {one.why}" for one in reversed(self.made.values()) if one.why), "")
+        return next((f"{one.name}: {one.why}" for one in reversed(self.by_name.values()) if one.why), "")
 
     def closest(self, n: int) -> tuple[Array, float]:
         """x and misfit [N] of the run on a grid of n points that is closest to the measured loop."""
-        best = min((one for one in self.made.values() if one.n == n and not one.why), key=lambda one: one.misfit)
+        best = min((one for one in self.by_name.values() if one.n == n and not one.why), key=lambda one: one.misfit)
         return np.array(
             [one.place(value) for one, value in zip(self.parameters, best.values, strict=True)]
         ), best.misfit
@@ -154,8 +154,8 @@ class Runs:
             list(cases.values()), self.out, Wishes(checkpoint_every=self.checkpoint_every), _say_nothing
         )
         make_folder(self.out)
-        waiting = campaign.agenda(campaign.standings())
-        if len(self.made) + len(waiting) > self.most:
+        waiting = campaign.agenda(campaign.states())
+        if len(self.by_name) + len(waiting) > self.most:
             raise NotConverged(
                 f"--most-runs {self.most}: so many runs were made; give more, fewer numbers, or a better start"
             )
@@ -164,23 +164,23 @@ class Runs:
         except Unfinished as error:
             if error.exit_code == Stopped.exit_code:
                 raise
-        for name, standing in campaign.standings().items():
-            self._take(name, n, purpose, values[name], standing)
+        for name, case_state in campaign.states().items():
+            self._take(name, n, purpose, values[name], case_state)
         self._write()
 
-    def _take(self, name: str, n: int, purpose: str, values: tuple[float, ...], standing: CaseState) -> None:
+    def _take(self, name: str, n: int, purpose: str, values: tuple[float, ...], case_state: CaseState) -> None:
         """What a run that has ended says."""
-        if not standing.complete:
-            self._keep(name, n, purpose, values, None, str(standing), standing.record)
+        if not case_state.complete:
+            self._keep(name, n, purpose, values, None, str(case_state), case_state.record)
             return
         with load(self.out / name) as results:
             loop = Loop.of(results)
         try:
             _, simulated, measured = self.misfit.forces(loop)
         except ValueError as error:
-            self._keep(name, n, purpose, values, None, str(error), standing.record)
+            self._keep(name, n, purpose, values, None, str(error), case_state.record)
             return
-        self._keep(name, n, purpose, values, simulated - measured, "", standing.record)
+        self._keep(name, n, purpose, values, simulated - measured, "", case_state.record)
 
     def _keep(
         self,
@@ -194,23 +194,23 @@ class Runs:
     ) -> None:
         misfit = math.nan if residuals is None else float(np.sqrt(np.mean(residuals**2)))
         self._residuals[name] = residuals
-        self.made[name] = Made(name, n, purpose, values, misfit, record or {}, " ".join(why.split()))
+        self.by_name[name] = FitRun(name, n, purpose, values, misfit, record or {}, " ".join(why.split()))
         numbers = ", ".join(
             f"{one.key} = {one.shown(value)}" for one, value in zip(self.parameters, values, strict=True)
         )
-        told = f"misfit {1e3 * misfit:.4g} mN" if residuals is not None else why.splitlines()[0]
-        self.say(f"[{len(self.made)}] n = {n}, {numbers}: {told}")
+        reported = f"misfit {1e3 * misfit:.4g} mN" if residuals is not None else why.splitlines()[0]
+        self.say(f"[{len(self.by_name)}] n = {n}, {numbers}: {reported}")
 
     def _write(self) -> None:
         """The table of all runs, in the order in which they were made."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         heads = [header(one.key, one.unit) for one in self.parameters]
-        writer.writerow(["run", "n", "purpose", *heads, "misfit [N]", *TOLD, "trouble"])
-        for one in self.made.values():
-            told = [one.record.get(key, "") for key in TOLD.values()]
+        writer.writerow(["run", "n", "purpose", *heads, "misfit [N]", *REPORTED, "trouble"])
+        for one in self.by_name.values():
+            reported = [one.record.get(key, "") for key in REPORTED.values()]
             misfit = "" if math.isnan(one.misfit) else repr(one.misfit)
-            writer.writerow([one.name, one.n, one.purpose, *map(repr, one.values), misfit, *told, one.why])
+            writer.writerow([one.name, one.n, one.purpose, *map(repr, one.values), misfit, *reported, one.why])
         try:
             write_atomically(self.out / TABLE, text.getvalue().encode())
         except OSError as error:

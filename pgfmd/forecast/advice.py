@@ -119,18 +119,18 @@ def _turn(scene: Scene) -> Iterator[str]:
     """Long turn times given by the scene."""
     # Of the punch, not of a machine with a spring.
     drive = replace(drive_of(scene), speed=scene.drive.speed, retract_speed=scene.drive.retract_speed)
-    ways = {"goes on by": drive.overshoot}
+    travels = {"goes on by": drive.overshoot}
     if not registry.scheme_of(scene).timeless:
-        ways["comes back by"] = drive.rise
-    what, way = max(ways.items(), key=lambda item: item[1])
+        travels["comes back by"] = drive.rise
+    what, travel = max(travels.items(), key=lambda item: item[1])
     attractive = scene.adhesion.attractive
     length = length_of(scene.adhesion)
     scale = length if attractive else max(depth_of(scene), length)
-    if way <= LONGEST_TURN * scale:
+    if travel <= LONGEST_TURN * scale:
         return
-    longest = drive.turn_time * OVERSHOOT * length / way
+    longest = drive.turn_time * OVERSHOOT * length / travel
     yield (
-        f"drive.turn_time: within the turn the punch {what} {shown(way, 'length')}, {way / scale:.2g} "
+        f"drive.turn_time: within the turn the punch {what} {shown(travel, 'length')}, {travel / scale:.2g} "
         f"{'ranges of adhesion' if attractive else 'indentations'}: what happens there, perhaps the pull-off, does so "
         "below "
         f'the speed of the retraction; leave it out, or set at most "{longest:.2g} s"'

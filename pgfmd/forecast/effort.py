@@ -48,8 +48,8 @@ FLAT_SPREAD = 2.0
 """The same for flat punches, which stretch the elastomer by a distance that depends on their speed."""
 UNLIKE = 2.0
 """Additional factor for scenes unlike those that the constants were fitted to."""
-SPRUNG = "a spring or a dead load"
-"""What is said of scenes whose machine is not rigid: the way of its spring follows from forces that are estimates."""
+WITH_SPRING = "a spring or a dead load"
+"""Reason for scenes whose machine is not rigid: the travel of its spring follows from forces that are estimates."""
 COARSEST = 0.1
 """Coarsest accuracy at which the fit is taken to hold."""
 FINEST = 1e-4
@@ -81,7 +81,7 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class Way:
+class Stroke:
     """The approach or the retraction of the punch, with the variables of the model.
 
     length: travel in ranges of adhesion. time: duration [s]. inward: whether it is the approach. accuracy: of its
@@ -122,7 +122,7 @@ def kind_of(scene: Scene) -> str:
     return f"{shape}elastic"
 
 
-def ways_of(scene: Scene) -> tuple[Way, Way]:
+def strokes_of(scene: Scene) -> tuple[Stroke, Stroke]:
     """Approach and retraction."""
     drive, reach = scene.drive, length_of(scene.adhesion)
     start = max(drive.clearance, 0.0) if scene.adhesion.attractive else 0.0
@@ -136,15 +136,15 @@ def ways_of(scene: Scene) -> tuple[Way, Way]:
             return quasistatic_compliance(scene)
         return float(creep.J_inf + (creep.J * -np.expm1(-time / creep.retardation_times)).sum())
 
-    def way(length: float, travel: Travel, inward: bool) -> Way:
+    def stroke(length: float, travel: Travel, inward: bool) -> Stroke:
         slow = slowness(scene, creep, travel.time, travel.speed)
-        return Way(length / reach, travel.time, inward, accuracy, slow, softness, stiffness)
+        return Stroke(length / reach, travel.time, inward, accuracy, slow, softness, stiffness)
 
-    return way(lengths[0], into, True), way(lengths[1], out, False)
+    return stroke(lengths[0], into, True), stroke(lengths[1], out, False)
 
 
 def slowness(scene: Scene, creep: CreepSeries, time: float, speed: float) -> float:
-    """The variable `slow` of Way, for a motion of this duration [s] and speed [m/s]. creep: the CreepSeries of the
+    """The variable `slow` of Stroke, for a motion of this duration [s] and speed [m/s]. creep: the CreepSeries of the
     scene."""
     if not creep.elements:
         return 1.0
@@ -163,7 +163,7 @@ def effort_of(scene: Scene) -> Effort:
 def fitted_effort(scene: Scene) -> Effort:
     """The same for schemes with an accuracy, from the fitted constants."""
     found = FITTED[kind_of(scene)]
-    (steps_in, pairs_in), (steps_out, pairs_out) = (counts_of(way, found) for way in ways_of(scene))
+    (steps_in, pairs_in), (steps_out, pairs_out) = (counts_of(stroke, found) for stroke in strokes_of(scene))
     unlike = ", ".join(_unlike(scene))
     return Effort(
         steps_in + steps_out, pairs_in + pairs_out, partial(pair_seconds, scene), pair_cost(scene),
@@ -176,7 +176,7 @@ def ahead_of(scene: Scene) -> list[tuple[Scene, float]]:
     return [(coarse, effort_of(coarse).approach[1]) for coarse in coarse_scenes(scene)]
 
 
-def told_of_ahead(scene: Scene) -> tuple[str, str]:
+def ahead_summary(scene: Scene) -> tuple[str, str]:
     """The coarse approaches and their expected work relative to the run, as texts; both empty if there are none."""
     ahead = ahead_of(scene)
     if not ahead:
@@ -194,20 +194,20 @@ def _work_of_pair(scene: Scene) -> float:
     return n**2 * math.log(n) / 2 ** len(expected(scene).mirror) * pair_cost(scene)
 
 
-def counts_of(way: Way, numbers: Numbers) -> tuple[float, float]:
+def counts_of(stroke: Stroke, numbers: Numbers) -> tuple[float, float]:
     """Steps and pairs of the approach or the retraction."""
     least, rate, pairs_rate = (
-        pair[0 if way.inward else 1] for pair in (numbers.least, numbers.rate, numbers.pairs_rate)
+        pair[0 if stroke.inward else 1] for pair in (numbers.least, numbers.rate, numbers.pairs_rate)
     )
-    steps = (1e-2 / way.accuracy) ** numbers.refinement * (
-        least + rate * way.length**numbers.travel * way.slow**numbers.slow
+    steps = (1e-2 / stroke.accuracy) ** numbers.refinement * (
+        least + rate * stroke.length**numbers.travel * stroke.slow**numbers.slow
     )
-    root = math.sqrt(1.0 + way.creep(way.time / steps) * way.stiffness**numbers.stiff)
+    root = math.sqrt(1.0 + stroke.creep(stroke.time / steps) * stroke.stiffness**numbers.stiff)
     return steps, steps * (numbers.pairs_least + pairs_rate * root)
 
 
 def stiffness_of_law(scene: Scene) -> float:
-    """K_0 l/E*, see Way. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
+    """K_0 l/E*, see Stroke. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
     punch = scene.punch
     if punch.pattern in ("sphere", "power"):
         size = min(punch.outline, math.sqrt(punch.curvature_radius * depth_of(scene)))
@@ -230,7 +230,7 @@ def _unlike(scene: Scene) -> Iterator[str]:
     if math.isfinite(scene.substrate.thickness):
         yield "a film"
     if machine_compliance(scene):
-        yield SPRUNG
+        yield WITH_SPRING
     if series.elements and series.to_creep().J_inf > 0.1:
         yield "an elastomer that is nearly elastic"
     if scene.drive.dwell > 0.0 and series.elements:
@@ -239,12 +239,12 @@ def _unlike(scene: Scene) -> Iterator[str]:
 
 def effort_of_steps(scene: Scene, step: float, pair: float, cost: float) -> Effort:
     """The same for explicit steps of known length [s] with one pair each. The duration of the programme follows from
-    the indentation, the stretch due to adhesion, and the way of a machine's spring. pair: time of a pair, relative to `pair_seconds`; cost: as in
+    the indentation, the stretch due to adhesion, and the travel of a machine's spring. pair: time of a pair, relative to `pair_seconds`; cost: as in
     Effort."""
     into, out = (travel.time for travel in travels_of(scene))
     steps = (into + (out + scene.drive.turn_time + scene.drive.dwell)) / step
     spread = FLAT_SPREAD if scene.punch.pattern == "flat" else EXPLICIT_SPREAD
-    unlike = SPRUNG if machine_compliance(scene) else ""
+    unlike = WITH_SPRING if machine_compliance(scene) else ""
     return Effort(
         steps, steps, lambda: pair * pair_seconds(scene), cost, spread * (UNLIKE if unlike else 1.0),
         (into / step, into / step), unlike,

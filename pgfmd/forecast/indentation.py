@@ -18,7 +18,7 @@ import numpy as np
 
 from pgfmd.physics.adhesion.registry import clearance_of, law_of
 from pgfmd.reference import flat_punch, jkr
-from pgfmd.scene_objects import deepest_indentation, machine_compliance, time_of_way, topography_of
+from pgfmd.scene_objects import deepest_indentation, machine_compliance, topography_of, travel_time
 
 from .estimate import depth_of, modulus_of
 from .resolution import mean_kappa, softness_of_film
@@ -57,7 +57,7 @@ def depth_at_preload(scene: Scene) -> float:
     heights = _heights(scene) if punch.pattern not in ("sphere", "power") else None
     depth = depth_of(scene)
     for _ in range(ROUNDS):
-        stiffening = mean_kappa(scene, time_of_way(scene, depth + scene.adhesion.range, scene.drive.preload))
+        stiffening = mean_kappa(scene, travel_time(scene, depth + scene.adhesion.range, scene.drive.preload))
         found = _depth_with(scene, stiffening, heights)
         # Deeper means slower, and so softer: half of the way in logarithms keeps that from going to and fro.
         depth = math.sqrt(depth * found)
@@ -118,7 +118,7 @@ def stretch(scene: Scene) -> float:
         return 0.0
     relaxed = math.sqrt(2.0 * math.pi * scene.adhesion.work_of_adhesion * scene.punch.outline / modulus_of(scene))
     tension = float(flat_punch.force(relaxed, scene.punch.outline, modulus_of(scene)))
-    return relaxed / math.sqrt(mean_kappa(scene, time_of_way(scene, relaxed, tension, inward=False)))
+    return relaxed / math.sqrt(mean_kappa(scene, travel_time(scene, relaxed, tension, inward=False)))
 
 
 def neck(scene: Scene) -> float:
@@ -161,12 +161,12 @@ def travels_of(scene: Scene, start: float | None = None) -> tuple[Travel, Travel
     drive, depth = scene.drive, depth_at_preload(scene)
     into = depth + (max(drive.clearance, 0.0) if start is None else start)
     out = depth + pull_off_height(scene)
-    time_in = time_of_way(scene, into, drive.preload)
+    time_in = travel_time(scene, into, drive.preload)
     if not machine_compliance(scene):
         # Speeds as given, not rounded.
-        time_out = time_of_way(scene, out, 0.0, inward=False)
+        time_out = travel_time(scene, out, 0.0, inward=False)
         return Travel(into, time_in, drive.speed), Travel(out, time_out, drive.retract_speed)
-    time_out = time_of_way(scene, out, drive.preload + pull_off_force(scene), inward=False)
+    time_out = travel_time(scene, out, drive.preload + pull_off_force(scene), inward=False)
     return Travel(into, time_in, into / time_in), Travel(out, time_out, out / time_out)
 
 

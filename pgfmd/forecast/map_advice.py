@@ -30,7 +30,7 @@ MANY_FILLED = 0.05
 """Share of the pixels under the punch that may be filled without a warning."""
 WHO = {"key": "by the scene", "file": "by the file", "": "as nothing else is said"}
 
-Told = tuple[str, float | int | str, str, str]
+Fact = tuple[str, float | int | str, str, str]
 """A line of a report: name, value, SI unit, and what it says."""
 
 
@@ -49,7 +49,7 @@ def _seen(punch, spacing: float, reach: float, stamp: tuple[int, int]) -> tuple[
     return face, survey(face, spacing, reach)
 
 
-def told(scene) -> Iterator[Told]:
+def facts_of(scene) -> Iterator[Fact]:
     """Lines about the map of a scene, none for another punch; its height range and slope are told of any face."""
     if scene.punch.pattern != "file":
         return
@@ -87,7 +87,7 @@ def head(scene) -> list[str]:
     if scene.punch.pattern != "file":
         return []
     face, found = seen(scene)
-    facts, lines = face.map.facts, {name: (value, note) for name, value, _, note in told(scene)}
+    facts, lines = face.map.facts, {name: (value, note) for name, value, _, note in facts_of(scene)}
     start = (
         f"map: {lines['height map'][0]} {lines['height map'][1]}; heights in {facts.unit.word} {WHO[facts.unit.by]}, "
         f"peaks {facts.peaks.word} {WHO[facts.peaks.by]}"
@@ -218,11 +218,11 @@ def _numbers(facts: MapFacts, found: Survey) -> Iterator[str]:
         )
     if found.spikes:
         first, many = found.spikes[0], len(found.spikes)
-        way = "out of the face, towards the elastomer" if first.height < 0.0 else "into the face"
+        direction = "out of the face, towards the elastomer" if first.height < 0.0 else "into the face"
         what = "a single pixel sticks" if many == 1 else f"{many} single pixels stick"
         yield (
             f"punch.file: {what} out of those around by many times what these differ, the furthest by "
-            f"{shown(abs(first.height), 'length')} {way}, at {_where(first)}: heights, or faults of the measurement? Correct them, "
+            f"{shown(abs(first.height), 'length')} {direction}, at {_where(first)}: heights, or faults of the measurement? Correct them, "
             'or name their number as missing, such as file_missing_value = [0], with file_missing = "fill"'
         )
     if found.clipped:

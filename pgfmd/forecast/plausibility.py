@@ -18,7 +18,7 @@ import numpy as np
 from pgfmd.physics.adhesion.registry import clearance_of, range_by_rule
 from pgfmd.physics.map_survey import relief_and_slope
 from pgfmd.scene.model import SECTIONS, unused_keys
-from pgfmd.scene_objects import time_of_way, topography_of
+from pgfmd.scene_objects import topography_of, travel_time
 from pgfmd.schemes import registry
 from pgfmd.units import handy_quantity as shown
 
@@ -208,7 +208,7 @@ def _clearance(scene: Scene) -> Iterator[str]:
     if clearance > max(scale, clearance_of(scene.adhesion)):
         yield (
             f"drive.clearance: the punch starts {shown(clearance, 'length')} above the surface, "
-            f"{clearance / scale:.2g} times {what}, and takes {shown(time_of_way(scene, clearance, 0.0), 'time')} to come "
+            f"{clearance / scale:.2g} times {what}, and takes {shown(travel_time(scene, clearance, 0.0), 'time')} to come "
             "down; look at its unit"
         )
 

@@ -61,7 +61,7 @@ class Outlook:
 
 
 @dataclass(frozen=True)
-class Way:
+class TravelProgress:
     """The travel [m], in and out, completed and remaining, of what is driven: the punch, or the end of its spring."""
 
     in_done: float
@@ -79,13 +79,13 @@ def outlook(scene: Scene, moment: Moment) -> Outlook:
     """The estimate for a run in this state."""
     if moment.phase != "approach" and moment.depth is None:
         return Outlook(remark="where the preload was met is not known")
-    way = _way(scene, moment)
-    progress = way.share()
-    nearly = way.out_left < clearance_of(scene.adhesion) or _pulls_a_soft_spring(scene, moment)
+    travel = _travel(scene, moment)
+    progress = travel.share()
+    nearly = travel.out_left < clearance_of(scene.adhesion) or _pulls_a_soft_spring(scene, moment)
     if nearly and moment.phase == "retract":
         # The place of the last jump is not known better than this.
         return Outlook(progress, remark="the punch may come off at any moment")
-    steps, remark = registry.scheme_of(scene).steps_left_of(scene, moment, way)
+    steps, remark = registry.scheme_of(scene).steps_left_of(scene, moment, travel)
     allowed = scene.solver.max_steps - moment.steps
     if steps > allowed:
         return Outlook(progress, max(0.0, allowed), "until solver.max_steps is reached")
@@ -94,11 +94,11 @@ def outlook(scene: Scene, moment: Moment) -> Outlook:
 
 def _pulls_a_soft_spring(scene: Scene, moment: Moment) -> bool:
     """Whether the punch comes off when its spring is pulled enough, at a force that is hardly known."""
-    way = machine_compliance(scene) * pull_off_force(scene)
-    return moment.force < 0.0 and way > clearance_of(scene.adhesion)
+    travel = machine_compliance(scene) * pull_off_force(scene)
+    return moment.force < 0.0 and travel > clearance_of(scene.adhesion)
 
 
-def _way(scene: Scene, moment: Moment) -> Way:
+def _travel(scene: Scene, moment: Moment) -> TravelProgress:
     clearance, position = scene.drive.clearance, moment.displacement
     # How far the spring is, and will be, pressed.
     spring, preload = machine_compliance(scene), scene.drive.preload
@@ -107,29 +107,29 @@ def _way(scene: Scene, moment: Moment) -> Way:
     if moment.phase == "approach":
         depth = max(_depth_ahead(scene, moment), -position)
         left = depth + position + max(most - now, 0.0)
-        return Way(clearance - position + now, left, 0.0, depth + most + beyond)
+        return TravelProgress(clearance - position + now, left, 0.0, depth + most + beyond)
     assert moment.depth is not None, "`outlook` has seen to that"
     met = moment.depth + most
     back = met + position - now if moment.phase == "retract" else 0.0
-    return Way(clearance + met, 0.0, max(back, 0.0), max(met + beyond - back, 0.0))
+    return TravelProgress(clearance + met, 0.0, max(back, 0.0), max(met + beyond - back, 0.0))
 
 
 def _depth_ahead(scene: Scene, moment: Moment) -> float:
     """Expected indentation [m] at the preload."""
-    told, preload = depth_at_preload(scene), scene.drive.preload
+    forecast, preload = depth_at_preload(scene), scene.drive.preload
     if moment.stiffness is None or moment.stiffness <= 0.0:
-        return told
+        return forecast
     # The slope of the force is meaningless at first touch and best at the end: fast punches meet a stiffer elastomer.
     share = math.sqrt(min(max(moment.force / preload, 0.0), 1.0))
     ahead = -moment.displacement + max(preload - moment.force, 0.0) / moment.stiffness
-    return min((1.0 - share) * told + share * ahead, deepest_indentation(scene))
+    return min((1.0 - share) * forecast + share * ahead, deepest_indentation(scene))
 
 
-def steps_by_way(scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:
+def steps_by_travel(scene: Scene, moment: Moment, travel: TravelProgress) -> tuple[float, str]:
     """Remaining steps for schemes with an accuracy, and what they do not include."""
     drive = scene.drive
     viscous = scene.adhesion.attractive and scene.rheology.model != "elastic"
-    share = way.share(math.sqrt(drive.speed / drive.retract_speed) if viscous else 1.0)
+    share = travel.share(math.sqrt(drive.speed / drive.retract_speed) if viscous else 1.0)
     steps = (1.0 - share) * ((1.0 - share) * effort_of(scene).steps + moment.steps - moment.dwell_steps)
     if moment.phase == "dwell" and moment.preload_time is not None:
         return steps + _dwell_steps(scene, moment, moment.preload_time), ""
@@ -143,10 +143,10 @@ def _dwell_steps(scene: Scene, moment: Moment, since: float) -> float:
     return elapsed / moment.step * math.log(max(scene.drive.dwell / elapsed, 1.0))
 
 
-def time_left(scene: Scene, moment: Moment, way: Way) -> float:
+def time_left(scene: Scene, moment: Moment, travel: TravelProgress) -> float:
     """Time [s] until the punch detaches."""
     drive = drive_of(scene)
-    left = way.in_left / drive.speed + way.out_left / drive.retract_speed
+    left = travel.in_left / drive.speed + travel.out_left / drive.retract_speed
     if moment.phase == "approach":
         left += drive.turn_time + drive.dwell
     elif moment.phase != "retract" and moment.preload_time is not None:

@@ -15,7 +15,7 @@ from pgfmd.physics.adhesion.registry import law_of, range_by_rule
 from pgfmd.physics.film import Film
 from pgfmd.physics.topography import PATTERNS, layered
 from pgfmd.reference import hertz
-from pgfmd.scene_objects import BONDED, compliance_of, relaxation_of, time_of_way, topography_of
+from pgfmd.scene_objects import BONDED, compliance_of, relaxation_of, topography_of, travel_time
 from pgfmd.solver.grid import Grid
 
 from .estimate import depth_of, modulus_of
@@ -154,7 +154,7 @@ def overlap_share(scene: Scene) -> float:
         size = min(limit, math.sqrt(radius * depth))
         overlap = load / (math.pi * size**2) / law.overlap_stiffness
         # The punch moves by indentation and overlap.
-        modulus = modulus_of(scene) * mean_kappa(scene, time_of_way(scene, depth + overlap, scene.drive.preload))
+        modulus = modulus_of(scene) * mean_kappa(scene, travel_time(scene, depth + overlap, scene.drive.preload))
     return overlap / (depth * softness_of_film(scene, size))
 
 

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 CELL_PAIRS = 10.0
 """Time of the coarse grid for each pair on all points, in pairs of a run on a grid as coarse, on one rank (each rank
-solves the complete coarse problem). Fitted with BESIDE to tri-tack at n = 1024 and 2048 on 1 and 2 ranks, where it is
+solves the complete coarse problem). Fitted with COARSE_OVERHEAD to tri-tack at n = 1024 and 2048 on 1 and 2 ranks, where it is
 within 5 % of whole runs. (4 pairs are counted, and there are fewer pairs per step.)"""
-BESIDE = 0.14
+COARSE_OVERHEAD = 0.14
 """Further time of the coarse grid, as a fraction of the time of the pair itself."""
 WORTH_TELLING = 1.1
 """Another number of ranks is recommended if it is faster by more than this factor."""
@@ -83,7 +83,7 @@ def _by_profile(
         """Time of the coarse grid and of coarse approaches."""
         taken = 0.0
         if cells and cells.kind in profile.costs:
-            taken += BESIDE * (profile.run_seconds(problem, pairs, count) - profile.start_seconds(count))
+            taken += COARSE_OVERHEAD * (profile.run_seconds(problem, pairs, count) - profile.start_seconds(count))
             taken += profile.run_seconds(cells, CELL_PAIRS * pairs, 1) - profile.start_seconds(1)
         for other, wanted in others:
             if other.kind in profile.costs:

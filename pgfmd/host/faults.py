@@ -30,9 +30,9 @@ def expect(arguments: list[str]) -> None:
 
 def describe(error: BaseException, rank: int = 0, ranks: int = 1) -> str:
     """The message for an error. In a program of a user: the traceback."""
-    told = system_message(error)
-    if told:
-        return told
+    message = system_message(error)
+    if message:
+        return message
     trace = "".join(traceback.format_exception(error)).rstrip("\n")
     if _command is None:
         return trace

@@ -100,12 +100,12 @@ def on_first(comm: Intracomm, action: Callable[[], Any]) -> Any:
         from mpi4py.util import pkl5
 
         comm = pkl5.Intracomm(comm)
-    told = comm.bcast((result, None) if failure is None else (None, (str(failure), failure.exit_code)))
+    outcome = comm.bcast((result, None) if failure is None else (None, (str(failure), failure.exit_code)))
     if failure is not None:
         raise failure
-    if told[1] is not None:
-        raise RelayedError(*told[1])
-    return told[0]
+    if outcome[1] is not None:
+        raise RelayedError(*outcome[1])
+    return outcome[0]
 
 
 def listen() -> None:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from pgfmd.errors import ResultError
-from pgfmd.files.regular_files import name_of_folder, open_folder, open_regular, remove_unfinished, unfinished_beside
+from pgfmd.files.regular_files import name_of_folder, open_folder, open_regular, remove_unfinished, temporary_name_for
 from pgfmd.files.storage import reason
 
 from . import batch
@@ -74,7 +74,7 @@ class RunLock:
             ResultError: if another run holds the lock, or may hold it; if the lock can't be written.
         """
         path = Path(folder) / LOCK_FILE
-        aside = unfinished_beside(path)
+        aside = temporary_name_for(path)
         descriptor = -1
         try:
             descriptor = os.open(aside, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)

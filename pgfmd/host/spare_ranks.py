@@ -52,7 +52,7 @@ def on_cores(comm: Intracomm, action: Callable[[Any], Any]) -> Any:
         _wait(channel)
         return None
     if comm.rank == 0:
-        say(_told(comm.size, sum(working)))
+        say(_notice(comm.size, sum(working)))
     spare = [rank for rank, has_work in enumerate(working) if not has_work] if comm.rank == 0 else []
     try:
         result = action(workers)
@@ -63,7 +63,7 @@ def on_cores(comm: Intracomm, action: Callable[[Any], Any]) -> Any:
     return result
 
 
-def _told(ranks: int, working: int) -> str:
+def _notice(ranks: int, working: int) -> str:
     others = f"{ranks - working} {'waits' if ranks - working == 1 else 'wait'}"
     return (
         f"note: {ranks} ranks, but cores for {working}: {working} work{'s' * (working == 1)} and {others}, which is faster. "

@@ -64,11 +64,11 @@ def end_of_job() -> float | None:
         return None
     if job.system == batch.SLURM:
         known = os.environ.get("SLURM_JOB_END_TIME", "")
-        told = float(known) if known.isdecimal() and int(known) else None
-        if told is not None and told > time.time():
-            return told
+        known_end = float(known) if known.isdecimal() and int(known) else None
+        if known_end is not None and known_end > time.time():
+            return known_end
         # The limit may have been extended after the job began.
-        return _end_by_squeue(job.id) or told
+        return _end_by_squeue(job.id) or known_end
     return _end_by_qstat(job.id) if job.system == batch.PBS else None
 
 

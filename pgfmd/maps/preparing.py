@@ -30,8 +30,8 @@ MOST_MISSING = 0.5
 """Share of the pixels under the punch that may be filled."""
 
 
-class Said(NamedTuple):
-    """A word about a map, and who said it: "key", "file", or "" where nobody did."""
+class Stated(NamedTuple):
+    """A property of a map, and what states it: "key", "file", or "" for a default."""
 
     word: str
     by: str
@@ -54,8 +54,8 @@ class MapFacts:
     file_size: tuple[float, float] | None
     file_unit: Unit | None
     file_peaks: Peaks | None
-    unit: Said
-    peaks: Said
+    unit: Stated
+    peaks: Stated
     tilt: tuple[float, float]
     under: int
     missing: int
@@ -123,8 +123,8 @@ def prepared(raw: RawMap, keys: MapKeys, radius: float | None) -> tuple[Array | 
     Raises MapError for what can't be a height map of this punch; what else is to be set right before a run is among the facts.
     """
     unit, unit_by = _unit(raw, keys)
-    peaks = Said(keys.peaks, "key") if keys.peaks else Said(raw.peaks or "down", "file" if raw.peaks else "")
-    problems = list(_unsaid(raw, peaks, unit_by))
+    peaks = Stated(keys.peaks, "key") if keys.peaks else Stated(raw.peaks or "down", "file" if raw.peaks else "")
+    problems = list(_unstated(raw, peaks, unit_by))
     file_size = _size_in_file(raw)
     size = keys.size or file_size
     if size is None:
@@ -155,7 +155,7 @@ def prepared(raw: RawMap, keys: MapKeys, radius: float | None) -> tuple[Array | 
         heights = filled(heights, _under(shape, size, radius, reach=1.0))
     tilt = float(plane[1] / size[0]), float(plane[2] / size[1])
     facts = MapFacts(
-        raw.kind, shape, size, file_size, raw.unit, raw.peaks, Said(unit.name, unit_by), peaks, tilt,
+        raw.kind, shape, size, file_size, raw.unit, raw.peaks, Stated(unit.name, unit_by), peaks, tilt,
         int(np.count_nonzero(under)), missing, tuple(codes), suspect, raw.notes, tuple(problems),
     )  # fmt: skip
     return heights, facts
@@ -362,7 +362,7 @@ def _solved(products: Array, right: Array, terms: int) -> Array:
     return found
 
 
-def _unsaid(raw: RawMap, peaks: Said, unit_by: str) -> Iterator[Problem]:
+def _unstated(raw: RawMap, peaks: Stated, unit_by: str) -> Iterator[Problem]:
     """What neither the file nor the scene says, and nobody may guess."""
     if not peaks.by:
         yield Problem(

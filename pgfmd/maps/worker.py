@@ -27,7 +27,7 @@ PATIENCE = 600.0
 """Time [s] after which a reader is given up."""
 WITHOUT_MARKS = {"hgt": ".hgt", "nms": ".nms"}
 """Formats without a mark of their own, which any file may seem to be, and the endings of their names."""
-ANY_WAY = ("asc", "xyz", "npy", "npz", "h5", "nc")
+EITHER_SENSE = ("asc", "xyz", "npy", "npz", "h5", "nc")
 """Formats that anything may write, and that do not say which way heights grow."""
 _PROGRAM = "import sys; sys.path.append(sys.argv.pop(1)); from pgfmd.maps.worker import main; main(*sys.argv[1:])"
 
@@ -113,7 +113,7 @@ def instrument(path: Path) -> RawMap:
         odd_unit,
         (float(x), float(y)) if sizes else None,
         lateral,
-        None if name in ANY_WAY else "up",
+        None if name in EITHER_SENSE else "up",
         notes=notes,
     )
 

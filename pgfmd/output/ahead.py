@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from pgfmd.assemble import assemble
 from pgfmd.errors import RunError
-from pgfmd.forecast.effort import told_of_ahead
+from pgfmd.forecast.effort import ahead_summary
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.scene_objects import shared_out
 from pgfmd.solver.interruption import Interrupted
@@ -22,26 +22,26 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
-    from pgfmd.solver.interruption import Impatient
+    from pgfmd.solver.interruption import StopCondition
     from pgfmd.solver.simulation import Simulation
 
 
 def run_ahead(
-    scene: Scene, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None = None
+    scene: Scene, comm: Intracomm, say: Callable[[str], None], stop: StopCondition | None = None
 ) -> list[tuple[float, str]]:
     """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
 
     How long the approach takes is known only at its end, so coarse ones are run ahead. Nothing is run where no such snapshot
-    is asked for. keeper: as of Outputs.plan_snapshots. Collective. Raises Interrupted where the run has to stop meanwhile.
+    is asked for. stop: as of Outputs.plan_snapshots. Collective. Raises Interrupted where the run has to stop meanwhile.
     """
     coarse = coarse_scenes(scene)
     if not coarse:
         return []
     tell = say if comm.rank == 0 else (lambda line: None)
     if comm.rank == 0:
-        tell(f"run ahead to place the snapshots before the preload: about {', '.join(told_of_ahead(scene))}")
+        tell(f"run ahead to place the snapshots before the preload: about {', '.join(ahead_summary(scene))}")
     began = time.perf_counter()
-    found, pairs = _shared(coarse, comm, say, keeper)
+    found, pairs = _shared(coarse, comm, say, stop)
     if len(found) < len(coarse):
         tell("the coarse approach has not met the preload: no snapshots before it")
         return []
@@ -52,12 +52,12 @@ def run_ahead(
 
 
 def _shared(
-    coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None
+    coarse: list, comm: Intracomm, say: Callable[[str], None], stop: StopCondition | None
 ) -> tuple[list[Met], int]:
     """What `_run` gives, on every rank, of those ranks that the coarse grids have rows and columns for."""
     most = min(_most_ranks(one) for one in coarse)
     if comm.size <= most:
-        found = _run(coarse, comm, say, keeper)
+        found = _run(coarse, comm, say, stop)
         if comm.size > 1:
             # The run has no use for what they shared.
             gc.collect()
@@ -67,7 +67,7 @@ def _shared(
     outcome: tuple[list[Met], int] | Exception | None = None
     try:
         if comm.rank < most:
-            outcome = _run(coarse, some, say, keeper)
+            outcome = _run(coarse, some, say, stop)
     except (Interrupted, RunError) as error:
         # Without the frames that it has come from, which hold the simulation.
         outcome = error.with_traceback(None)
@@ -85,12 +85,14 @@ def _most_ranks(scene: Scene) -> int:
     return min(shared_out(scene, points_of(scene, "").nb))
 
 
-def _run(coarse: list, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None) -> tuple[list[Met], int]:
+def _run(
+    coarse: list, comm: Intracomm, say: Callable[[str], None], stop: StopCondition | None
+) -> tuple[list[Met], int]:
     """Where the coarse approaches met surface and preload, up to the first that met none, and their transform pairs."""
     heed: dict[str, Any] = {}
-    if keeper:
-        # Not all ranks may be here: the keeper itself asks all of them.
-        heed = {"attend": lambda _: any(comm.allgather(keeper.interrupts())), "interrupt": keeper.interrupts}
+    if stop:
+        # Some ranks may not be here, so that `stop.has_to_stop`, which asks all ranks, can't be used.
+        heed = {"attend": lambda _: any(comm.allgather(stop.interrupts())), "interrupt": stop.interrupts}
     found: list[Met] = []
     pairs = 0
     for one in coarse:

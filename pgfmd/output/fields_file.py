@@ -32,18 +32,18 @@ if TYPE_CHECKING:
 BOOKKEEPING_BYTES = 2**17
 Rows = np.ndarray | Callable[[], np.ndarray]
 
-_told = False
+_noticed = False
 
 
-def tell_once(comm: Intracomm) -> None:
+def notice_once(comm: Intracomm) -> None:
     """Say on rank 0, once per process, that arrays go through rank 0."""
-    global _told
-    if not _told and comm.rank == 0:
+    global _noticed
+    if not _noticed and comm.rank == 0:
         say("h5py has no MPI here: snapshots are gathered to rank 0 and written from there")
-    _told = True
+    _noticed = True
 
 
-Made = Callable[[], tuple[np.ndarray, int]]
+Producer = Callable[[], tuple[np.ndarray, int]]
 """What makes rows of this rank, and tells the first of them."""
 
 
@@ -69,7 +69,7 @@ class FieldsFile:
         surface: bool = False,
         parallel: bool | None = None,
         guard: Callable[[], None] = lambda: None,
-        told: Mapping[str, float] = MappingProxyType({}),
+        extra_attributes: Mapping[str, float] = MappingProxyType({}),
     ):
         """Make or continue the file; collective.
 
@@ -82,14 +82,14 @@ class FieldsFile:
             surface: also keep the displacement of the whole cell.
             parallel: True: through MPI-IO; False: through rank 0; None: MPI-IO if h5py has it, for several ranks.
             guard: called on rank 0 before the file is changed; raises if its folder is no longer the one that it was.
-            told: attributes of a new file's root: what its readers have to know of the run.
+            extra_attributes: of a new file's root: what its readers have to know of the run.
 
         Raises:
             ResultError: on every rank, if the file can't be made, is damaged or belongs to another grid.
             ValueError: on every rank, if the ranks' rows do not make up the block.
         """
         self.path = Path(path)
-        self._comm, self._guard, self._told = comm, guard, told
+        self._comm, self._guard, self._extra_attributes = comm, guard, extra_attributes
         self._layout = Layout(n, length, block_start, nb, surface)
         self._rows = (row_start, rows_local)
         self._inside = np.asarray(inside, dtype=bool)
@@ -171,31 +171,31 @@ class FieldsFile:
         self._guard()
         fields_layout.put_back(self.path)
         if not require_regular(self.path):
-            fields_layout.create(self.path, self._layout, self._told)
+            fields_layout.create(self.path, self._layout, self._extra_attributes)
         return fields_layout.count_frames(self.path, self._layout)
 
     def _fields(
         self, gap: Rows, traction: Rows, displacement: Rows, surface: tuple[np.ndarray, int] | None
-    ) -> dict[str, Made]:
+    ) -> dict[str, Producer]:
         """name -> what makes (rows of this rank, first row) of it."""
         rows = dict(zip(BLOCK_FIELDS, (gap, traction, displacement), strict=True))
-        fields: dict[str, Made] = {name: partial(self._made, values) for name, values in rows.items()}
+        fields: dict[str, Producer] = {name: partial(self._produce, values) for name, values in rows.items()}
         if self._layout.surface:
             fields[SURFACE_FIELD] = lambda: (np.empty(0), 0) if surface is None else surface
         return fields
 
-    def _made(self, values: Rows) -> tuple[np.ndarray, int]:
+    def _produce(self, values: Rows) -> tuple[np.ndarray, int]:
         return self._punch_rows(values), self._rows[0]
 
     def _punch_rows(self, values: Rows) -> np.ndarray:
         """Rows of the block as they will be written, or as they are where their shape is wrong."""
-        made = values() if callable(values) else np.array(values, dtype=np.float64)
-        made = np.asarray(made, dtype=np.float64)
-        if made.shape == self._inside.shape:
-            np.copyto(made, np.nan, where=~self._inside)
-        return made
+        produced = values() if callable(values) else np.array(values, dtype=np.float64)
+        produced = np.asarray(produced, dtype=np.float64)
+        if produced.shape == self._inside.shape:
+            np.copyto(produced, np.nan, where=~self._inside)
+        return produced
 
-    def _local(self, name: str, make: Made) -> tuple[np.ndarray, int]:
+    def _local(self, name: str, make: Producer) -> tuple[np.ndarray, int]:
         """Rows of this rank, and the first row, checked on all ranks."""
         values, first = make()
         wanted = self._inside.shape if name != SURFACE_FIELD else (len(values), self._layout.n)
@@ -249,7 +249,7 @@ def _writes_together(path: Path, comm: Intracomm, parallel: bool | None) -> bool
     if parallel and not has_mpi:
         raise ResultError(f"{path}: parallel output was asked for, but this h5py has no MPI")
     if parallel is None and comm.size > 1 and not has_mpi:
-        tell_once(comm)
+        notice_once(comm)
     return (has_mpi and comm.size > 1) if parallel is None else parallel
 
 

@@ -144,9 +144,12 @@ class Frame:
 
     def take(self, state: State, surface: Surface | None) -> Frame:
         """Holds a copy of the present fields of the state, in the arrays of before where there are some."""
-        if (self.displacement.size, self.displacement.dtype) != (state.displacement.size, state.displacement.dtype):
-            self.displacement, self.traction = np.empty_like(state.displacement), np.empty_like(state.traction)
-        self.displacement[:], self.traction[:] = state.displacement, state.traction
+        if (self.displacement.size, self.displacement.dtype) != (
+            state.surface_displacement.size,
+            state.surface_displacement.dtype,
+        ):
+            self.displacement, self.traction = np.empty_like(state.surface_displacement), np.empty_like(state.traction)
+        self.displacement[:], self.traction[:] = state.surface_displacement, state.traction
         if surface:
             kept = surface.keep(state)
             if (self.kept.size, self.kept.dtype) != (kept.size, kept.dtype):
@@ -181,7 +184,7 @@ class Agenda:
     tension: Frame = field(default_factory=Frame)
 
 
-Made = Callable[[], np.ndarray]
+Producer = Callable[[], np.ndarray]
 
 
 class SnapshotFile(Protocol):
@@ -191,7 +194,7 @@ class SnapshotFile(Protocol):
     def frames(self) -> int: ...
 
     def append(
-        self, label: str, time: float, position: float, force: float, gap: Made, traction: Made, displacement: Made, /,
+        self, label: str, time: float, position: float, force: float, gap: Producer, traction: Producer, displacement: Producer, /,
         surface: tuple[np.ndarray, int] | None = None,
     ) -> None:  # fmt: skip
         """Adds one, of functions that make this rank's rows (fields_file.py). Collective."""
@@ -262,7 +265,7 @@ class Snapshots(Observer):
     def _write_present(self, simulation: Simulation, label: str) -> None:
         state = simulation.state
         kept = self.surface.keep(state) if self.surface else _nothing()  # No copies: it is written at once.
-        frame = Frame(True, state.time, state.position, state.force, state.displacement, state.traction, kept)
+        frame = Frame(True, state.time, state.position, state.force, state.surface_displacement, state.traction, kept)
         self._write(simulation, label, frame)
 
     def _write(self, simulation: Simulation, label: str, frame: Frame) -> None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
     from pgfmd.scene import Scene
-    from pgfmd.solver.interruption import Impatient
+    from pgfmd.solver.interruption import StopCondition
     from pgfmd.solver.simulation import Simulation
     from pgfmd.solver.state import State
 
@@ -52,7 +52,7 @@ class Outputs:
         self.fields = FieldsFile(
             folder / storage.FIELDS_FILE, comm, points.grid.n, points.grid.length, points.block_start, points.nb,
             points.row_start, points.rows, points.inside(), surface=output.surface, guard=guard,
-            told=observers.gaps_of(simulation, scene),
+            extra_attributes=observers.gaps_of(simulation, scene),
         )  # fmt: skip
         surface = _surface(simulation, scene) if output.surface else None
         watch, table = self._contact_observers(simulation) if output.patches else (None, None)
@@ -82,12 +82,12 @@ class Outputs:
         level = simulation.scheme.law.contact_gap
         return watch, PatchTable(patches, points.whole, places, level, periodic)
 
-    def plan_snapshots(self, state: State, keeper: Impatient | None = None) -> None:
+    def plan_snapshots(self, state: State, stop: StopCondition | None = None) -> None:
         """Has the snapshots taken that the scene asks for, as far as they are still to come.
 
-        That may take long. keeper: who knows whether the run has to stop meanwhile; Interrupted is raised then.
+        That may take long. stop: whether the run has to stop meanwhile; Interrupted is raised then.
         """
-        self.snapshots.replan(state, *snapshots_wanted(self.scene, state, self.comm, self.say, keeper))
+        self.snapshots.replan(state, *snapshots_wanted(self.scene, state, self.comm, self.say, stop))
 
     def marks(self) -> dict:
         """What a checkpoint has to know of the files, which are brought to the disk for it. ResultError on every
@@ -107,7 +107,7 @@ class Outputs:
 
 
 def snapshots_wanted(
-    scene: Scene, state: State, comm: Intracomm, say: Callable[[str], None], keeper: Impatient | None = None
+    scene: Scene, state: State, comm: Intracomm, say: Callable[[str], None], stop: StopCondition | None = None
 ) -> tuple[list[tuple[float, str]], list[float]]:
     """Times [s] with labels of the snapshots that a scene asks for, and fractions of t_pl above 1, whose times are not
     known yet. See `Outputs.plan_snapshots`. Collective."""
@@ -115,7 +115,7 @@ def snapshots_wanted(
     wanted = [(value, f"t = {value:g} s") for value, relative in asked if not relative]
     fractions = [value for value, relative in asked if relative]
     if state.preload_time is None:
-        wanted += run_ahead(scene, comm, say, keeper)
+        wanted += run_ahead(scene, comm, say, stop)
     return wanted, [value for value in fractions if value > 1.0]
 
 

@@ -78,7 +78,9 @@ class ContactWatch(Observer):
         self._write(simulation, joined, left, before)
         if event.kind == "jump":
             place = self._place(simulation.state)
-            self.change = Change(self._told(joined), self._told(left), *place, self._nearest(*place))
+            self.change = Change(
+                self._counts_as_text(joined), self._counts_as_text(left), *place, self._nearest(*place)
+            )
         self._remember(simulation.state, held)
 
     def _look(self, simulation: Simulation) -> np.ndarray:
@@ -86,7 +88,7 @@ class ContactWatch(Observer):
         if not len(self.places.sites):
             return np.zeros(0, bool)
         state, local = simulation.state, self.places.local
-        gap = np.float64(state.position) + simulation.scheme.height[local] - state.displacement[local]
+        gap = np.float64(state.position) + simulation.scheme.height[local] - state.surface_displacement[local]
         return self.places.collect(gap < simulation.scheme.law.contact_gap)
 
     def _remember(self, state: State, held: np.ndarray) -> None:
@@ -115,7 +117,7 @@ class ContactWatch(Observer):
                 )  # fmt: skip
         self.file.extend(rows)
 
-    def _told(self, changed: np.ndarray) -> str:
+    def _counts_as_text(self, changed: np.ndarray) -> str:
         counts = self.places.sites.count(changed)
         return "; ".join(f"{count} {kind}" for count, kind in zip(counts, KINDS, strict=True) if count)
 

@@ -95,7 +95,7 @@ class Recorder(Observer):
         time, displacement, force, area, u_inf, phase = (self.curve.column(each) for each in columns)
         return Loop(
             name, time, displacement, force, area, u_inf, phase, self.jump, work=state.energies.work,
-            separation=state.energies.work_of_separation, told={"pull_off_force_N": -state.pull_off_force},
+            separation=state.energies.work_of_separation, recorded={"pull_off_force_N": -state.pull_off_force},
         )  # fmt: skip
 
 

@@ -49,7 +49,7 @@ DIFFERENCE = 1e-3
 """Step of the finite differences, in wavelengths: fourth order leaves 1e-10 of a gradient, rounding 1e-12."""
 AT_A_TIME = 2**20
 """Points of that lattice that are examined at a time."""
-BESIDE = 3
+MARGIN_ROWS = 3
 """Neighbouring rows on either side, which differences and their minima need."""
 MOST_ITERATIONS = 50
 FAR = 0.2
@@ -114,7 +114,7 @@ def contact_sites(topography: Topography, side: float | None = None) -> ContactS
     if pattern.lattice is not None:
         x, y, kind = _found(face, side, in_row=pattern.lattice(face).row)
     elif pattern.sampled:
-        x, y, kind = _standing_out(face, side)
+        x, y, kind = _prominent(face, side)
     else:
         x, y, kind = _on_axis(face)
     order = np.lexsort((x, np.round(y / _smallest_length(face, side), 6), kind))
@@ -129,12 +129,12 @@ def _smallest_length(face: Topography, side: float) -> float:
 def _on_axis(face: Topography) -> tuple[Array, Array, NDArray[np.int64]]:
     """Of a face of revolution: its axis, unless it is flat there."""
     radius = 1e-3 * (face.radius or face.curvature_radius)
-    middle, beside = face.heights(np.array([0.0, radius]), np.zeros(2))
-    count = int(middle != beside)
-    return np.zeros(count), np.zeros(count), np.full(count, KINDS.index(SUMMIT if beside > middle else VALLEY))
+    middle, outside = face.heights(np.array([0.0, radius]), np.zeros(2))
+    count = int(middle != outside)
+    return np.zeros(count), np.zeros(count), np.full(count, KINDS.index(SUMMIT if outside > middle else VALLEY))
 
 
-def _standing_out(face: Topography, side: float) -> tuple[Array, Array, NDArray[np.int64]]:
+def _prominent(face: Topography, side: float) -> tuple[Array, Array, NDArray[np.int64]]:
     """Of a height map or a random face: the extrema that stand out, and their saddles."""
     x, y = _samples(face, side)
     z = face.heights(x, y[:, np.newaxis])
@@ -189,18 +189,18 @@ def _found(face: Topography, side: float, in_row: bool) -> tuple[Array, Array, N
     wave, reach = face.wavelength, face.radius or 0.5 * side
     x, y = _candidates(face, reach, in_row)
     start_x, start_y, arrived = x.copy(), y.copy(), np.zeros(x.shape, bool)
-    under_way = np.arange(x.size)
+    moving = np.arange(x.size)
     for _ in range(MOST_ITERATIONS):
-        here = x[under_way], y[under_way]
+        here = x[moving], y[moving]
         step_x, step_y = _newton_step(_derivatives(face.heights, *here, DIFFERENCE * wave), in_row)
         long = np.hypot(step_x, step_y)
         # Where a curvature vanishes close by, the full step leads to another site far away.
         share = np.minimum(1.0, wave / PER_WAVE / np.maximum(long, 1e-300))
-        x[under_way], y[under_way] = here[0] + share * step_x, here[1] + share * step_y
-        arrived[under_way] = long < CLOSE * wave
-        lost = np.hypot(x - start_x, y - start_y)[under_way] > FAR * wave
-        under_way = under_way[~(arrived[under_way] | lost)]
-        if not under_way.size:
+        x[moving], y[moving] = here[0] + share * step_x, here[1] + share * step_y
+        arrived[moving] = long < CLOSE * wave
+        lost = np.hypot(x - start_x, y - start_y)[moving] > FAR * wave
+        moving = moving[~(arrived[moving] | lost)]
+        if not moving.size:
             break
     kind = _kinds(_derivatives(face.heights, x, y, DIFFERENCE * wave), in_row)
     good = arrived & (kind >= 0) & _within(face.radius, reach, x, y)
@@ -226,7 +226,7 @@ def _candidates(face: Topography, reach: float, in_row: bool) -> tuple[Array, Ar
     # A few rows at a time, with the neighbours that differences and their minima need.
     found, some = [], max(1, AT_A_TIME // line.size)
     for begin in range(0, line.size, some):
-        first, end = max(0, begin - BESIDE), min(line.size, begin + some + BESIDE)
+        first, end = max(0, begin - MARGIN_ROWS), min(line.size, begin + some + MARGIN_ROWS)
         chosen = _chosen(face, line, line[first:end])
         chosen[: begin - first] = chosen[begin - first + some :] = False
         row, column = np.nonzero(chosen)

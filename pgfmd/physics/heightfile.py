@@ -200,9 +200,9 @@ def height_map(request: MapRequest) -> HeightMap:
     from pgfmd.maps.reading import read_map
 
     heights, facts = prepared(read_map(request.file), request.keys, request.radius)
-    made = HeightMap(heights, facts.size, request.periodic, request.order, facts)
-    remember(request, made, stamp)
-    return made
+    height_map = HeightMap(heights, facts.size, request.periodic, request.order, facts)
+    remember(request, height_map, stamp)
+    return height_map
 
 
 def kept(request: MapRequest) -> tuple[HeightMap, Stamp]:
@@ -211,10 +211,10 @@ def kept(request: MapRequest) -> tuple[HeightMap, Stamp]:
     return _KEPT[request]
 
 
-def remember(request: MapRequest, made: HeightMap, stamp: Stamp) -> None:
+def remember(request: MapRequest, height_map: HeightMap, stamp: Stamp) -> None:
     """Keep a map, in place of the one that was kept before."""
     _KEPT.clear()
-    _KEPT[request] = made, stamp
+    _KEPT[request] = height_map, stamp
 
 
 def forget() -> None:

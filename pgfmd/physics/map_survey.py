@@ -104,9 +104,9 @@ def survey(face: Topography, spacing: float, reach: float) -> Survey:
         lifted = z[level <= np.nanmin(level) + NEARLY * reach] if inside.any() else np.zeros(1)
     spikes = lone_spikes(low, there, LEAST_SPIKE * reach)
     if low is not high:
-        ways = [spike for spike in spikes if spike.height < 0.0]
-        ways += [spike for spike in lone_spikes(high, there, LEAST_SPIKE * reach) if spike.height > 0.0]
-        spikes = sorted(ways, key=lambda spike: -abs(spike.height))
+        both_senses = [spike for spike in spikes if spike.height < 0.0]
+        both_senses += [spike for spike in lone_spikes(high, there, LEAST_SPIKE * reach) if spike.height > 0.0]
+        spikes = sorted(both_senses, key=lambda spike: -abs(spike.height))
     return Survey(
         relief, slope, float(np.nanstd(z)) if inside.any() else 0.0, tilt, first, others,
         float(np.mean(lifted)) - (float(np.nanmin(z)) if inside.any() else 0.0), _sag(z, lowest + LOW * reach), _step(z),
@@ -294,8 +294,8 @@ def _clipped(z: Array) -> Code | None:
     levels, counts = np.unique(z[np.isfinite(z)], return_counts=True)
     if levels.size < 2 * LEVELS:
         return None
-    for end, beside in ((0, slice(1, LEVELS + 1)), (-1, slice(-LEVELS - 1, -1))):
-        if counts[end] > CLIPPED and counts[end] > CLIPPED_TIMES * float(np.median(counts[beside])):
+    for end, neighbours in ((0, slice(1, LEVELS + 1)), (-1, slice(-LEVELS - 1, -1))):
+        if counts[end] > CLIPPED and counts[end] > CLIPPED_TIMES * float(np.median(counts[neighbours])):
             return Code(float(levels[end]), int(counts[end]))
     return None
 

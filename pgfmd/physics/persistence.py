@@ -75,8 +75,8 @@ def _flooded(
 
     rank: of each pixel in the order of heights. height: of each rank.
     """
-    basin, way, minima = _basins(rank, steps, periodic)
-    end, around = _joined(minima.size, _passes(rank, basin, way, minima.size, steps, periodic))
+    basin, winding, minima = _basins(rank, steps, periodic)
+    end, around = _joined(minima.size, _passes(rank, basin, winding, minima.size, steps, periodic))
     never = end < 0
     rise = np.where(never, height[-1], height[end]) - height[minima]
     # Equal heights are told apart by their order alone.
@@ -93,13 +93,13 @@ def _basins(rank: Numbers, steps: Steps, periodic: bool) -> tuple[Numbers, Numbe
         np.copyto(lowest, there, where=lower)
         np.copyto(first, seam, where=lower)
     to: Numbers = np.empty(rank.size, np.int32)
-    way: Numbers = np.empty(rank.size, np.int32)
-    to[rank.ravel()], way[rank.ravel()] = lowest.ravel(), first.ravel()
-    to, way = _followed(to, way)
+    winding: Numbers = np.empty(rank.size, np.int32)
+    to[rank.ravel()], winding[rank.ravel()] = lowest.ravel(), first.ravel()
+    to, winding = _followed(to, winding)
     minima = np.flatnonzero(to == np.arange(to.size))
     number = np.empty(rank.size, np.int32)
     number[minima] = np.arange(minima.size)
-    return number[to][rank], way[rank], minima
+    return number[to][rank], winding[rank], minima
 
 
 def _neighbours(values: Numbers, steps: Steps, periodic: bool) -> Iterator[tuple[Numbers, Numbers]]:
@@ -115,7 +115,7 @@ def _neighbours(values: Numbers, steps: Steps, periodic: bool) -> Iterator[tuple
         yield padded[here], up[here[0], np.newaxis] + right[here[1]]
 
 
-def _passes(rank: Numbers, basin: Numbers, way: Numbers, count: int, steps: Steps, periodic: bool) -> Passes:
+def _passes(rank: Numbers, basin: Numbers, winding: Numbers, count: int, steps: Steps, periodic: bool) -> Passes:
     """The lowest pass between any two basins, in rising order: the basins' numbers, the way around the cell from the
     first one's minimum to the second one's across this pass, and the rank of its higher pixel; each (passes,).
 
@@ -123,9 +123,9 @@ def _passes(rank: Numbers, basin: Numbers, way: Numbers, count: int, steps: Step
     the cell has one too.
     """
     found, half = [], steps[: len(steps) // 2]
-    beside = (_neighbours(values, half, periodic) for values in (rank, basin, way))
-    for (above, seam), (other, _), (its_way, _) in zip(*beside, strict=True):
-        turn = seam + its_way - way if periodic else np.zeros_like(rank)
+    neighbours = (_neighbours(values, half, periodic) for values in (rank, basin, winding))
+    for (above, seam), (other, _), (its_winding, _) in zip(*neighbours, strict=True):
+        turn = seam + its_winding - winding if periodic else np.zeros_like(rank)
         meet = ((basin != other) | (turn != 0)) & (above < rank.size)
         found.append((basin[meet], other[meet], turn[meet], np.maximum(rank, above)[meet]))
     one, two, turn, top = (np.concatenate(parts) for parts in zip(*found, strict=True))
@@ -161,10 +161,10 @@ def _joined(count: int, passes: Passes) -> tuple[Numbers, Numbers]:
         ends = ends[two[first[ends]] == ends]
         by = first[ends]
         to: Numbers = still.copy()
-        way: Numbers = np.zeros(count, np.int64)
-        to[ends], way[ends], end[ends] = one[by], -turn[by], top[by]
-        to, way = _followed(to, way)
-        turn = turn + way[two] - way[one]
+        winding: Numbers = np.zeros(count, np.int64)
+        to[ends], winding[ends], end[ends] = one[by], -turn[by], top[by]
+        to, winding = _followed(to, winding)
+        turn = turn + winding[two] - winding[one]
         one, two = to[one], to[two]
         kept = (one != two) | (turn != 0)
         one, two, turn, top = _lowest(one[kept], two[kept], turn[kept], top[kept], count)
@@ -175,10 +175,10 @@ def _joined(count: int, passes: Passes) -> tuple[Numbers, Numbers]:
     return end, np.concatenate([top[:1], top[another][:1]])
 
 
-def _followed(to: Numbers, way: Numbers) -> tuple[Numbers, Numbers]:
+def _followed(to: Numbers, winding: Numbers) -> tuple[Numbers, Numbers]:
     """Where pointers that each lead downwards end, and the ways around the cell summed up on the way."""
     while True:
         further = to[to]
         if np.array_equal(further, to):
-            return to, way
-        way, to = way + way[to], further
+            return to, winding
+        winding, to = winding + winding[to], further

@@ -152,8 +152,8 @@ def plot_force(*runs: Run) -> Figure:
         across = axis_unit([loop.indentation for loop in loops], "m")
         along = axis_unit([loop.force for loop in loops], "N")
         areas = [next(iter(loop.areas.values())) for loop in loops]
-        beside = axis_unit(areas, "m^2")
-        shown = [(upper, along, [loop.force for loop in loops]), (lower, beside, areas)]
+        area_axis = axis_unit(areas, "m^2")
+        shown = [(upper, along, [loop.force for loop in loops]), (lower, area_axis, areas)]
         if close is not None:
             shown.append((close, along, [loop.force for loop in loops]))
         for axis, unit, values in shown:
@@ -173,7 +173,7 @@ def plot_force(*runs: Run) -> Figure:
             _zoom(close, loops, across[0], along[0], float(-lowest))
             close.set_xlabel(labelled("indentation", across[1]))
         kinds = " or ".join(dict.fromkeys(next(iter(loop.areas)) for loop in loops))
-        lower.set(xlabel=labelled("indentation", across[1]), ylabel=labelled(kinds, beside[1]))
+        lower.set(xlabel=labelled("indentation", across[1]), ylabel=labelled(kinds, area_axis[1]))
         lower.set_ylim(bottom=0)
         upper.legend(loc="best")
         figure.align_ylabels([upper, lower])

@@ -110,11 +110,11 @@ def thinned(results: Results, name: str, snapshot: int) -> NDArray[np.float64]:
 class Maps:
     """A page of square maps of the punch block, one a snapshot, with label, time, force, and a scale bar.
 
-    page: its number, from 1; beside: room [inch] for what stands at the right. Raises ResultError if there is no such
+    page: its number, from 1; right_margin: room [inch] for labels on the right. Raises ResultError if there is no such
     page.
     """
 
-    def __init__(self, results: Results, page: int = 1, beside: float = 0.1):
+    def __init__(self, results: Results, page: int = 1, right_margin: float = 0.1):
         pages = pages_of(results)
         if not 1 <= page <= len(pages):
             there = f"{len(pages)} pages of maps" if pages else "no snapshots"
@@ -128,7 +128,7 @@ class Maps:
         self.rows, self.columns = rows, -(-len(self.snapshots) // rows)
         # A single map needs room for its colour bar and legend.
         self.figure = new_figure(max(1.9 * self.columns + 0.9, 4.0), 1.0)
-        side = min(2.2, (self.figure.get_figwidth() - beside) / self.columns)
+        side = min(2.2, (self.figure.get_figwidth() - right_margin) / self.columns)
         self.figure.set_figheight((side + 0.55) * rows + 0.75)
         axes = self.figure.subplots(rows, self.columns, squeeze=False).ravel()
         for axis in axes[len(self.snapshots) :]:

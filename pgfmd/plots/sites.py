@@ -38,8 +38,8 @@ def plot_sites(run: Run) -> Figure:
             label, colour = f"{PLURALS[history.kind]}, of {history.of}", COLOURS[history.kind]
             for axis, across in ((upper, 1e3 * history.force), (lower, 1e6 * history.indentation)):
                 # Both branches have the point where one becomes the other.
-                way_in, rest = slice(0, history.turn), slice(history.turn - 1, None)
-                axis.plot(*seen(across[way_in], history.count[way_in]), color=colour, **APPROACH)
+                approach, rest = slice(0, history.turn), slice(history.turn - 1, None)
+                axis.plot(*seen(across[approach], history.count[approach]), color=colour, **APPROACH)
                 axis.plot(*seen(across[rest], history.count[rest]), color=colour, label=label)
         upper.plot([], [], color="0.3", label="approach", **APPROACH)
         upper.axvline(0, color="0.8", linewidth=0.8, zorder=0)

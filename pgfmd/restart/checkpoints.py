@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.files.regular_files import bring_to_disk, require_regular, unfinished_beside
+from pgfmd.files.regular_files import bring_to_disk, require_regular, temporary_name_for
 from pgfmd.files.storage import CHECKPOINT_FILE, PREVIOUS_CHECKPOINT_FILE, on_root
 
 from . import checkpoint_file
@@ -55,7 +55,7 @@ class Checkpoints:
         """
         began = time.perf_counter()
         on_root(self.comm, f"{self.newest}: could not be written", self.guard)
-        unfinished = self.comm.bcast(unfinished_beside(self.newest))
+        unfinished = self.comm.bcast(temporary_name_for(self.newest))
         size = checkpoint_file.write(unfinished, self.comm, head, arrays, self.newest)
         on_root(self.comm, f"{self.newest}: could not be replaced", lambda: self._rotate_or_drop(unfinished))
         self._newest_is_whole = True
@@ -105,7 +105,7 @@ class Checkpoints:
 
     def _rotate(self, unfinished: Path) -> None:
         if require_regular(self.newest) and self._newest_is_whole:
-            second = unfinished_beside(self.previous)
+            second = temporary_name_for(self.previous)
             try:
                 os.link(self.newest, second)
                 second.replace(self.previous)

@@ -38,14 +38,14 @@ class Plan:
     go_on: continue from a checkpoint, else start.
     mirror: symmetry of the points in the checkpoint (grid.PunchPoints); None without a checkpoint.
     record: `run.json` of a finished run, for which there is nothing to do.
-    told: lines for the user.
+    messages: lines for the user.
     precision: that of a continued run whose scene leaves it open.
     """
 
     go_on: bool = False
     mirror: str | None = None
     record: dict | None = None
-    told: list[str] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
     precision: str | None = None
 
     def scene_of(self, scene: Scene):
@@ -64,7 +64,7 @@ def plan(folder: Path, scene: Scene, fresh: bool, allow: Sequence[str]) -> Plan:
     require_known(allow)
     if fresh:
         aside = storage.set_aside(folder)
-        return Plan(told=[f"{folder} held results: moved to {aside}"] if aside else [])
+        return Plan(messages=[f"{folder} held results: moved to {aside}"] if aside else [])
     checkpoints = [folder / name for name in storage.CHECKPOINT_FILES]
     curve = folder / storage.CURVE_FILE
     if any(path.exists() for path in checkpoints):
@@ -123,7 +123,7 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene: Scene, allow: Seque
         done = _of_finished(folder, record, scene)
         if done:
             return done
-        raise none_valid(problems, _told_of_scene(folder, scene))
+        raise none_valid(problems, _scene_differences(folder, scene))
     try:
         changed = review(head, scene, allow, folder)
         finished = head["state"]["finished"]
@@ -134,17 +134,17 @@ def _plan_from(folder: Path, checkpoints: list[Path], scene: Scene, allow: Seque
         return Plan(record=record)
     kept = precision_kept(head["scene"], scene)
     stays = kept is not None and kept != scene.solver.precision
-    told = [f"solver.precision stays {kept!r}, with which this run began"] if stays else []
+    messages = [f"solver.precision stays {kept!r}, with which this run began"] if stays else []
     # A head without this key is of a run on all points.
-    return Plan(go_on=True, mirror=head.get("mirror", ""), told=told, precision=kept)
+    return Plan(go_on=True, mirror=head.get("mirror", ""), messages=messages, precision=kept)
 
 
-def _told_of_scene(folder: Path, scene: Scene) -> str:
+def _scene_differences(folder: Path, scene: Scene) -> str:
     """A line with the keys in which a scene differs from that of the run in a folder; empty if there are none."""
     try:
         text = (folder / storage.SCENE_FILE).read_text(encoding="utf-8")
         found = {key: f"{key} = {now!r}, the run's is {before!r}" for key, before, now in differing(text, scene)}
     except (OSError, ValueError):
         return ""
-    told = [line for key, line in found.items() if key not in DERIVED] or list(found.values())
-    return f"The scene is not that of the run, either: {'; '.join(told)}.\n" if told else ""
+    messages = [line for key, line in found.items() if key not in DERIVED] or list(found.values())
+    return f"The scene is not that of the run, either: {'; '.join(messages)}.\n" if messages else ""

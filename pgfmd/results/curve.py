@@ -27,7 +27,7 @@ from . import uncertainty
 from .reading import Results
 
 Array = NDArray[np.float64]
-TOLD = (
+RECORDED = (
     "preload_N", "largest_force_N", "pull_off_force_N", "snap_in_force_N", "pull_off_force_uncertainty_N",
     "snap_in_force_uncertainty_N", "time_to_preload_s", "work_of_separation_uncertainty_J", "work_uncertainty_J",
 )  # fmt: skip
@@ -58,7 +58,7 @@ class Loop:
     end of its step, in quasi-static runs anywhere within it). offset [m]: k of indentation = -displacement - k.
 
     For runs only: work [J] of the loop, and separation [J], the work of separation (None before the retraction); both
-    are independent of filters. told: other numbers of `run.json`, by key (TOLD). share: relative uncertainty of forces
+    are independent of filters. recorded: other numbers of `run.json`, by key (RECORDED). share: relative uncertainty of forces
     due to the errors of steps (uncertainty.py).
 
     For measured loops only: closed: whether the rows hold both ways. treated: what was done to the curve when it was read,
@@ -77,7 +77,7 @@ class Loop:
     held: bool = True
     work: float | None = None
     separation: float | None = None
-    told: Mapping[str, float] = field(default_factory=dict)
+    recorded: Mapping[str, float] = field(default_factory=dict)
     share: float = 0.0
     overlap: Array | None = None
     near: Array | None = None
@@ -106,23 +106,23 @@ class Loop:
         scene = results.scene
         slow = registry.scheme_in(scene.get("solver", {})).timeless
         drive = scene.get("drive", {})
-        held = drive.get("control") == "load" or not (slow or _is_sprung(drive.get("machine_stiffness")))
+        held = drive.get("control") == "load" or not (slow or _has_spring(drive.get("machine_stiffness")))
         name = name or results.directory.name
         loop = cls(
             name, time, displacement, force, area, u_inf, phase, jump, offset, held, overlap=areas.get("overlap"),
             near=areas.get("near"), share=uncertainty.share_of(scene.get("solver", {})),
         )  # fmt: skip
-        return loop._told_by(results)
+        return loop._with_record(results)
 
-    def _told_by(self, results: Results) -> Self:
+    def _with_record(self, results: Results) -> Self:
         """The same loop with numbers of the run: from `run.json`, else the work from `energy.csv`, else works from
         rows."""
         record, energy = results.run, results.energy
-        told = {key: record[key] for key in TOLD if record.get(key) is not None}
+        recorded = {key: record[key] for key in RECORDED if record.get(key) is not None}
         work, separation = record.get("work_J"), record.get("work_of_separation_J")
         if work is None and energy is not None and len(energy):
             work = float(column(energy, "work [J]")[-1])
-        loop = dataclasses.replace(self, told=told)
+        loop = dataclasses.replace(self, recorded=recorded)
         if work is None:
             work = net_work_of_rows(loop)
         if separation is None and loop.retracted:
@@ -148,7 +148,7 @@ class Loop:
     @property
     def met_preload(self) -> bool:
         """Whether the approach has ended."""
-        return "preload_N" in self.told or bool(np.any(self.phase != "approach"))
+        return "preload_N" in self.recorded or bool(np.any(self.phase != "approach"))
 
     @property
     def preload_row(self) -> int:
@@ -158,7 +158,7 @@ class Loop:
     @property
     def preload(self) -> float:
         """The force [N] at the end of the approach; the largest force if it has not ended."""
-        return self.told.get("preload_N", float(self.force[self.preload_row]))
+        return self.recorded.get("preload_N", float(self.force[self.preload_row]))
 
     @property
     def turning_row(self) -> int:
@@ -169,7 +169,7 @@ class Loop:
     def retracted(self) -> bool:
         """Whether the retraction has begun."""
         # The step in which the punch turns may end deeper than it began.
-        return "pull_off_force_N" in self.told or (self.met_preload and self.turning_row < len(self.force) - 1)
+        return "pull_off_force_N" in self.recorded or (self.met_preload and self.turning_row < len(self.force) - 1)
 
     def pushed_in_by(self, extra: Array | float) -> Self:
         """The same loop, pushed in further by `extra` [m], of shape (rows,) or a number."""
@@ -186,7 +186,7 @@ class Loop:
     def with_force(self, force: Array) -> Self:
         """A loop with the same displacements, these forces [N] (rows,), and no jumps."""
         jump = np.zeros_like(self.jump)
-        return dataclasses.replace(self, force=force, jump=jump, work=None, separation=None, told={})
+        return dataclasses.replace(self, force=force, jump=jump, work=None, separation=None, recorded={})
 
 
 def areas_of(results: Results) -> dict[str, Array]:
@@ -197,7 +197,7 @@ def areas_of(results: Results) -> dict[str, Array]:
     return {kind: column(results.curve, f"{kind}_area [m^2]") for kind in KINDS_OF_AREA}
 
 
-def _is_sprung(stiffness: Any) -> bool:
+def _has_spring(stiffness: Any) -> bool:
     """Whether a scene's machine has a spring: its stiffness is a number or a text, or none is given."""
     return stiffness is not None and str(stiffness).split()[0] != "inf"
 
@@ -359,7 +359,7 @@ def measure(loop: Loop) -> Measures:
         row = loop.turning_row + int(np.argmin(loop.force[loop.turning_row :]))
         pull_off = _tension(loop, row, "pull_off_force")
     snap = int(np.argmin(loop.force[: loop.preload_row + 1]))
-    largest = loop.told.get("largest_force_N", float(np.max(loop.force)))
+    largest = loop.recorded.get("largest_force_N", float(np.max(loop.force)))
     return Measures(
         preload=loop.preload if loop.met_preload else None,
         largest_force=largest if largest > 0.0 else None,
@@ -369,8 +369,8 @@ def measure(loop: Loop) -> Measures:
         work_of_separation=work_of_separation(loop) if loop.retracted else None,
         hysteresis=net_work(loop) if loop.closed else None,
         areas={kind: _areas(area, loop, row) for kind, area in loop.areas.items()},
-        work_of_separation_uncertainty=loop.told.get("work_of_separation_uncertainty_J"),
-        hysteresis_uncertainty=loop.told.get("work_uncertainty_J"),
+        work_of_separation_uncertainty=loop.recorded.get("work_of_separation_uncertainty_J"),
+        hysteresis_uncertainty=loop.recorded.get("work_uncertainty_J"),
     )
 
 
@@ -382,13 +382,13 @@ def _areas(area: Array, loop: Loop, pull_off_row: int | None) -> Areas:
 def _tension(loop: Loop, row: int, key: str) -> Dip:
     """The tension at the lowest row of a branch: from the run (by its key, without unit), else from rows."""
     found = dip(loop, row)
-    told = loop.told.get(f"{key}_N")
-    if told is not None:
+    recorded = loop.recorded.get(f"{key}_N")
+    if recorded is not None:
         # Records of version 0.1 have no uncertainties.
-        spread = uncertainty.of_force(told, min(told, -float(loop.force[row])), loop.share)
-        known = loop.told.get(f"{key}_uncertainty_N", _known(spread))
-        return dataclasses.replace(found, tension=told, uncertainty=known)
-    spread = loop.share * abs(found.tension) + BETWEEN_ROWS * _rise_beside(loop, row)
+        spread = uncertainty.of_force(recorded, min(recorded, -float(loop.force[row])), loop.share)
+        known = loop.recorded.get(f"{key}_uncertainty_N", _known(spread))
+        return dataclasses.replace(found, tension=recorded, uncertainty=known)
+    spread = loop.share * abs(found.tension) + BETWEEN_ROWS * _rise_near(loop, row)
     # Only a negative force is a tension.
     spread = max(0.0, spread + min(found.tension, 0.0)) if not math.isnan(spread) else spread
     if row == len(loop.force) - 1:
@@ -397,7 +397,7 @@ def _tension(loop: Loop, row: int, key: str) -> Dip:
     return dataclasses.replace(found, tension=max(found.tension, 0.0) + 0.0, uncertainty=_known(spread))
 
 
-def _rise_beside(loop: Loop, row: int) -> float:
+def _rise_near(loop: Loop, row: int) -> float:
     """The larger difference [N] between a row and its neighbours, excluding jumps."""
     sides = [(row - 1, loop.jump[row]), *([(row + 1, loop.jump[row + 1])] if row + 1 < len(loop.force) else [])]
     rises = [loop.force[other] - loop.force[row] for other, jumped in sides if other >= 0 and not jumped]
@@ -406,8 +406,8 @@ def _rise_beside(loop: Loop, row: int) -> float:
 
 def _time_to_preload(loop: Loop) -> float | None:
     """Time [s] from the first contact to the end of the approach; None before, and if contact is unknown."""
-    if "time_to_preload_s" in loop.told:
-        return loop.told["time_to_preload_s"]
+    if "time_to_preload_s" in loop.recorded:
+        return loop.recorded["time_to_preload_s"]
     # For a run that only recorded overlap, from the first overlap.
     touching = np.flatnonzero(next(iter(loop.areas.values()), loop.area) > 0.0)
     if not (loop.met_preload and touching.size):

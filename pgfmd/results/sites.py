@@ -87,8 +87,8 @@ def site_loads(results: Results, loop: Loop) -> list[SiteLoads]:
     for name in _kinds_of(results):
         own = column(sites, "kind") == name
         force, event = column(sites, "force [N]")[own], column(sites, "event")[own]
-        way_in = column(sites, "time [s]")[own] <= loop.time[loop.turning_row]
-        joins, leaves = force[way_in & (event == "joins")], force[~way_in & (event == "leaves")]
+        on_approach = column(sites, "time [s]")[own] <= loop.time[loop.turning_row]
+        joins, leaves = force[on_approach & (event == "joins")], force[~on_approach & (event == "leaves")]
         loads = (_end(joins, 0), _end(joins, -1), _end(leaves, 0), _end(leaves, -1))
         most, of = int(np.max(column(sites, "in_contact")[own])), int(column(sites, "of")[own][0])
         found.append(SiteLoads(name, of, most, *loads))

@@ -273,14 +273,14 @@ def _pace(marks: list[Mark], now: Mark) -> tuple[float | None, float | None]:
     long_ago = [mark for mark in marks if now.wall - mark.wall >= LEAST_SPAN and now.steps > mark.steps]
     # If the punch turned in between, it has moved further than the difference.
     on_course = [mark for mark in long_ago if mark.displacement is not None and mark.phase == now.phase]
-    steps = way = None
+    steps = speed = None
     if long_ago:
         since = _since(long_ago, now)
         steps = (now.steps - since.steps) / (now.wall - since.wall)
     since = _since(on_course, now) if on_course else now
     if since.displacement is not None and now.displacement is not None and since is not now:
-        way = abs(now.displacement - since.displacement) / (now.wall - since.wall)
-    return steps, way
+        speed = abs(now.displacement - since.displacement) / (now.wall - since.wall)
+    return steps, speed
 
 
 def _since(marks: list[Mark], now: Mark) -> Mark:

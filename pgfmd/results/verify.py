@@ -182,15 +182,15 @@ def _table(path: Path, table: Table, head: dict | None, inventory: Inventory) ->
 
 def _unmarked(path: Path, table: Table) -> Part:
     """Examines a table that no checkpoint covers."""
-    untold, rows = "no checkpoint tells what it should be", max(count_ends(path) - 1, 0)
+    unknown, rows = "no checkpoint tells what it should be", max(count_ends(path) - 1, 0)
     fault: object = None
     try:
         fault = next(faults_of(table, pieces_of(path, table, rows)), None) if rows else None
     except ResultError as error:
         fault = _short(error, path)
     if fault:
-        return Part(path, False, f"{fault}, and {untold}", f"put the file back, or {ANEW}")
-    return Part(path, True, f"there, and its {rows} rows are such as its columns can have, but {untold}")
+        return Part(path, False, f"{fault}, and {unknown}", f"put the file back, or {ANEW}")
+    return Part(path, True, f"there, and its {rows} rows are such as its columns can have, but {unknown}")
 
 
 def _fields(path: Path, head: dict | None, inventory: Inventory) -> Iterator[Part]:

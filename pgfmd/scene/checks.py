@@ -35,87 +35,87 @@ FINEST_SINGLE = 1e-3
 _MIXED = 'set solver.precision = "mixed"'
 
 
-def _keys_of_choice(draft: PartialScene, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
+def _keys_of_choice(partial: PartialScene, section: str, selector: str, table: dict[str, Keys]) -> Iterator[Problem]:
     """Requires the keys that a choice (such as the pattern "flat") needs, and refuses unused ones."""
-    choice = draft[f"{section}.{selector}"]
+    choice = partial[f"{section}.{selector}"]
     required, optional = table[choice]
     for name, model_field in SECTIONS[section].model_fields.items():
         dotted = f"{section}.{name}"
-        if name in required and not draft.given(dotted):
+        if name in required and not partial.given(dotted):
             extra = extra_of(model_field)
             expected = f"{expectation(extra)}, for the {selector} '{choice}'" if extra else f"a value for '{choice}'"
             yield Problem(dotted, MISSING, expected, f"add {example(section, name)} to [{section}]")
-        elif draft.given(dotted) and name != selector and name not in required | optional:
+        elif partial.given(dotted) and name != selector and name not in required | optional:
             users = [other for other, keys in table.items() if name in keys[0] | keys[1]]
             cure = f"delete it, or choose {selector} = " + " or ".join(f'"{user}"' for user in users)
-            yield draft.problem(dotted, f"no such key for the {selector} '{choice}'", cure)
+            yield partial.problem(dotted, f"no such key for the {selector} '{choice}'", cure)
 
 
-def punch_keys(draft: PartialScene) -> Iterator[Problem]:
-    yield from _keys_of_choice(draft, "punch", "pattern", PATTERNS)
+def punch_keys(partial: PartialScene) -> Iterator[Problem]:
+    yield from _keys_of_choice(partial, "punch", "pattern", PATTERNS)
 
 
-def rheology_keys(draft: PartialScene) -> Iterator[Problem]:
-    yield from _keys_of_choice(draft, "rheology", "model", RHEOLOGIES)
+def rheology_keys(partial: PartialScene) -> Iterator[Problem]:
+    yield from _keys_of_choice(partial, "rheology", "model", RHEOLOGIES)
 
 
-def adhesion_keys(draft: PartialScene) -> Iterator[Problem]:
-    yield from _keys_of_choice(draft, "adhesion", "law", ADHESION)
+def adhesion_keys(partial: PartialScene) -> Iterator[Problem]:
+    yield from _keys_of_choice(partial, "adhesion", "law", ADHESION)
 
 
-def law_can_be_read(draft: PartialScene) -> Iterator[Problem]:
+def law_can_be_read(partial: PartialScene) -> Iterator[Problem]:
     """The file of a law; whether it is there is another rule's."""
-    law, path = LAWS[draft["adhesion.law"]], draft.path("adhesion.file")
+    law, path = LAWS[partial["adhesion.law"]], partial.path("adhesion.file")
     if "file" in law.required and path is not None and path.is_file():
         try:
             law.own_values(SimpleNamespace(file=str(path)))
         except (OSError, ValueError) as error:
-            yield draft.problem("adhesion.file", "a law of adhesion", str(error))
+            yield partial.problem("adhesion.file", "a law of adhesion", str(error))
 
 
-def punch_fits_the_cell(draft: PartialScene) -> Iterator[Problem]:
-    radius, length = draft["punch.radius"], draft["grid.length"]
+def punch_fits_the_cell(partial: PartialScene) -> Iterator[Problem]:
+    radius, length = partial["punch.radius"], partial["grid.length"]
     if radius is not None and 2 * radius > length * ROUNDING:
         most = format_quantity(length / 2, "length")
-        yield draft.problem(
+        yield partial.problem(
             "punch.radius",
             f"at most half the cell, {most}",
             f"reduce it, or raise grid.length to {2 * radius:g} m or more",
         )
 
 
-def free_punch_has_room(draft: PartialScene) -> Iterator[Problem]:
-    if draft["substrate.boundary"] != "free":
+def free_punch_has_room(partial: PartialScene) -> Iterator[Problem]:
+    if partial["substrate.boundary"] != "free":
         return
-    radius, length = draft["punch.radius"], draft["grid.length"]
-    if radius is None and "radius" not in PATTERNS[draft["punch.pattern"]][0]:
-        yield draft.problem(
+    radius, length = partial["punch.radius"], partial["grid.length"]
+    if radius is None and "radius" not in PATTERNS[partial["punch.pattern"]][0]:
+        yield partial.problem(
             "punch.radius",
             "a radius, because the boundary is free",
             f'add {example("punch", "radius")} to [punch], or set substrate.boundary = "periodic"',
         )
     elif radius is not None and length / 2 * ROUNDING < 2 * radius <= length * ROUNDING:
-        yield draft.problem(
+        yield partial.problem(
             "punch.radius",
             f"at most a quarter of the cell, {format_quantity(length / 4, 'length')}, because the boundary is free",
             f"raise grid.length to {4 * radius:g} m or more",
         )
 
 
-def curvature_has_an_axis(draft: PartialScene) -> Iterator[Problem]:
-    bounded = draft["punch.radius"] is not None or "radius" in PATTERNS[draft["punch.pattern"]][0]
-    if math.isfinite(draft["punch.curvature_radius"]) and not bounded:
-        yield draft.problem(
+def curvature_has_an_axis(partial: PartialScene) -> Iterator[Problem]:
+    bounded = partial["punch.radius"] is not None or "radius" in PATTERNS[partial["punch.pattern"]][0]
+    if math.isfinite(partial["punch.curvature_radius"]) and not bounded:
+        yield partial.problem(
             "punch.curvature_radius",
             "no curvature for a profile that fills the whole cell",
             "delete it, or give punch.radius",
         )
 
 
-def punch_covers_grid_points(draft: PartialScene) -> Iterator[Problem]:
-    radius, n, length = draft["punch.radius"], draft["grid.n"], draft["grid.length"]
+def punch_covers_grid_points(partial: PartialScene) -> Iterator[Problem]:
+    radius, n, length = partial["punch.radius"], partial["grid.n"], partial["grid.length"]
     if radius is not None and radius < length / n:
-        yield draft.problem(
+        yield partial.problem(
             "grid.n", f"a spacing length/n below the punch's radius, {radius:g} m", _raise_n(length / radius)
         )
 
@@ -124,39 +124,39 @@ def _raise_n(least: float) -> str:
     return f"raise grid.n to {math.ceil(least / ROUNDING)} or more"
 
 
-def wavelength_is_resolved(draft: PartialScene) -> Iterator[Problem]:
-    wavelength, n, length = draft["punch.wavelength"], draft["grid.n"], draft["grid.length"]
+def wavelength_is_resolved(partial: PartialScene) -> Iterator[Problem]:
+    wavelength, n, length = partial["punch.wavelength"], partial["grid.n"], partial["grid.length"]
     if wavelength is not None and wavelength * ROUNDING < 2 * length / n:
-        yield draft.problem(
+        yield partial.problem(
             "punch.wavelength",
             f"at least two grid points, {format_quantity(2 * length / n, 'length')}",
             _raise_n(2 * length / wavelength),
         )
 
 
-def sinusoid_is_periodic(draft: PartialScene) -> Iterator[Problem]:
-    if draft["punch.pattern"] != "sinusoid" or draft["punch.radius"] is not None:
+def sinusoid_is_periodic(partial: PartialScene) -> Iterator[Problem]:
+    if partial["punch.pattern"] != "sinusoid" or partial["punch.radius"] is not None:
         return
-    length, wavelength = draft["grid.length"], draft["punch.wavelength"]
+    length, wavelength = partial["grid.length"], partial["punch.wavelength"]
     if wavelength is None:
         return
     waves = length / wavelength
     if round(waves) < 1 or abs(waves - round(waves)) > 1e-6 * waves:
         near = format_quantity(length / max(round(waves), 1), "length")
-        yield draft.problem(
+        yield partial.problem(
             "punch.wavelength",
             "a whole number of wavelengths in grid.length, because the sinusoid fills the cell",
             f'write "{near}", or give punch.radius',
         )
 
 
-def rough_face_has_one_size(draft: PartialScene) -> Iterator[Problem]:
-    if draft["punch.pattern"] != "rough":
+def rough_face_has_one_size(partial: PartialScene) -> Iterator[Problem]:
+    if partial["punch.pattern"] != "rough":
         return
     names = ("rms_height", "rms_slope")
-    given = [draft.given(f"punch.{name}") for name in names]
+    given = [partial.given(f"punch.{name}") for name in names]
     if all(given):
-        yield draft.problem(
+        yield partial.problem(
             "punch.rms_slope", "either rms_height or rms_slope, as one follows from the other", "delete one"
         )
     elif not any(given):
@@ -164,99 +164,101 @@ def rough_face_has_one_size(draft: PartialScene) -> Iterator[Problem]:
         yield Problem("punch.rms_height", MISSING, "rms_height or rms_slope, for the pattern 'rough'", cure)
 
 
-def rough_waves_fit(draft: PartialScene) -> Iterator[Problem]:
+def rough_waves_fit(partial: PartialScene) -> Iterator[Problem]:
     """Wavelengths of a random face in their order, within its period and on the grid."""
-    if draft["punch.pattern"] != "rough":
+    if partial["punch.pattern"] != "rough":
         return
-    longest, shortest, length, n = (draft[key] for key in ("punch.longest", "punch.shortest", "grid.length", "grid.n"))
+    longest, shortest, length, n = (
+        partial[key] for key in ("punch.longest", "punch.shortest", "grid.length", "grid.n")
+    )
     if None in (longest, shortest):
         return
-    roll_off = longest if draft["punch.roll_off"] is None else draft["punch.roll_off"]
+    roll_off = longest if partial["punch.roll_off"] is None else partial["punch.roll_off"]
     if shortest > longest:
         most = format_quantity(longest, "length")
-        yield draft.problem("punch.shortest", f"at most the longest wavelength, {most}", "swap the two, or reduce it")
+        yield partial.problem("punch.shortest", f"at most the longest wavelength, {most}", "swap the two, or reduce it")
     elif not shortest <= roll_off <= longest:
         cure = "choose it between the two, or delete it for no roll-off"
-        yield draft.problem("punch.roll_off", "a wavelength from punch.shortest to punch.longest", cure)
+        yield partial.problem("punch.roll_off", "a wavelength from punch.shortest to punch.longest", cure)
     if shortest * ROUNDING < 2 * length / n:
         least = format_quantity(2 * length / n, "length")
-        yield draft.problem("punch.shortest", f"at least two grid points, {least}", _raise_n(2 * length / shortest))
-    radius = draft["punch.radius"]
-    period = draft["punch.period"] or automatic_period(radius, longest, length)
+        yield partial.problem("punch.shortest", f"at least two grid points, {least}", _raise_n(2 * length / shortest))
+    radius = partial["punch.radius"]
+    period = partial["punch.period"] or automatic_period(radius, longest, length)
     if longest > period * ROUNDING:
         most = f"at most the period of the face, {format_quantity(period, 'length')}"
-        yield draft.problem(
+        yield partial.problem(
             "punch.longest", most, "reduce it" if radius is None else "reduce it, or raise punch.period"
         )
     limit = period / MOST_WAVES
     if shortest * ROUNDING < limit:
         cure = "raise it; shorter waves of so large a face would need too much memory"
         expected = f"at least 1/{MOST_WAVES} of the period of the face, {format_quantity(limit, 'length')}"
-        yield draft.problem("punch.shortest", expected, cure)
+        yield partial.problem("punch.shortest", expected, cure)
 
 
-def rough_period_fits(draft: PartialScene) -> Iterator[Problem]:
+def rough_period_fits(partial: PartialScene) -> Iterator[Problem]:
     """A period of a random face that leaves no step at the border of the cell, nor repeats the face below the punch."""
-    period, radius, length = draft["punch.period"], draft["punch.radius"], draft["grid.length"]
-    if period is None or draft["punch.pattern"] != "rough":
+    period, radius, length = partial["punch.period"], partial["punch.radius"], partial["grid.length"]
+    if period is None or partial["punch.pattern"] != "rough":
         return
     if radius is not None and period * ROUNDING < 2 * radius:
         diameter = format_quantity(2 * radius, "length")
-        yield draft.problem(
+        yield partial.problem(
             "punch.period", f"at least the diameter, {diameter}, below which it would repeat", "delete it"
         )
     periods = length / period
     if radius is None and abs(periods - max(round(periods), 1)) > 1e-9 * periods:
         expected = "a whole number of periods in grid.length, because the face fills the cell"
-        yield draft.problem("punch.period", expected, "delete it for one period, or give punch.radius")
+        yield partial.problem("punch.period", expected, "delete it for one period, or give punch.radius")
 
 
-def map_has_a_unit_of_length(draft: PartialScene) -> Iterator[Problem]:
-    unit = draft["punch.file_unit"]
+def map_has_a_unit_of_length(partial: PartialScene) -> Iterator[Problem]:
+    unit = partial["punch.file_unit"]
     if unit is None:
         return
     try:
         unit_of(unit)
     except ValueError as error:
-        yield draft.problem(
+        yield partial.problem(
             "punch.file_unit", 'a unit of length, such as "um", or a multiple of one, "0.25 nm"', str(error)
         )
 
 
-def substrate_is_of_one_kind(draft: PartialScene) -> Iterator[Problem]:
-    film = math.isfinite(draft["substrate.thickness"])
-    own = draft["substrate.compliance_file"] is not None
-    free = draft["substrate.boundary"] == "free"
-    if draft.given("substrate.base") and not film:
+def substrate_is_of_one_kind(partial: PartialScene) -> Iterator[Problem]:
+    film = math.isfinite(partial["substrate.thickness"])
+    own = partial["substrate.compliance_file"] is not None
+    free = partial["substrate.boundary"] == "free"
+    if partial.given("substrate.base") and not film:
         cure = "delete it, or give a thickness"
-        yield draft.problem("substrate.base", "no base under an infinitely thick substrate", cure)
-    if draft["substrate.prestrain"] != (1.0, 1.0) and (film or free):
+        yield partial.problem("substrate.base", "no base under an infinitely thick substrate", cure)
+    if partial["substrate.prestrain"] != (1.0, 1.0) and (film or free):
         why = "a film" if film else "a free boundary"
         cure = "delete it: prestrain needs a periodic half-space"
-        yield draft.problem("substrate.prestrain", f"[1, 1] with {why}", cure)
+        yield partial.problem("substrate.prestrain", f"[1, 1] with {why}", cure)
     if not own:
         return
     if film:
         cure = "delete it: the file holds the film's effect"
-        yield draft.problem("substrate.thickness", '"inf" with a compliance file', cure)
-    if draft["substrate.prestrain"] != (1.0, 1.0):
-        yield draft.problem("substrate.prestrain", "[1, 1] with a compliance file", "delete one of the two")
+        yield partial.problem("substrate.thickness", '"inf" with a compliance file', cure)
+    if partial["substrate.prestrain"] != (1.0, 1.0):
+        yield partial.problem("substrate.prestrain", "[1, 1] with a compliance file", "delete one of the two")
     if free:
-        yield draft.problem("substrate.boundary", '"periodic" with a compliance file', "delete one of the two")
+        yield partial.problem("substrate.boundary", '"periodic" with a compliance file', "delete one of the two")
 
 
-def refer_to_relaxed(draft: PartialScene) -> list[Problem]:
-    """Turns shares of the instantaneous modulus in a draft, and that modulus, into weights of the relaxed one, and it:
-    E(0) = E(infinity) (1 - sum g), kappa_n = g_n/(1 - sum g). What can't be is told."""
+def refer_to_relaxed(partial: PartialScene) -> list[Problem]:
+    """Turns shares of the instantaneous modulus, and that modulus, into weights of the relaxed one, and the relaxed one:
+    E(0) = E(infinity) (1 - sum g), kappa_n = g_n/(1 - sum g). Returns what is impossible."""
     try:
-        if draft["rheology.model"] != "prony" or draft["rheology.reference"] != "instantaneous":
+        if partial["rheology.model"] != "prony" or partial["rheology.reference"] != "instantaneous":
             return []
-        shares, modulus = draft["rheology.kappa"], draft["substrate.youngs_modulus"]
+        shares, modulus = partial["rheology.kappa"], partial["substrate.youngs_modulus"]
         if shares is None:
             return []
-        if draft["substrate.compliance_file"] is not None:
+        if partial["substrate.compliance_file"] is not None:
             cure = "delete it: the file holds the static compliance, so kappa are shares of the relaxed modulus"
-            return [draft.problem("rheology.reference", '"relaxed" with a compliance file', cure)]
+            return [partial.problem("rheology.reference", '"relaxed" with a compliance file', cure)]
     except Unread:
         return []
     rest = 1.0 - math.fsum(shares)
@@ -268,87 +270,91 @@ def refer_to_relaxed(draft: PartialScene) -> list[Problem]:
             else "look at the shares"
         )
         expected = f"shares of the instantaneous modulus with a sum below 1, what relaxes at last; it is {total:.6g}"
-        return [draft.problem("rheology.kappa", expected, cure)]
-    draft.values["rheology"] |= {"kappa": tuple(share / rest for share in shares), "reference": "relaxed"}
-    draft.values["substrate"]["youngs_modulus"] = modulus * rest
+        return [partial.problem("rheology.kappa", expected, cure)]
+    partial.values["rheology"] |= {"kappa": tuple(share / rest for share in shares), "reference": "relaxed"}
+    partial.values["substrate"]["youngs_modulus"] = modulus * rest
     return []
 
 
-def prony_series_is_sound(draft: PartialScene) -> Iterator[Problem]:
-    if draft["rheology.model"] != "prony":
+def prony_series_is_sound(partial: PartialScene) -> Iterator[Problem]:
+    if partial["rheology.model"] != "prony":
         return
-    kappa = draft["rheology.kappa"]
+    kappa = partial["rheology.kappa"]
     if kappa is not None and 1.0 + sum(kappa) > LARGEST_MODULUS_RATIO * ROUNDING:
         expected = f"weights with 1 + sum <= {LARGEST_MODULUS_RATIO:g}"
-        yield draft.problem("rheology.kappa", expected, "reduce the weights")
-    tau = draft["rheology.tau"]
+        yield partial.problem("rheology.kappa", expected, "reduce the weights")
+    tau = partial["rheology.tau"]
     if kappa is not None and tau is not None and len(kappa) != len(tau):
-        yield draft.problem("rheology.tau", f"{len(kappa)} times, one for every weight in kappa", f"it has {len(tau)}")
+        yield partial.problem(
+            "rheology.tau", f"{len(kappa)} times, one for every weight in kappa", f"it has {len(tau)}"
+        )
 
 
-def geometric_times_are_finite(draft: PartialScene) -> Iterator[Problem]:
-    if draft["rheology.model"] != "geometric":
+def geometric_times_are_finite(partial: PartialScene) -> Iterator[Problem]:
+    if partial["rheology.model"] != "geometric":
         return
     names = ("relaxation_time", "time_ratio", "elements")
-    shortest, ratio, elements = (draft[f"rheology.{name}"] for name in names)
+    shortest, ratio, elements = (partial[f"rheology.{name}"] for name in names)
     if None in (shortest, ratio, elements):
         return
     if math.log10(shortest) + (elements - 1) * math.log10(ratio) > math.log10(LONGEST_TIME):
-        yield draft.problem(
+        yield partial.problem(
             "rheology.elements",
             f"a longest time relaxation_time * time_ratio^(elements-1) of at most {LONGEST_TIME:g} s",
             "use fewer elements or a smaller time_ratio",
         )
 
 
-def inertia_is_given(draft: PartialScene) -> Iterator[Problem]:
-    if registry.named(draft["solver.scheme"]).section != "solver.gfmd":
+def inertia_is_given(partial: PartialScene) -> Iterator[Problem]:
+    if registry.named(partial["solver.scheme"]).section != "solver.gfmd":
         return
     keys = ("omega", "dt")
-    given = [draft.given(f"solver.gfmd.{name}") for name in keys]
-    model = draft["rheology.model"]
-    elastic = model == "elastic" or (model == "prony" and not any(draft["rheology.kappa"] or (1.0,)))
+    given = [partial.given(f"solver.gfmd.{name}") for name in keys]
+    model = partial["rheology.model"]
+    elastic = model == "elastic" or (model == "prony" and not any(partial["rheology.kappa"] or (1.0,)))
     for name, here in zip(keys, given, strict=True):
         if not here and (any(given) or elastic):
             why = "an elastic substrate, which has no relaxation time" if elastic else "the other one given alone"
             cure = 'add both, such as omega = "15700 rad/s" and dt = "20 us", to [solver.gfmd]'
-            yield draft.problem(f"solver.gfmd.{name}", f"both omega and dt, because of {why}", cure)
+            yield partial.problem(f"solver.gfmd.{name}", f"both omega and dt, because of {why}", cure)
     for name in INSTEAD_OF_OMEGA_AND_DT:
         # Resolved scenes of old runs contain these keys with their defaults.
-        if all(given) and draft[f"solver.gfmd.{name}"] != GfmdKeys.model_fields[name].default:
-            yield draft.problem(f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it")
+        if all(given) and partial[f"solver.gfmd.{name}"] != GfmdKeys.model_fields[name].default:
+            yield partial.problem(
+                f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it"
+            )
 
 
-def scheme_has_the_boundary(draft: PartialScene) -> Iterator[Problem]:
-    why = registry.named(draft["solver.scheme"]).periodic_only
-    if why and draft["substrate.boundary"] == "free":
+def scheme_has_the_boundary(partial: PartialScene) -> Iterator[Problem]:
+    why = registry.named(partial["solver.scheme"]).periodic_only
+    if why and partial["substrate.boundary"] == "free":
         cure = f'set substrate.boundary = "periodic", or solver.scheme = "{registry.DEFAULT}"'
-        yield draft.problem("substrate.boundary", f"a periodic cell, because {why}", cure)
+        yield partial.problem("substrate.boundary", f"a periodic cell, because {why}", cure)
 
 
-def scheme_has_the_precision(draft: PartialScene) -> Iterator[Problem]:
-    scheme = registry.named(draft["solver.scheme"])
-    if draft["solver.precision"] not in ("auto", *scheme.precisions):
+def scheme_has_the_precision(partial: PartialScene) -> Iterator[Problem]:
+    scheme = registry.named(partial["solver.scheme"])
+    if partial["solver.precision"] not in ("auto", *scheme.precisions):
         words = " or ".join(f"'{precision}'" for precision in scheme.precisions)
-        yield draft.problem("solver.precision", f"{words} with the scheme {scheme.name}", "delete it")
+        yield partial.problem("solver.precision", f"{words} with the scheme {scheme.name}", "delete it")
 
 
-def scheme_has_the_machine(draft: PartialScene) -> Iterator[Problem]:
-    control, stiffness = draft["drive.control"], draft["drive.machine_stiffness"]
-    scheme = registry.named(draft["solver.scheme"])
+def scheme_has_the_machine(partial: PartialScene) -> Iterator[Problem]:
+    control, stiffness = partial["drive.control"], partial["drive.machine_stiffness"]
+    scheme = registry.named(partial["solver.scheme"])
     if scheme.has_machine:
         if control == "load" and math.isfinite(stiffness):
-            yield draft.problem("drive.machine_stiffness", "no such key under load control", "delete it")
+            yield partial.problem("drive.machine_stiffness", "no such key under load control", "delete it")
     elif control == "load" or math.isfinite(stiffness):
         who, cure = _only([entry.name for entry in registry.entries() if entry.has_machine])
         if control == "load":
-            yield draft.problem("drive.control", f"'displacement', as {who} controls a load", cure)
+            yield partial.problem("drive.control", f"'displacement', as {who} controls a load", cure)
         if math.isfinite(stiffness):
             expected = f"no such key, as {who} has a machine with a spring"
-            yield draft.problem("drive.machine_stiffness", expected, cure)
-    if not scheme.has_modulus and draft["solver.modulus"] == "instantaneous":
+            yield partial.problem("drive.machine_stiffness", expected, cure)
+    if not scheme.has_modulus and partial["solver.modulus"] == "instantaneous":
         who, cure = _only([entry.name for entry in registry.entries() if entry.has_modulus])
-        yield draft.problem("solver.modulus", f"'relaxed', as {who} has a modulus of its own", cure)
+        yield partial.problem("solver.modulus", f"'relaxed', as {who} has a modulus of its own", cure)
 
 
 def _only(names: list[str]) -> tuple[str, str]:
@@ -357,37 +363,37 @@ def _only(names: list[str]) -> tuple[str, str]:
     return f"only the scheme {' or '.join(names)}", cure
 
 
-def single_precision_is_enough(draft: PartialScene) -> Iterator[Problem]:
-    if draft["solver.precision"] != "single":
+def single_precision_is_enough(partial: PartialScene) -> Iterator[Problem]:
+    if partial["solver.precision"] != "single":
         return
-    accuracy = draft["solver.accuracy"]
+    accuracy = partial["solver.accuracy"]
     if accuracy < FINEST_SINGLE:
-        yield draft.problem("solver.accuracy", f"at least {FINEST_SINGLE:g} in single precision", _MIXED)
-    if _modulus_ratio(draft) * SINGLE_ROUNDING > SINGLE_SHARE * accuracy:
+        yield partial.problem("solver.accuracy", f"at least {FINEST_SINGLE:g} in single precision", _MIXED)
+    if _modulus_ratio(partial) * SINGLE_ROUNDING > SINGLE_SHARE * accuracy:
         most = SINGLE_SHARE * accuracy / SINGLE_ROUNDING
-        name = "rheology.kappa" if draft["rheology.model"] == "prony" else "rheology.modulus_ratio"
-        yield draft.problem(
+        name = "rheology.kappa" if partial["rheology.model"] == "prony" else "rheology.modulus_ratio"
+        yield partial.problem(
             name, f"E(infinity)/E(0) of at most {most:.3g} at this accuracy in single precision", _MIXED
         )
 
 
-def springs_are_not_single(draft: PartialScene) -> Iterator[Problem]:
-    precision = draft["solver.precision"]
-    scheme = registry.named(draft["solver.scheme"])
+def springs_are_not_single(partial: PartialScene) -> Iterator[Problem]:
+    precision = partial["solver.precision"]
+    scheme = registry.named(partial["solver.scheme"])
     if not scheme.has_machine or precision in ("auto", "double"):
         return
-    if draft["drive.control"] == "load":
+    if partial["drive.control"] == "load":
         # The elongation of the soft spring is a thousand times the travel of the punch.
-        yield draft.problem("solver.precision", "'double' under load control", "delete it")
-    elif math.isfinite(draft["drive.machine_stiffness"]) and precision not in scheme.sprung_precisions:
-        yield draft.problem("solver.precision", "'double' or 'mixed' where the machine has a spring", _MIXED)
+        yield partial.problem("solver.precision", "'double' under load control", "delete it")
+    elif math.isfinite(partial["drive.machine_stiffness"]) and precision not in scheme.precisions_with_spring:
+        yield partial.problem("solver.precision", "'double' or 'mixed' where the machine has a spring", _MIXED)
 
 
-def _modulus_ratio(draft: PartialScene) -> float:
-    model = draft["rheology.model"]
+def _modulus_ratio(partial: PartialScene) -> float:
+    model = partial["rheology.model"]
     if model == "elastic":
         return 1.0
-    return 1.0 + sum(draft["rheology.kappa"] or ()) if model == "prony" else draft["rheology.modulus_ratio"] or 1.0
+    return 1.0 + sum(partial["rheology.kappa"] or ()) if model == "prony" else partial["rheology.modulus_ratio"] or 1.0
 
 
 RULES: tuple[Callable[[PartialScene], Iterator[Problem]], ...] = (
@@ -417,12 +423,12 @@ RULES: tuple[Callable[[PartialScene], Iterator[Problem]], ...] = (
 )
 
 
-def check(draft: PartialScene, require_files: bool = True) -> list[Problem]:
-    """All problems that the rules find in a draft; those about files only if `require_files`."""
+def check(partial: PartialScene, require_files: bool = True) -> list[Problem]:
+    """All problems that the rules find in a scene; those about files only if `require_files`."""
     problems: list[Problem] = []
     for rule in (*RULES, paths_can_be_used) if require_files else RULES:
         try:
-            problems.extend(rule(draft))
+            problems.extend(rule(partial))
         except Unread:
             continue
     return problems

@@ -11,24 +11,24 @@ from .given import PATHS
 from .partial_scene import PartialScene, Unread, is_unicode
 
 
-def paths_can_be_used(draft: PartialScene) -> Iterator[Problem]:
+def paths_can_be_used(partial: PartialScene) -> Iterator[Problem]:
     """Files must exist, and it must be possible to write paths into the resolved scene."""
     for dotted in (*PATHS, "output.directory"):
         try:
-            text, path = draft[dotted], draft.path(dotted)
+            text, path = partial[dotted], partial.path(dotted)
         except Unread:
             continue
         if text is None or path is None:
             continue
         if "\0" in text:
-            yield draft.problem(dotted, "a path", "take out the character of code 0")
+            yield partial.problem(dotted, "a path", "take out the character of code 0")
         elif dotted in PATHS and not is_unicode(str(path)):
-            yield draft.problem(dotted, "a path in UTF-8", f"rename what is not in {str(path)!r}")
+            yield partial.problem(dotted, "a path in UTF-8", f"rename what is not in {str(path)!r}")
         elif text.startswith("~") and os.path.expanduser(text) == text:
             user = text.partition("/")[0]
-            yield draft.problem(dotted, "a path", f"there is no home folder {user}; write ./{text} for a name with ~")
+            yield partial.problem(dotted, "a path", f"there is no home folder {user}; write ./{text} for a name with ~")
         elif dotted in PATHS and os.path.isdir(path):
-            yield draft.problem(dotted, "a file", f"{path} is a folder")
+            yield partial.problem(dotted, "a file", f"{path} is a folder")
         elif dotted in PATHS and not os.path.isfile(path):
             cure = f"there is none at {path}; paths start at the scene's folder"
-            yield draft.problem(dotted, "a file that exists", cure)
+            yield partial.problem(dotted, "a file that exists", cure)

@@ -73,10 +73,10 @@ def scene_from_mapping(
 def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool = True) -> Scene:
     """The checked and resolved scene of what was given. Raises SceneError with every problem found."""
     given, problems = given.overridden(overrides)
-    mapping, draft = given.mapping, PartialScene(given.folder)
-    problems += _read_sections(mapping, draft)
-    problems += refer_to_relaxed(draft)
-    problems += check(draft, require_files)
+    mapping, partial = given.mapping, PartialScene(given.folder)
+    problems += _read_sections(mapping, partial)
+    problems += refer_to_relaxed(partial)
+    problems += check(partial, require_files)
     title = mapping.get("title", "")
     if not isinstance(title, str):
         problems.append(Problem("title", title, "a text", "put it in quotes"))
@@ -85,7 +85,7 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
     if problems:
         raise SceneError(given.source, problems)
     try:
-        scene = _resolve(title, draft)
+        scene = _resolve(title, partial)
     except OSError as error:
         # Of a law whose file is asked for, though files need not be there.
         problem = Problem("adhesion.file", error.filename, "a file that can be read", error.strerror or "")
@@ -96,8 +96,8 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
     return scene.remembering(given)
 
 
-def _read_sections(mapping: Mapping[str, Any], draft: PartialScene) -> list[Problem]:
-    """Fill the draft; returns what is wrong with single keys."""
+def _read_sections(mapping: Mapping[str, Any], partial: PartialScene) -> list[Problem]:
+    """Fills the partial scene; returns what is wrong with single keys."""
     problems = []
     for name, value in mapping.items():
         if name not in SECTIONS and name != "title":
@@ -111,9 +111,9 @@ def _read_sections(mapping: Mapping[str, Any], draft: PartialScene) -> list[Prob
             cure = f"write [{section}] on a line of its own, its keys below"
             problems.append(Problem(section, raw, "a section", cure))
             raw = {}
-        draft.raw[section], draft.values[section] = raw, {}
+        partial.raw[section], partial.values[section] = raw, {}
         try:
-            model.model_validate(raw, context=draft.values[section])
+            model.model_validate(raw, context=partial.values[section])
         except ValidationError as error:
             for details in error.errors(include_url=False):
                 problems += _problems_of(section, model, details)
@@ -145,13 +145,13 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
     return [Problem(dotted, error["input"], expected)]
 
 
-def _resolve(title: str, draft: PartialScene) -> Scene:
-    """The scene with defaults, automatic values and absolute paths filled in; the draft is free of problems."""
+def _resolve(title: str, partial: PartialScene) -> Scene:
+    """The scene with defaults, automatic values and absolute paths filled in; the partial scene has no problems."""
     # Of these, words are still words.
-    parts: dict[str, Any] = {name: model.model_construct(**draft.values[name]) for name, model in SECTIONS.items()}
+    parts: dict[str, Any] = {name: model.model_construct(**partial.values[name]) for name, model in SECTIONS.items()}
     drive, substrate = parts["drive"], parts["substrate"]
     # As the others.
-    adhesion: Any = _with_own_values(draft, parts["adhesion"])
+    adhesion: Any = _with_own_values(partial, parts["adhesion"])
     q_ref = adhesion.q_ref
     if q_ref == "grid":
         q_ref = 2.0 * math.pi * parts["grid"].n / parts["grid"].length
@@ -171,9 +171,9 @@ def _resolve(title: str, draft: PartialScene) -> Scene:
             ),
             "clearance": clearance_of(adhesion) if drive.clearance == "auto" else drive.clearance,
         },
-        "punch": {"file": _text(draft.path("punch.file")), **_of_random_face(parts["punch"], parts["grid"].length)},
+        "punch": {"file": _text(partial.path("punch.file")), **_of_random_face(parts["punch"], parts["grid"].length)},
         "substrate": {
-            "compliance_file": _text(draft.path("substrate.compliance_file")),
+            "compliance_file": _text(partial.path("substrate.compliance_file")),
             "base": (substrate.base or "bonded") if math.isfinite(substrate.thickness) else None,
         },
     }
@@ -185,11 +185,11 @@ def _resolve(title: str, draft: PartialScene) -> Scene:
     return scene.model_copy(update={"solver": scene.solver.chosen(best_precision(scene).precision)})
 
 
-def _with_own_values(draft: PartialScene, adhesion: Adhesion) -> Adhesion:
+def _with_own_values(partial: PartialScene, adhesion: Adhesion) -> Adhesion:
     """The section with the path of its file, and with what its law knows by itself of keys that are not given."""
     law = LAWS[adhesion.law]
-    adhesion = adhesion.model_copy(update={"file": _text(draft.path("adhesion.file"))})
-    left = [name for name in law.known if not draft.given(f"adhesion.{name}")]
+    adhesion = adhesion.model_copy(update={"file": _text(partial.path("adhesion.file"))})
+    left = [name for name in law.known if not partial.given(f"adhesion.{name}")]
     found = law.own_values(adhesion) if left else {}
     return adhesion.model_copy(update={name: found[name] for name in left})
 

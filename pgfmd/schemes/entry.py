@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pgfmd.errors import Problem
     from pgfmd.forecast.effort import Effort
     from pgfmd.forecast.estimate import Memory
-    from pgfmd.forecast.progress import Moment, Way
+    from pgfmd.forecast.progress import Moment, TravelProgress
     from pgfmd.scene import Scene
 
     from .base import Scheme, StepController
@@ -41,7 +41,7 @@ class SchemeEntry:
     jumps: the surface may jump within a step; jumps are detected and recorded.
     has_machine: supports a machine with a spring, and a controlled force. has_modulus: reads `solver.modulus`.
     section: of the scene that only this scheme reads, empty for none.
-    precisions: the supported ones. sprung_precisions: those that are enough for a machine with a spring.
+    precisions: the supported ones. precisions_with_spring: those that are enough for a machine with a spring.
     only_double: why `auto` means double precision, empty if it may mean mixed.
     periodic_only: why a free surface is not supported, empty if it is.
     whole_only: why mirror symmetry is not used, empty if it is.
@@ -70,7 +70,7 @@ class SchemeEntry:
     has_modulus: bool = False
     section: str = ""
     precisions: tuple[str, ...] = PRECISIONS
-    sprung_precisions: tuple[str, ...] = PRECISIONS
+    precisions_with_spring: tuple[str, ...] = PRECISIONS
     only_double: str = ""
     periodic_only: str = ""
     whole_only: str = ""
@@ -78,7 +78,7 @@ class SchemeEntry:
     ahead: str = ""
     unread: Mapping[str, str] = field(default_factory=dict)
     effort: str = "pgfmd.forecast.effort:fitted_effort"
-    steps_left: str = "pgfmd.forecast.progress:steps_by_way"
+    steps_left: str = "pgfmd.forecast.progress:steps_by_travel"
     numerics: str = "pgfmd.output.record:accuracy_and_order"
     problems: str = ""
     lines: str = ""
@@ -109,9 +109,9 @@ class SchemeEntry:
         found: Effort = _load(self.effort)(scene)
         return found
 
-    def steps_left_of(self, scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:
+    def steps_left_of(self, scene: Scene, moment: Moment, travel: TravelProgress) -> tuple[float, str]:
         """Estimated number of remaining steps of a run, and what it does not include."""
-        found: tuple[float, str] = _load(self.steps_left)(scene, moment, way)
+        found: tuple[float, str] = _load(self.steps_left)(scene, moment, travel)
         return found
 
     def numerics_of(self, scene: Scene) -> dict[str, float]:

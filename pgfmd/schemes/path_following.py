@@ -109,7 +109,7 @@ class PathFollowing:
 
     def surface_of(self, state: State) -> np.ndarray:
         """The effective traction w, from which the surface of the whole cell can be computed."""
-        return state.load
+        return state.effective_traction
 
     def whole_cell(self, kept: np.ndarray) -> tuple[np.ndarray, int]:
         """The surface [m] of the periodic cell for an effective traction: rows of this rank, and the index of the first
@@ -131,7 +131,7 @@ class PathFollowing:
         displacement, adhesive energy. Collective."""
         solver, points = self.solver, self.points
         contact_kernels.observe(
-            self.height, state.position, state.displacement, state.load, self.far_weights, solver.law_numbers,
+            self.height, state.position, state.surface_displacement, state.effective_traction, self.far_weights, solver.law_numbers,
             self._levels, points.offset, self._observed,
         )  # fmt: skip
         contact, overlap, near, energy, far, closest = points.reduced(self._observed, 5)
@@ -144,7 +144,10 @@ class PathFollowing:
         the weights of the extrapolation, newest first."""
         nodes = self.nodes
         times = _times_of(state)
-        u, w = [state.displacement, *state.past_u], [state.load, *state.past_w]
+        u, w = (
+            [state.surface_displacement, *state.past_displacements],
+            [state.effective_traction, *state.past_effective_tractions],
+        )
         if stage:
             last = stage - 1
             times = [ahead * nodes[last] / nodes[stage], *times]
@@ -178,7 +181,7 @@ class PathFollowing:
     def _change(self, state: State, trial: Trial, count: int = 3) -> Change:
         """Changes of surface and force in the step, and their distances from the extrapolation of the last `count`
         ends."""
-        known = [state.displacement, *state.past_u][:count]
+        known = [state.surface_displacement, *state.past_displacements][:count]
         times = _times_of(state)[:count]
         c = lagrange_weights(times, trial.step)
         forces = [state.force, *state.past_forces][:count]
@@ -245,8 +248,8 @@ class PathFollowing:
 
     def _remember(self, state: State, trial: Trial) -> None:
         """Shifts the history of ends of steps; reuses the arrays of the oldest one for the next trial."""
-        if len(state.past_u) == 2:
-            old_u, old_w = state.past_u.pop(), state.past_w.pop()
+        if len(state.past_displacements) == 2:
+            old_u, old_w = state.past_displacements.pop(), state.past_effective_tractions.pop()
             state.past_steps.pop()
             state.past_forces.pop()
         else:
@@ -255,14 +258,14 @@ class PathFollowing:
             # If hardly anything moves, extrapolation would only amplify the errors of the solves.
             state.forget_history()
         elif not trial.is_jump:
-            state.past_u.insert(0, state.displacement)
-            state.past_w.insert(0, state.load)
+            state.past_displacements.insert(0, state.surface_displacement)
+            state.past_effective_tractions.insert(0, state.effective_traction)
             state.past_steps.insert(0, trial.step)
             state.past_forces.insert(0, state.force)
-        state.displacement, self._u[-1] = self._u[-1], old_u
-        state.load, self._w[-1] = self._w[-1], old_w
+        state.surface_displacement, self._u[-1] = self._u[-1], old_u
+        state.effective_traction, self._w[-1] = self._w[-1], old_w
         # Of the surfaces of the drift, newest first, the end of the step and those before the step are kept.
-        before = range(len(self.nodes), len(self.nodes) + len(state.past_u))
+        before = range(len(self.nodes), len(self.nodes) + len(state.past_displacements))
         # In the same memory layout as after a restart, because last bits of results depend on it.
         state.drift = np.ascontiguousarray(self._drift.kept([0, *before]).factor)
 

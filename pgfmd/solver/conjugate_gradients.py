@@ -109,7 +109,7 @@ class ConjugateGradients:
         return count, points.reduced(rows[5:6], 0)[0] * per_range, False
 
     def stiffen(self, spring: float, compliance: float) -> None:
-        """Hears of another spring of the machine, which its operator has already (machine.SprungConvolution)."""
+        """Hears of another spring of the machine, which its operator has already (machine.ConvolutionWithSpring)."""
 
     def _clear(self) -> None:
         """Clears correction and direction. Without a directly set mean traction, the first pass of CG overwrites

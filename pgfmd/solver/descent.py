@@ -75,14 +75,14 @@ class Descent:
 
     def solve(
         self, position: float, history: np.ndarray, compliance: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool = False,
-        timid: bool = False, largest_force: float = 0.0,
+        stop_at_instability: bool = False, largest_force: float = 0.0,
     ) -> Outcome:  # fmt: skip
         """As NewtonSolver.solve."""
         solver, cg = self.solver, self.solver.cg
         self._at = position, u, w, history, compliance
         unbalanced = solver.force_share * tolerance * solver.force_scale / self.points.grid.cell_area
         progress, noise, left_over, count = Progress(tolerance, unbalanced), 0.0, 0.0, 0
-        trust, way, drop, quiet, turns = 1.0, 0.0, 0.0, 0, 0
+        trust, moved, drop, quiet, turns = 1.0, 0.0, 0.0, 0, 0
         here, negative, renewed, converged = self._begin(), False, False, False
         for count in range(1, 1 + (self.largest_jump_count if jump else self.largest_count)):
             if not math.isfinite(here.adhesive):
@@ -95,7 +95,7 @@ class Descent:
             slack = solver._slack_of(here.adhesive)
             there, step, bent, used = self._lower(norm, start, trust, slack, 1e-3 * tolerance)
             turns, negative = turns + used, negative or bent
-            if timid and (bent or way + there.size > solver.timid_way):
+            if stop_at_instability and (bent or moved + there.size > solver.longest_stable_travel):
                 here = self._probe((0.0, 0.0))
                 break
             if used == 0:
@@ -108,7 +108,7 @@ class Descent:
             kernels.move_on(step[0], cg.z, cg.t, step[1], cg.p, cg.y, compliance, u, w)
             self._level(there)
             gained = here.adhesive - there.potential
-            drop, way, size = drop + gained, way + there.size, there.size
+            drop, moved, size = drop + gained, moved + there.size, there.size
             unsettled = abs(there.pull - here.pull) if solver.floating else abs(there.imbalance)
             here, trust = there, 2.0 * trust if size >= 0.99 * trust else trust
             quiet = quiet + 1 if size < tolerance and unsettled <= unbalanced and not bent else 0
@@ -121,7 +121,7 @@ class Descent:
                 break
         area = self.points.grid.cell_area
         return Outcome(
-            converged, turns, count, -here.pull * area, drop * area, here.adhesive * area, negative, way, left_over, renewed
+            converged, turns, count, -here.pull * area, drop * area, here.adhesive * area, negative, moved, left_over, renewed
         )  # fmt: skip
 
     def _begin(self) -> _Place:
@@ -145,11 +145,11 @@ class Descent:
         place = _Place(here.pull, here.imbalance, here.adhesive, 0.0, tuple(sums[3:5]), tuple(sums[:3]), 0.0)
         return tuple(sums[3:]), place
 
-    def _probe(self, way: Pair) -> _Place:
-        """The point u + way (z, p); sets traction, curvature and residual. Collective."""
+    def _probe(self, moved: Pair) -> _Place:
+        """The point u + moved (z, p); sets traction, curvature and residual. Collective."""
         cg, (position, u, w, history, compliance) = self.solver.cg, self._at
         kernels.probe(
-            self.solver.height, position, u, w, way[0], cg.z, cg.t, way[1], cg.p, cg.y, history, compliance,
+            self.solver.height, position, u, w, moved[0], cg.z, cg.t, moved[1], cg.p, cg.y, history, compliance,
             self.solver.law_numbers, self.points.offset, self.solver.traction, cg.curvature, cg.r, self._rows,
         )  # fmt: skip
         rows = self.points.all_rows(self._rows)
@@ -165,33 +165,33 @@ class Descent:
         """A lower point in the span: (the point, its coordinates (z, p), whether there is negative curvature in the
         span, iterations of Newton's method, 0 if there is no lower point). trust, least: largest and smallest update
         [ranges]."""
-        here, way, bent, used = start, (0.0, 0.0), False, 0
+        here, moved, bent, used = start, (0.0, 0.0), False, 0
         for turn in range(MOST_TURNS):
             more, expected, lowest = newton_step(norm, here.bend, here.slope, self._independent)
             bent = lowest <= 0.0 if turn == 0 else bent
-            there, scale = self._step_down(here, way, more, trust, slack, least)
+            there, scale = self._step_down(here, moved, more, trust, slack, least)
             if scale == 0.0:
-                here = self._probe(way)
+                here = self._probe(moved)
                 break
             used += 1
             gain = here.potential - there.potential
-            here, way = there, _further(way, scale, more)
+            here, moved = there, _further(moved, scale, more)
             if scale < 1.0 or abs(gain - expected) <= FAITHFUL * expected + slack:
                 break
-        return here, way, bent, used
+        return here, moved, bent, used
 
     def _step_down(
-        self, here: _Place, way: Pair, more: Pair, trust: float, slack: float, least: float
+        self, here: _Place, moved: Pair, more: Pair, trust: float, slack: float, least: float
     ) -> tuple[_Place, float]:
-        """The point at `way` plus a fraction of `more`, halved until Phi does not increase: (the point, the fraction).
-        The fraction is 0 if Phi always increases, or if the sum is too long and `way` is not zero."""
+        """The point at `moved` plus a fraction of `more`, halved until Phi does not increase: (the point, the fraction).
+        The fraction is 0 if Phi always increases, or if the sum is too long and `moved` is not zero."""
         scale = 1.0
         while True:
-            there = self._probe(_further(way, scale, more))
+            there = self._probe(_further(moved, scale, more))
             if not math.isfinite(there.size + there.potential) and scale < LEAST_SCALE:
                 return there, 0.0
             if there.size > trust * (1.0 + 1e-9):
-                if way != (0.0, 0.0):
+                if moved != (0.0, 0.0):
                     return there, 0.0
                 scale *= trust / there.size
             elif there.potential <= here.potential + slack:
@@ -210,8 +210,8 @@ class Descent:
             w += compliance * mean
 
 
-def _further(way: Pair, scale: float, more: Pair) -> Pair:
-    return way[0] + scale * more[0], way[1] + scale * more[1]
+def _further(moved: Pair, scale: float, more: Pair) -> Pair:
+    return moved[0] + scale * more[0], moved[1] + scale * more[1]
 
 
 def newton_step(norm: Three, bend: Three, slope: Pair, least: float) -> tuple[Pair, float, float]:

@@ -23,8 +23,8 @@ class Interrupted(Exception):
     """A step was abandoned, on every rank at the same place."""
 
 
-class Impatient(Protocol):
-    """Who may want a run to end: on a signal, at a limit of time (restart/checkpoint_policy.py), on Ctrl-C
+class StopCondition(Protocol):
+    """Whether a run has to end: on a signal, at a limit of time (restart/checkpoint_policy.py), on Ctrl-C
     (in_memory.py)."""
 
     def interrupts(self) -> bool:

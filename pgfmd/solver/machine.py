@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pgfmd.solver.tiles import Convolves
 
 
-class SprungConvolution:
+class ConvolutionWithSpring:
     """G0' as a Convolution: u' = G0' * w between point vectors.
 
     convolve: the Convolution with G0. spring [m/N]: 1/k_M. compliance: J of the equilibria that it is used for; it may be
@@ -88,9 +88,9 @@ def nonzero(points: PunchPoints, values: np.ndarray, rows: np.ndarray) -> int:
     return int(points.total_of(rows)[0])
 
 
-def sprung(convolve: Convolves, spring: float, compliance: float) -> Convolves:
+def with_spring(convolve: Convolves, spring: float, compliance: float) -> Convolves:
     """The convolution with the machine's spring in it; as it is where the machine is rigid."""
-    return SprungConvolution(convolve, spring, compliance) if spring else convolve
+    return ConvolutionWithSpring(convolve, spring, compliance) if spring else convolve
 
 
 MISPLACED = 0.1
@@ -114,14 +114,14 @@ def out_of_reach(points: PunchPoints, surface: np.ndarray, height: np.ndarray, r
 class Machine:
     """The spring of a machine, in solves whose surface u is the true one.
 
-    solver: NewtonSolver, whose convolutions are `SprungConvolution`s. compliance [m/N]: 1/k_M, 0 for none. stiffness
+    solver: NewtonSolver, whose convolutions are `ConvolutionWithSpring`s. compliance [m/N]: 1/k_M, 0 for none. stiffness
     [N/m]: of the contact of the whole punch on the relaxed body, about. dead_load: whether the spring stands for a load
-    that does not give way: such a spring flings a punch that comes free. After solves, `fallen` [J] is by how much the
+    that does not give way: such a spring pulls a punch that comes free far away. After solves, `fallen` [J] is by how much the
     energy of the spring fell in them, since it was last set to zero.
     """
 
     def __init__(self, solver: NewtonSolver, compliance: float, stiffness: float, dead_load: bool):
-        assert isinstance(solver.convolve, SprungConvolution)
+        assert isinstance(solver.convolve, ConvolutionWithSpring)
         self.solver, self.points, self._convolve = solver, solver.points, solver.convolve
         self.compliance, self.stiffness, self.dead_load = compliance, stiffness, dead_load
         self._rows = np.zeros((1, solver.points.rows))

@@ -122,8 +122,8 @@ class NewtonSolver:
     largest_jump_count = 20_000
     """Largest number of corrections in a jump, where a crack may propagate through the whole punch, by about one grid
     cell per correction."""
-    timid_way = 0.5
-    """A solve with `timid` ends when the surface has moved by more than this many ranges of adhesion."""
+    longest_stable_travel = 0.5
+    """A solve with `stop_at_instability` ends when the surface has moved by more than this many ranges of adhesion."""
     force_share = 0.2
     """Tolerance of the force imbalance, relative to force_scale, as a fraction of the tolerance."""
 
@@ -148,7 +148,7 @@ class NewtonSolver:
 
     def solve(
         self, position: float, history: np.ndarray, compliance: float, u: np.ndarray, w: np.ndarray, tolerance: float,
-        jump: bool = False, timid: bool = False, largest_force: float = 0.0,
+        jump: bool = False, stop_at_instability: bool = False, largest_force: float = 0.0,
     ) -> Outcome:  # fmt: skip
         """Moves u [m] and w [Pa] (in place, with u = G0 w) downhill to a minimum of Phi.
 
@@ -157,7 +157,7 @@ class NewtonSolver:
         the force imbalance, in units of force_scale. (An error of long wavelength far below the range may correspond to
         a large force, because K_0 rho is a large stress.)
         jump: the surface may move far.
-        timid: end at a negative curvature, or if the surface has moved far, because a better start is available.
+        stop_at_instability: end at a negative curvature, or if the surface has moved far, because a better start is available.
         largest_force [N]: so far, or 0. At the limit of rounding, an imbalance that is small compared with this force
         is accepted.
         If the solve does not converge, u and w are those with the lowest Phi.
@@ -172,10 +172,10 @@ class NewtonSolver:
         for count in range(1, 1 + (self.largest_jump_count if jump else self.largest_newton_count)):
             used, size, bent = self.cg.correct(compliance, tolerance, unbalanced, trust, imbalance)
             course.correct(used, bent)
-            if timid and (bent or course.moved + size > self.timid_way):
+            if stop_at_instability and (bent or course.moved + size > self.longest_stable_travel):
                 break
             longest = trust / size if size > trust or (bent and size > 0.0) else 1.0
-            shortest = self._shortest(tolerance, size, everywhere=course.renewed and not timid)
+            shortest = self._shortest(tolerance, size, everywhere=course.renewed and not stop_at_instability)
             scale, (course.pull, imbalance, trial, growth) = self._go_down(problem, course.adhesive, longest, shortest)
             if scale == 0.0:
                 # Phi does not decrease along a descent direction: u has drifted from G0 w, or this is the limit of rounding.
@@ -207,20 +207,20 @@ class NewtonSolver:
 
     def _renew(self, w: np.ndarray, u: np.ndarray) -> None:
         """Computes u of w anew, with what a machine's spring has given way since the start. Collective."""
-        from .machine import SprungConvolution
+        from .machine import ConvolutionWithSpring
 
         if self.start is None:
             self.convolve(w, u)
         else:
-            assert isinstance(self.convolve, SprungConvolution)
+            assert isinstance(self.convolve, ConvolutionWithSpring)
             self.convolve.since(self.start, w, u)
 
     def stiffen(self, spring: float, compliance: float) -> None:
         """Prepares for solves with a machine's spring of the compliance `spring` [m/N], and J = compliance."""
-        from .machine import SprungConvolution
+        from .machine import ConvolutionWithSpring
 
         for operator in self.operators:
-            assert isinstance(operator, SprungConvolution)
+            assert isinstance(operator, ConvolutionWithSpring)
             operator.stiffen(spring, compliance)
         self.cg.stiffen(spring, compliance)
 

@@ -138,7 +138,7 @@ class Simulation:
         state = self.state
         # Apart from these, trials do not change the state.
         counters = replace(state.counters)
-        modes = [(mode, mode.copy()) for mode in (state.soft_mode, state.soft_load) if mode is not None]
+        modes = [(mode, mode.copy()) for mode in (state.softest_mode, state.softest_mode_dual) if mode is not None]
         question.begin()
         solver.cg.poll = question
         try:
@@ -176,7 +176,11 @@ class Simulation:
         state = self.state
         if why in ("duration", "preload"):
             if why == "preload":
-                state.preload_time, state.preload, state.preload_place = state.time, state.force, state.place
+                state.preload_time, state.preload, state.preload_displacement = (
+                    state.time,
+                    state.force,
+                    state.punch_displacement,
+                )
                 self._note(Event("preload"))
             state.phase += 1
             state.elapsed, state.phase_start, state.step = 0.0, self.scheme.drive_at(state), 0.0
@@ -194,7 +198,7 @@ class Simulation:
         """Computes from the fields the values of the curve and of the energy audit."""
         state, energies = self.state, self.state.energies
         self.scheme.measure(state)
-        state.place = self.punch_position
+        state.punch_displacement = self.punch_position
         if not math.isfinite(state.force + energies.adhesive + energies.residual + state.far_displacement):
             self._require_finite()
         if self.scheme.audit:

@@ -80,7 +80,7 @@ class Trial:
     potential_drop [J]: decrease of the potentials of the stages from their starting points.
     forces [N], positions [m]: of the punch, at the stages. Fields belong to the scheme and are valid until the next trial.
     uncertainty [J]: of the energy released in a quasi-static jump, because its place within the step is unknown.
-    flung: whether a controlled force has detached the punch.
+    runaway: whether a controlled force has detached the punch.
     left_over: see newton.Outcome, of the last solve.
     """
 
@@ -96,7 +96,7 @@ class Trial:
     potential_drop: float = 0.0
     is_jump: bool = False
     uncertainty: float = 0.0
-    flung: bool = False
+    runaway: bool = False
     left_over: float = 0.0
     change: Change | None = None
     forces: list[float] = field(default_factory=list)

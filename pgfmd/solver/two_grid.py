@@ -163,10 +163,10 @@ class TwoGrid(ConjugateGradients):
 
     def stiffen(self, spring: float, compliance: float) -> None:
         """Puts another spring of the machine between the cells and the punch, too. Only with operators that have one."""
-        from .machine import SprungConvolution
+        from .machine import ConvolutionWithSpring
 
         here, there = self.operator, self._cg.operator
-        assert isinstance(here, SprungConvolution) and isinstance(there, SprungConvolution)
+        assert isinstance(here, ConvolutionWithSpring) and isinstance(there, ConvolutionWithSpring)
         there.stiffen(spring, compliance)
         # Anew each time, for a run that goes on to have the same bits.
         np.add(self._own, here.uniform * self.points.total, out=self._sunk)

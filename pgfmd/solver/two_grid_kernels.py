@@ -143,7 +143,9 @@ def survey(
 
 
 @inlined
-def _told_of(r: np.ndarray, s: np.ndarray, k: np.ndarray, begin: np.uint64, end: np.uint64) -> tuple[float, float]:
+def _imbalance_and_size(
+    r: np.ndarray, s: np.ndarray, k: np.ndarray, begin: np.uint64, end: np.uint64
+) -> tuple[float, float]:
     """Sum of r, and the largest |s| over points that interact (K != 0), from begin to before end."""
     imbalance, size = 0.0, np.int64(0)
     for i in range(begin, end):
@@ -173,7 +175,7 @@ def begin_and_advance(
             t[i] = alpha * y[i]
         for i in range(begin, end):
             r[i] -= t[i] + k[i] * s[i]
-        rows[0, row], rows[1, row] = _told_of(r, s, k, begin, end)
+        rows[0, row], rows[1, row] = _imbalance_and_size(r, s, k, begin, end)
 
 
 @_compile
@@ -196,4 +198,4 @@ def turn_and_advance(
             t[i] += alpha * y[i]
         for i in range(begin, end):
             r[i] -= alpha * (y[i] + k[i] * p[i])
-        rows[0, row], rows[1, row] = _told_of(r, s, k, begin, end)
+        rows[0, row], rows[1, row] = _imbalance_and_size(r, s, k, begin, end)

@@ -15,7 +15,7 @@ from typing import Any
 from pgfmd.errors import PgfmdError, ResultError, RunError, Stopped
 from pgfmd.files import storage
 
-from .case_state import CHANGED, DAMAGED, FAILED, FINISHED, RUNNING, CaseState, standing_of
+from .case_state import CHANGED, DAMAGED, FAILED, FINISHED, RUNNING, CaseState, case_state_of
 from .cases import Case
 from .pool import Ending, Pool, Task
 from .study_file import StudyError, did_you_mean
@@ -74,9 +74,9 @@ class Campaign:
         """Where a case's results go."""
         return self.out / case.name
 
-    def standings(self) -> dict[str, CaseState]:
-        """The standing of every case, by name."""
-        return {case.name: standing_of(case, self.folder(case), self.wishes.allow) for case in self.cases}
+    def states(self) -> dict[str, CaseState]:
+        """The state of every case, by name."""
+        return {case.name: case_state_of(case, self.folder(case), self.wishes.allow) for case in self.cases}
 
     def only(self, patterns: Sequence[str]) -> Campaign:
         """The cases whose names match one of the patterns, such as "preload-40mN*"; all without a pattern.
@@ -94,18 +94,18 @@ class Campaign:
         kept = [case for case in self.cases if any(fnmatch.fnmatch(case.name, pattern) for pattern in patterns)]
         return replace(self, cases=kept) if patterns else self
 
-    def agenda(self, standings: dict[str, CaseState]) -> list[Case]:
+    def agenda(self, states: dict[str, CaseState]) -> list[Case]:
         """The cases that a job is to be started for."""
         anew = (CHANGED, DAMAGED) if self.wishes.fresh else ()
         never = {FINISHED, RUNNING, CHANGED, DAMAGED, *(() if self.wishes.retry else (FAILED,))} - set(anew)
-        return [case for case in self.cases if standings[case.name].state not in never]
+        return [case for case in self.cases if states[case.name].state not in never]
 
-    def make_way(self, cases: Sequence[Case], standings: dict[str, CaseState]) -> None:
+    def clear_folders(self, cases: Sequence[Case], states: dict[str, CaseState]) -> None:
         """Moves aside what is in the folders of changed and damaged cases that are to begin anew. ResultError."""
         from pgfmd.host.run_lock import RunLock
 
         for case in cases:
-            if standings[case.name].state in (CHANGED, DAMAGED):
+            if states[case.name].state in (CHANGED, DAMAGED):
                 folder = self.folder(case)
                 lock = RunLock.acquire(folder, 1)
                 try:
@@ -127,11 +127,11 @@ class Campaign:
 
     def run(self, ranks: int, jobs: int) -> None:
         """Runs what is not finished, on this machine. Raises Unfinished if a case is not finished afterwards."""
-        standings = self.standings()
-        chosen = self.agenda(standings)
-        self.tell(standings)
+        states = self.states()
+        chosen = self.agenda(states)
+        self.tell(states)
         make_folder(self.out)
-        self.make_way(chosen, standings)
+        self.clear_folders(chosen, states)
         counted: Counter[str] = Counter()
 
         def on_end(task: Task, ending: Ending) -> None:
@@ -154,26 +154,26 @@ class Campaign:
         folder = self.folder(case)
         return Task(case.name, (*self.arguments(case), "--out", str(folder)), folder, self.out / f"{case.name}.log")
 
-    def tell(self, standings: dict[str, CaseState]) -> None:
+    def tell(self, states: dict[str, CaseState]) -> None:
         """Says what is there already."""
-        counts = Counter(standing.state for standing in standings.values())
+        counts = Counter(case_state.state for case_state in states.values())
         count = "1 case" if len(self.cases) == 1 else f"{len(self.cases)} cases"
         self.say(f"{count} in {self.out}: " + ", ".join(f"{counts[state]} {state}" for state in counts))
 
     def conclude(self, failures: dict[str, str], stopped: str) -> None:
         """Raises Unfinished with what is not finished, why, and what to do."""
-        standings = self.standings()
+        states = self.states()
         lines, left = [], []
         for case in self.cases:
-            standing = standings[case.name]
-            if standing.state == FINISHED:
+            case_state = states[case.name]
+            if case_state.state == FINISHED:
                 continue
-            if standing.state in CURES:
-                lines.append(f"{case.name}: {standing.state}: {standing.why}; {CURES[standing.state]}")
+            if case_state.state in CURES:
+                lines.append(f"{case.name}: {case_state.state}: {case_state.why}; {CURES[case_state.state]}")
             elif case.name in failures:
                 lines.append(f"{case.name}: {failures[case.name]}; its output is {self.out / case.name}.log")
             else:
-                left.append(f"{case.name} ({standing.state})")
+                left.append(f"{case.name} ({case_state.state})")
         if not lines and not left:
             return
         text = f"{len(self.cases) - len(lines) - len(left)} of {len(self.cases)} cases are finished"
@@ -191,8 +191,8 @@ class Campaign:
         if ending.code:
             return f"failed with exit code {ending.code} after {ending.seconds:.3g} s: {ending.why}"
         case = next(case for case in self.cases if case.name == task.name)
-        standing = standing_of(case, self.folder(case), self.wishes.allow)
-        record = standing.record or {}
+        case_state = case_state_of(case, self.folder(case), self.wishes.allow)
+        record = case_state.record or {}
         numbers = [
             f"{name} {record[key] * factor + 0.0:.4g} {unit}"
             for name, key, factor, unit in (
@@ -201,7 +201,7 @@ class Campaign:
             )
             if record.get(key) is not None
         ]
-        return ", ".join([str(standing), *numbers, f"{ending.seconds:.3g} s"])
+        return ", ".join([str(case_state), *numbers, f"{ending.seconds:.3g} s"])
 
 
 def make_folder(out: Path) -> None:

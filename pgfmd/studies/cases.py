@@ -42,7 +42,7 @@ def cases_of(study: Study) -> list[Case]:
     """
     complaints: dict[str, list[str]] = {}
     cases = []
-    for name, places, changes in _drafts(study):
+    for name, places, changes in _proposed_cases(study):
         if not study.scene or not all(map(is_settable, changes)):
             continue
         overrides = tuple(override_of(key, value) for key, value in changes.items())
@@ -55,7 +55,7 @@ def cases_of(study: Study) -> list[Case]:
             continue
         cases.append(Case(name, study.scene, overrides, scene, places))
     problems = [*study.problems, *(f"{_named(names)}: {text}" for text, names in complaints.items())]
-    problems += _names_refused(_drafts(study))
+    problems += _names_refused(_proposed_cases(study))
     if not study.problems:
         # Cases may be the same only for what is wrong.
         problems += _twins(cases)
@@ -64,7 +64,7 @@ def cases_of(study: Study) -> list[Case]:
     return cases
 
 
-def _drafts(study: Study) -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
+def _proposed_cases(study: Study) -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
     """Name, places and changes of each case."""
     shown = short_names([axis for axis in study.axes if not axis.bundles])
     for values in itertools.product(*(axis.values for axis in study.axes)) if study.axes else ():
@@ -84,9 +84,9 @@ def short_names(axes: Iterable[Axis]) -> dict[str, str]:
     return {name: short if last.count(short) == 1 else name for name, short in zip(names, last, strict=True)}
 
 
-def _names_refused(drafts: Iterable[tuple[str, dict[str, str], dict[str, Any]]]) -> Iterator[str]:
+def _names_refused(proposed: Iterable[tuple[str, dict[str, str], dict[str, Any]]]) -> Iterator[str]:
     seen: dict[str, int] = {}
-    for name, _, _ in drafts:
+    for name, _, _ in proposed:
         if not _SAFE.fullmatch(name) or name.endswith(SUFFIXES):
             what = "letters, digits and . + _ - alone, and ends otherwise than " + ", ".join(SUFFIXES)
             yield str(Problem("case", name, f"a name of a folder: it has {what}", "rename it, or the axis's value"))

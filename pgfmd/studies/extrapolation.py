@@ -80,13 +80,13 @@ def extrapolate(levels: Levels, rows: Sequence[Row], quantity: str, power: float
     found = []
     for row in rows:
         value, scene = row.measured[measure], row.case.scene
-        if row.standing.complete and value is not None:
+        if row.state.complete and value is not None:
             size, residual = levels.size_of(row.case), row.measured["energy_residual [1]"]
             found.append(
                 Level(row.case.name, scene.grid.n, scene.adhesion.range, scene.solver.accuracy, size, value, residual)
             )
         else:
-            remarks.append(f"{row.case.name} is left out: {row.standing}")
+            remarks.append(f"{row.case.name} is left out: {row.state}")
     if len(found) < FEWEST:
         raise ResultError(f"{len(found)} levels are finished, an extrapolation takes {FEWEST}; " + "; ".join(remarks))
     sizes, values = [level.size for level in found], [level.value for level in found]
@@ -186,11 +186,11 @@ def plot_convergence(found: Extrapolation, title: str = "") -> Figure:
     power = found.best.power if found.best else 1.0
     fits = [(found.fixed, TURQUOISE, "-", "given"), (found.free, RED, DASHES, "fitted")]
     left.plot((sizes / scale) ** power, values, "o", color="0.15", markersize=5, zorder=3)
-    way = np.linspace(0.0, 1.0, 200)
+    fractions = np.linspace(0.0, 1.0, 200)
     for fit, colour, style, word in fits:
         if fit is not None:
-            x = (sizes.max() * way / scale) ** power
-            left.plot(x, fit(way) / factor, color=colour, linestyle=style, label=f"p = {fit.power:.3g}, {word}")
+            x = (sizes.max() * fractions / scale) ** power
+            left.plot(x, fit(fractions) / factor, color=colour, linestyle=style, label=f"p = {fit.power:.3g}, {word}")
             low, high = fit.limit_interval
             # An interval that leaves the page says no more than that it is wide.
             if not math.isnan(low) and high - low < 4.0 * float(np.ptp(values)) * factor:

@@ -113,7 +113,7 @@ def plot_study_numbers(table: StudyTable) -> Figure:
 def _with_footer(figure: Figure | None, table: StudyTable) -> Figure:
     if figure is None:
         raise ResultError(f"{table.out}: no case of this study has anything to draw yet")
-    done = sum(row.standing.complete for row in table.rows)
+    done = sum(row.state.complete for row in table.rows)
     with drawing():
         footer(figure, f"{table.out.name}  ·  {done} of {len(table.rows)} cases are finished")
     return figure
@@ -126,8 +126,8 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Figure | None:
     if not drawn:
         return None
     panels = plan.labels(plan.panel_axis) or [""]
-    beside = [row for row in plan.singles if row.case.name in drawn]
-    if beside and plan.panel_axis is not None:
+    single_rows = [row for row in plan.singles if row.case.name in drawn]
+    if single_rows and plan.panel_axis is not None:
         panels = [*panels, "further cases"]
     columns = 2 if len(panels) == 4 else min(len(panels), 3)
     lines = -(-len(panels) // columns)
@@ -144,10 +144,10 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Figure | None:
             where = plan.label(row, plan.panel_axis) if plan.panel_axis else ""
             colour = shades[plan.label(row, plan.colour_axis)] if plan.colour_axis else None
             _draw_curve(places[where], drawn[row.case.name], colour, styles[plan.rest(row)])
-    for number, row in enumerate(beside):
+    for number, row in enumerate(single_rows):
         axis = places[panels[-1]]
         _draw_curve(axis, drawn[row.case.name], "0.25", LINES[number % len(LINES)], row.case.name)
-    if beside:
+    if single_rows:
         grid[len(panels) - 1].legend(loc="best", fontsize=7.0)
     for number, (name, axis) in enumerate(places.items()):
         axis.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
@@ -200,7 +200,7 @@ def _legend(figure: Figure, plan: Plan, shades: dict[str, Any], styles: dict[str
 @picture
 def measures_figure(plan: Plan, title: str) -> Figure | None:
     """What was measured against the first axis with numbers, a line for each place on the others; None without any."""
-    done = [row for row in plan.rows if row.standing.complete]
+    done = [row for row in plan.rows if row.state.complete]
     if not done or not plan.axes:
         return None
     numeric = [axis for axis in plan.axes if all(isinstance(row.places[axis.name], (int, float)) for row in plan.grid)]

@@ -126,10 +126,10 @@ def _coincidence(axis: str, places: list, factor: float) -> Problem:
     repeated = [place for place in dict.fromkeys(places) if places.count(place) > 1]
     key = KEYS[axis].name
     same = [", ".join(f"{k}" for k, other in enumerate(places, 1) if other == place) for place in repeated]
-    told = "; ".join(f"levels {k} have {key} = {place:.6g}" for k, place in zip(same, repeated, strict=True))
+    repetitions = "; ".join(f"levels {k} have {key} = {place:.6g}" for k, place in zip(same, repeated, strict=True))
     first, count = places[0], len(places)
     enough = next(k / 100 for k in range(101, 301) if len(set(_rounded(axis, first, k / 100, count))) == count)
-    return Problem("--factor", factor, "levels that differ", f"{told}; --factor {enough:.4g} would do")
+    return Problem("--factor", factor, "levels that differ", f"{repetitions}; --factor {enough:.4g} would do")
 
 
 def _grid_overrides(source: str, common: list[str], axis: str, n: int, before: list[Case]) -> list[str]:

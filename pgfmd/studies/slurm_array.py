@@ -43,9 +43,9 @@ def submit(campaign: Campaign, ranks: int, jobs: int | None, name: str, options:
     if not dry_run and shutil.which("sbatch") is None:
         raise SlurmError("sbatch is not there: submit on a machine with Slurm; --dry-run writes the files alone")
     _require_no_array(campaign)
-    standings = campaign.standings()
-    chosen = campaign.agenda(standings)
-    campaign.tell(standings)
+    states = campaign.states()
+    chosen = campaign.agenda(states)
+    campaign.tell(states)
     if not chosen:
         campaign.say("nothing to submit")
         campaign.conclude({}, "")
@@ -57,12 +57,19 @@ def submit(campaign: Campaign, ranks: int, jobs: int | None, name: str, options:
     _write(out / SCRIPT, script_text(home, out, ranks, memory_per_rank(chosen, ranks), name))
     limit = f"%{jobs}" if jobs else ""
     # In the names of Slurm's outputs, % stands for something.
-    said = f"--output={str(out).replace('%', '%%')}/slurm-%A_%a.txt"
-    command = ["sbatch", "--parsable", f"--array=1-{len(chosen)}{limit}", said, *_split(options), str(out / SCRIPT)]
+    output_option = f"--output={str(out).replace('%', '%%')}/slurm-%A_%a.txt"
+    command = [
+        "sbatch",
+        "--parsable",
+        f"--array=1-{len(chosen)}{limit}",
+        output_option,
+        *_split(options),
+        str(out / SCRIPT),
+    ]
     campaign.say(shlex.join(command))
     if dry_run:
         return
-    campaign.make_way(chosen, standings)
+    campaign.clear_folders(chosen, states)
     number = _submitted(command)
     _write(out / SUBMITTED, f"{number}\n")
     cases = "1 case" if len(chosen) == 1 else f"{len(chosen)} cases"

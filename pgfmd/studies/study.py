@@ -51,7 +51,7 @@ class Plan:
         """The table of what there is so far. Raises ResultError if the folder can't be made."""
         campaign = self.campaign
         make_folder(campaign.out)
-        rows = rows_of(campaign.cases, self.axes, campaign.standings(), campaign.out)
+        rows = rows_of(campaign.cases, self.axes, campaign.states(), campaign.out)
         return StudyTable(rows, self.axes, campaign.out, self.title)
 
     def run(self, only: Sequence[str] = ()) -> tuple[StudyTable, Unfinished | None]:

@@ -73,25 +73,25 @@ OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
 
 @dataclass(frozen=True)
 class Row:
-    """A case with its standing. places: its value on each axis, an SI number, a text, or None for a single case on an
+    """A case with its state. places: its value on each axis, an SI number, a text, or None for a single case on an
     axis of bundles; measured: numbers by COLUMNS, None where there is none yet. trouble: why the curve of a case that
     has run can't be read."""
 
     case: Case
-    standing: CaseState
+    state: CaseState
     places: dict[str, Any]
     measured: dict[str, float | None]
     trouble: str = ""
 
 
 def rows_of(
-    cases: Sequence[Case], axes: Sequence[Axis], standings: dict[str, CaseState], out: Path | None = None
+    cases: Sequence[Case], axes: Sequence[Axis], states: dict[str, CaseState], out: Path | None = None
 ) -> list[Row]:
     """The rows of a study, in the order of its cases. out: the folder of their folders; without it, without areas."""
     rows = []
     for case in cases:
-        standing = standings[case.name]
-        record = standing.record or {}
+        state = states[case.name]
+        record = state.record or {}
         measured = {column: record.get(key) for column, key in MEASURED.items()}
         if record.get("finished", DETACHED) != DETACHED:
             measured |= dict.fromkeys(OF_LOOP)
@@ -102,7 +102,7 @@ def rows_of(
                 measured |= areas_of(out / case.name)
             except ResultError as error:
                 trouble = str(error)
-        rows.append(Row(case, standing, {axis.name: place_of(case, axis) for axis in axes}, measured, trouble))
+        rows.append(Row(case, state, {axis.name: place_of(case, axis) for axis in axes}, measured, trouble))
     return rows
 
 
@@ -131,7 +131,7 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["case", *map(_head, axes), "state", *COLUMNS])
     for row in rows:
-        cells = [*row.places.values(), str(row.standing).splitlines()[0], *row.measured.values()]
+        cells = [*row.places.values(), str(row.state).splitlines()[0], *row.measured.values()]
         writer.writerow([row.case.name, *("" if cell is None else _plain(cell) for cell in cells)])
     try:
         write_atomically(path, text.getvalue().encode())
@@ -178,7 +178,7 @@ class StudyTable:
 
     def _cells(self) -> Iterator[list[Any]]:
         for row in self.rows:
-            yield [row.case.name, *row.places.values(), str(row.standing).splitlines()[0], *row.measured.values()]
+            yield [row.case.name, *row.places.values(), str(row.state).splitlines()[0], *row.measured.values()]
 
     @property
     def remarks(self) -> list[str]:
@@ -257,5 +257,5 @@ def overview_cells(rows: Sequence[Row]) -> list[list[str]]:
     for row in rows:
         found = [(row.measured[column], factor) for column, factor in columns.values()]
         cells = ["" if value is None else f"{value * factor + 0.0:.4g}" for value, factor in found]
-        lines.append([row.case.name, *cells, str(row.standing).splitlines()[0]])
+        lines.append([row.case.name, *cells, str(row.state).splitlines()[0]])
     return lines

@@ -241,7 +241,7 @@ def test_a_snapshot_of_full_contact_takes_what_is_foretold(comm, pattern, patche
     monkeypatch.setattr("pgfmd.files.checksum.BLOCK", 2**10)
     simulation = assemble(scene, comm)
     outputs = Outputs(simulation, scene, comm, folder, lambda line: None)
-    simulation.state.displacement[:] = simulation.scheme.height
+    simulation.state.surface_displacement[:] = simulation.scheme.height
     simulation.state.position = 0.1 * simulation.scheme.law.range
     outputs.snapshots._write_present(simulation, "first")
     tracemalloc.start()

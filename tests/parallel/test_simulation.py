@@ -89,11 +89,11 @@ def test_a_tack_test_has_the_same_bits_on_any_number_of_ranks(name):
     assert state.counters == expected.counters
     assert (state.pull_off_force, state.snap_in_force) == (expected.pull_off_force, expected.snap_in_force)
     assert state.energies == expected.energies
-    for field in ("displacement", "load", "traction"):
+    for field in ("surface_displacement", "effective_traction", "traction"):
         whole = np.concatenate(comm.allgather(getattr(state, field)))
         np.testing.assert_array_equal(whole, getattr(expected, field))
-    branches = np.concatenate(comm.allgather(state.branches), axis=1)
-    np.testing.assert_array_equal(branches, expected.branches)
+    branches = np.concatenate(comm.allgather(state.internal_variables), axis=1)
+    np.testing.assert_array_equal(branches, expected.internal_variables)
     np.testing.assert_array_equal(shared.points.total, alone.points.total)
 
 

@@ -326,7 +326,7 @@ def test_default_follows_h5py_and_gathering_is_said_once(comm, folder, monkeypat
         mpi = False
 
     monkeypatch.setattr(h5py, "get_config", lambda: Plain)
-    monkeypatch.setattr("pgfmd.output.fields_file._told", False)
+    monkeypatch.setattr("pgfmd.output.fields_file._noticed", False)
     for name in ("one.h5", "two.h5"):
         assert not open_fields(folder / name, comm).parallel
     assert capsys.readouterr().out.count("gathered to rank 0") == (1 if comm.rank == 0 and comm.size > 1 else 0)

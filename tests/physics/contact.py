@@ -59,7 +59,7 @@ class Path:
 def _largest_gap(simulation) -> float:
     """The largest gap [m] under the punch."""
     state = simulation.state
-    return (np.float64(state.position) + simulation.scheme.height - state.displacement).max()
+    return (np.float64(state.position) + simulation.scheme.height - state.surface_displacement).max()
 
 
 def path_of(scene: str | dict, *overrides: str, only_to_preload: bool = False) -> Path:

@@ -178,7 +178,7 @@ class LowestCurvatures(Observer):
     def observe(self, simulation, event):
         """Takes in a step; where nothing attracts, there is nothing to be told."""
         state, law = simulation.state, self.scheme.law
-        bend = law.curvature(state.position + self.scheme.height - state.displacement)
+        bend = law.curvature(state.position + self.scheme.height - state.surface_displacement)
         near = np.flatnonzero(bend)
         if event.kind in ("step", "jump") and near.size:
             matrix = (self.root[near].T * bend[near]) @ self.root[near]

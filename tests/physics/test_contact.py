@@ -15,7 +15,7 @@ from tests.physics.runs import CONTACT_MODULUS, SINUSOID, WORK_OF_ADHESION
 def gap_and_way(simulation):
     """The largest gap [m], and whether the punch is on its way out. Points are counted by their gaps."""
     state = simulation.state
-    gap = state.position + simulation.scheme.height - state.displacement
+    gap = state.position + simulation.scheme.height - state.surface_displacement
     levels = simulation.scheme.law.contact_gap, 0.0, 5e-7
     counts = [state.contact_points, state.overlap_points, state.near_points]
     assert counts == [np.count_nonzero(gap < level) for level in levels]

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from pgfmd.assemble import assemble
 from pgfmd.output.recorder import Recorder
 from pgfmd.scene import load_scene
-from pgfmd.schemes.quasistatic.lobpcg import SoftMode
+from pgfmd.schemes.quasistatic.lobpcg import SoftestMode
 from pgfmd.solver import contact_kernels, descent_kernels
 from pgfmd.solver.descent import FLAT, Descent, newton_step
 from tests.physics.dense import LowestCurvatures
@@ -121,7 +121,7 @@ def test_a_symmetric_punch_lets_go_as_a_whole():
     simulation = assemble(scene("flat-punch", 32), MPI.COMM_SELF)
 
     def lopsided(simulation):
-        whole = simulation.points.to_rows(simulation.state.displacement, 0.0)
+        whole = simulation.points.to_rows(simulation.state.surface_displacement, 0.0)
         return max(np.abs(whole - whole[::-1]).max(), np.abs(whole - whole[:, ::-1]).max())
 
     recorder = Recorder(lopsided)
@@ -155,8 +155,8 @@ def test_three_iterations_find_saddles_that_one_would_pass(monkeypatch):
     for blind in (False, True):
         if blind:
             # As if a mode were enough that is followed from step to step.
-            monkeypatch.setattr(SoftMode, "most_iterations", 1)
-            monkeypatch.setattr(SoftMode, "_softened", lambda *_: False)
+            monkeypatch.setattr(SoftestMode, "most_iterations", 1)
+            monkeypatch.setattr(SoftestMode, "_softened", lambda *_: False)
         simulation = assemble(scene("hex-tack", 32, "drive.preload=5 mN", "solver.accuracy=0.03"), MPI.COMM_SELF)
         watch = LowestCurvatures(simulation)
         earlier = simulation.scheme.pairs

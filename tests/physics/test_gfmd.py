@@ -60,7 +60,7 @@ def test_elastic_steps_need_omega_and_dt_and_no_branches():
     keys = ("solver.gfmd.omega=2e4 rad/s", "solver.gfmd.dt=1e-5 s")
     simulation = assemble(load_scene("tri-tack", [GFMD, *ELASTIC, *keys, "grid.n=32"]), MPI.COMM_SELF)
     state = simulation.run()
-    assert state.branches.size == state.load.size == state.images.size == 0
+    assert state.internal_variables.size == state.effective_traction.size == state.internal_displacements.size == 0
     assert state.finished == "detached" and state.force == 0.0
     assert state.counters.transform_pairs == state.counters.steps
     assert state.preload == pytest.approx(1e-3, rel=1e-3)

@@ -34,7 +34,7 @@ def test_mixed_reaches_the_accuracy_of_double(extra):
         assert double_pairs < 0.1 * single_pairs
         assert double_pairs + single_pairs < 1.15 * double.simulation.scheme.pairs
         assert mixed.state.energies.largest_residual < 1.5 * double.state.energies.largest_residual
-        assert mixed.state.displacement.dtype == np.float64
+        assert mixed.state.surface_displacement.dtype == np.float64
     for double_error, mixed_error in errors.values():
         assert mixed_error < 1.3 * double_error
     assert errors["1e-5"][1] < 0.1 * errors["1e-2"][1]
@@ -70,7 +70,14 @@ def test_single_suffices_at_the_default_accuracy():
     double, single = (run("tri-tack", *SCENE, f"solver.precision={precision}") for precision in ("double", "single"))
     assert difference(single, truth) < 2.0 * difference(double, truth) + 1e-4
     state = single.state
-    fields = (state.displacement, state.load, state.traction, state.branches, state.images, *state.past_u)
+    fields = (
+        state.surface_displacement,
+        state.effective_traction,
+        state.traction,
+        state.internal_variables,
+        state.internal_displacements,
+        *state.past_displacements,
+    )
     assert {field.dtype for field in fields} == {np.dtype(np.float32)}
     assert state.force == 0.0 and state.finished == "detached"
     assert single.simulation.scheme.pairs < 1.4 * double.simulation.scheme.pairs

@@ -215,7 +215,7 @@ def test_the_lowest_curvature_is_that_of_the_dense_matrix():
         mode, dual = np.zeros(points.size), np.zeros(points.size)
         # A search is a few iterations, from where the last one ended.
         for seed in range(12):
-            found = scheme.soft_mode.search(mode, dual, seed)
+            found = scheme.softest_mode.search(mode, dual, seed)
         assert found.lowest >= lowest - 1e-9
         if sign > 0.0:
             assert found.lowest == pytest.approx(lowest, rel=0.02)
@@ -231,7 +231,7 @@ def test_a_saddle_that_symmetry_holds_is_left():
     assert state.counters.jumps > 0 and state.finished
     # Without the search, Newton's method keeps the symmetry of its start, and finds saddles.
     blind = assemble(scene, MPI.COMM_SELF)
-    blind.scheme.soft_mode.search = lambda *_: type("Curvature", (), {"lowest": 1.0, "iterations": 0})
+    blind.scheme.softest_mode.search = lambda *_: type("Curvature", (), {"lowest": 1.0, "iterations": 0})
     lopsided = []
 
     class Watch(Observer):
@@ -239,7 +239,7 @@ def test_a_saddle_that_symmetry_holds_is_left():
             if simulation.phase.name != "approach":
                 # Later, rounding has broken the symmetry.
                 return
-            surface = simulation.state.displacement.reshape(24, 24)
+            surface = simulation.state.surface_displacement.reshape(24, 24)
             lopsided.append(np.abs(surface - np.roll(surface, 12, axis=1)).max() / scene.adhesion.range)
 
     seen = []
@@ -266,7 +266,7 @@ def test_each_minimum_has_no_lower_place_beside_it():
     class Curvatures(Observer):
         def observe(self, simulation, event):
             state = simulation.state
-            gap = state.position + scheme.height - state.displacement
+            gap = state.position + scheme.height - state.surface_displacement
             bend = law.stiffness * np.where(
                 gap < 0, 1.0, np.where(gap < law.range, np.cos(np.pi * gap / law.range), 0.0)
             )
@@ -399,6 +399,6 @@ def test_the_instantaneous_body_is_a_stiffer_one():
 
 def test_a_law_without_attraction_has_nothing_to_search():
     simulation = assemble(load_scene("hertz", ["grid.n=32", QUASISTATIC]), MPI.COMM_SELF)
-    assert simulation.scheme.soft_mode is None and simulation.state.soft_mode is None
+    assert simulation.scheme.softest_mode is None and simulation.state.softest_mode is None
     state = simulation.run()
     assert state.counters.jumps == 0 and state.energies.released == 0.0 and state.counters.steps < 100

@@ -75,7 +75,10 @@ def ended_well(case, *overrides):
     assert state.finished == "detached"
     assert state.force == 0.0
     assert all(math.isfinite(value) for value in vars(state.energies).values())
-    assert all(np.isfinite(field).all() for field in (state.displacement, state.load, state.traction, state.branches))
+    assert all(
+        np.isfinite(field).all()
+        for field in (state.surface_displacement, state.effective_traction, state.traction, state.internal_variables)
+    )
     return state
 
 

@@ -60,7 +60,7 @@ def test_work_of_separation_is_that_of_the_way_up_alone():
     for start, up in ((0.0, 0.5), (1.0, 0.5)):
         state.elapsed, step = start, 2.0 - start
         way = turn.displacement(2.0) - turn.displacement(start)
-        trial = SimpleNamespace(step=step, phase=turn, forces=[-3.0], force=-3.0, is_jump=False, flung=False)
+        trial = SimpleNamespace(step=step, phase=turn, forces=[-3.0], force=-3.0, is_jump=False, runaway=False)
         assert tension_of(state, trial, IMPLICIT_EULER, 3.0 * way) == pytest.approx((-3.0, 3.0 * up), rel=1e-3)
 
 

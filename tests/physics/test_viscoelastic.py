@@ -58,7 +58,7 @@ def stepped(series, end, steps, traction=None, displacement=None):
         f, w = np.zeros(SDIRK2.stages), np.zeros(SDIRK2.stages)
         for i, node in enumerate(SDIRK2.nodes):
             time = (step + node) * h
-            history = weights.branch_weight[i] @ phi + weights.stage_weight[i, :i] @ f[:i]
+            history = weights.internal_weight[i] @ phi + weights.stage_weight[i, :i] @ f[:i]
             f[i] = traction(time) if traction else (displacement(time) - history) / weights.compliance[i]
             w[i] = weights.compliance[i] * f[i] + history
         phi = weights.decay * phi + weights.gain @ f
@@ -147,7 +147,7 @@ def wave_of(simulation):
     x, _ = points.coordinates()
     wave = np.cos(WAVE_NUMBER * x)
     mean, amplitude = f.mean(), 2 * (f * wave).mean()
-    gap = simulation.state.position + simulation.scheme.solver.height - simulation.state.displacement
+    gap = simulation.state.position + simulation.scheme.solver.height - simulation.state.surface_displacement
     return mean, amplitude, np.abs(f - mean - amplitude * wave).max(), gap.max()
 
 

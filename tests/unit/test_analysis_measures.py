@@ -121,7 +121,7 @@ def test_a_real_run_is_measured_as_it_measured_itself(real):
     # The turn goes on a little, by a fixed share of the range, which is wide on this grid.
     assert record["preload_N"] <= found.largest_force < 1.05 * record["preload_N"]
     assert (found.pull_off.tension, found.snap_in.tension) == (record["pull_off_force_N"], record["snap_in_force_N"])
-    rows = measure(dataclasses.replace(loop, told={}))
+    rows = measure(dataclasses.replace(loop, recorded={}))
     assert rows.pull_off.tension == pytest.approx(record["pull_off_force_N"], abs=rows.pull_off.uncertainty)
     assert rows.snap_in.tension == pytest.approx(record["snap_in_force_N"], abs=rows.snap_in.uncertainty)
     assert (rows.preload, rows.largest_force) == (record["preload_N"], record["largest_force_N"])
@@ -139,7 +139,7 @@ def test_a_quasi_static_run_is_measured_as_it_measured_itself(changes, tmp_path)
     found = measure(loop)
     assert loop.jump.sum() > 10 and not loop.held
     assert found.pull_off.tension == record["pull_off_force_N"]
-    rows = measure(dataclasses.replace(loop, told={}))
+    rows = measure(dataclasses.replace(loop, recorded={}))
     # Rows of smooth parts may be left out, and the lowest force may be in one; those beside jumps are there.
     near = 1e-3 if results.scene["output"]["every"] == 1 else 0.01
     assert rows.pull_off.tension == pytest.approx(record["pull_off_force_N"], rel=near)

@@ -16,7 +16,7 @@ from pgfmd.files.hdf5 import open_serial
 from pgfmd.results import load
 from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
 from pgfmd.results.verify import verify
-from pgfmd.studies.case_state import standing_of
+from pgfmd.studies.case_state import case_state_of
 from pgfmd.studies.cases import cases_of
 from pgfmd.studies.pictures import Plan, measures_figure
 from pgfmd.studies.study_file import study_from_mapping
@@ -144,7 +144,7 @@ def study():
 
 def rows_in(study, out):
     cases = cases_of(study)
-    standings = {case.name: standing_of(case, out / case.name) for case in cases}
+    standings = {case.name: case_state_of(case, out / case.name) for case in cases}
     assert {str(standing) for standing in standings.values()} == {"finished"}
     return rows_of(cases, study.axes, standings, out)
 
@@ -205,7 +205,7 @@ def test_a_case_whose_curve_is_damaged_has_no_areas(study, folders, tmp_path):
     out = shutil.copytree(folders / "new", tmp_path / "out")
     (out / "preload-1mN" / "curve.csv").write_text("nonsense\n")
     rows = rows_of(cases_of(study), study.axes, {
-        case.name: standing_of(case, folders / "new" / case.name) for case in cases_of(study)
+        case.name: case_state_of(case, folders / "new" / case.name) for case in cases_of(study)
     }, out)  # fmt: skip
     assert [row.measured["largest_contact_area [m^2]"] is None for row in rows] == [True, False]
     assert json.loads((out / "preload-1mN" / "run.json").read_text())["steps"] == rows[0].measured["steps"]

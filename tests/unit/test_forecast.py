@@ -9,14 +9,14 @@ from mpi4py import MPI
 from pgfmd.assemble import assemble
 from pgfmd.commands import check
 from pgfmd.forecast import effort as effort_module
-from pgfmd.forecast.effort import UNLIKE, counts_of, effort_of, jump_threshold, kind_of, told_of_ahead, ways_of
+from pgfmd.forecast.effort import UNLIKE, ahead_summary, counts_of, effort_of, jump_threshold, kind_of, strokes_of
 from pgfmd.forecast.fitted import FITTED
 from pgfmd.forecast.indentation import MADELUNG, SECOND, depth_at_preload, images_share, punch_speeds, travels_of
 from pgfmd.output.ahead import met, run_ahead
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.scene import load_scene
-from pgfmd.scene_objects import SOFT_MACHINE, punch_stiffness, time_of_way
+from pgfmd.scene_objects import SOFT_MACHINE, punch_stiffness, travel_time
 from pgfmd.schemes.gfmd.plugin import inertia_of_scene
 from scripts.studies.forecast.scenes import CASES, FIT, JUDGE
 from scripts.studies.forecast.table import TABLE, rows_of
@@ -97,7 +97,7 @@ def test_the_kind_follows_from_what_jumps():
 def test_steps_and_pairs_are_those_of_the_formula():
     """By hand, for a way in."""
     scene = load_scene("tri-tack")
-    way, numbers = ways_of(scene)[0], FITTED["viscoelastic"]
+    way, numbers = strokes_of(scene)[0], FITTED["viscoelastic"]
     creep_time = 400e-6 * 250
     slow = 0.05 / (scene.substrate.contact_modulus * 1e-6 * creep_time)
     steps = numbers.least[0] + numbers.rate[0] * way.length**numbers.travel * slow**numbers.slow
@@ -145,7 +145,7 @@ def test_explicit_steps_follow_the_end_of_the_spring(stiffness):
 def test_the_speed_of_a_punch_on_a_spring_is_its_own():
     rigid, sprung = (load_scene("tri-tack", more) for more in ([], ["drive.machine_stiffness=1 kN/m"]))
     assert punch_speeds(rigid) == (rigid.drive.speed, rigid.drive.retract_speed)
-    (into, _), (soft, _) = ways_of(rigid), ways_of(sprung)
+    (into, _), (soft, _) = strokes_of(rigid), strokes_of(sprung)
     way = depth_at_preload(sprung) + sprung.drive.clearance
     assert soft.time == pytest.approx((way + 40e-6) / 1e-6, rel=1e-9)
     assert soft.slow / into.slow == pytest.approx(1.0 + 40e-6 / way, rel=1e-9)
@@ -157,8 +157,8 @@ def test_under_a_controlled_force_the_whole_punch_in_contact_has_the_speed_of_th
     """Of a flat punch on a half-space F = 2aE* d, so the machine's way is (1 + 1/SOFT_MACHINE) d."""
     scene = load_scene("flat-punch", ["drive.control=load"])
     way = scene.drive.preload / punch_stiffness(scene)
-    assert time_of_way(scene, way, scene.drive.preload) == pytest.approx(way / scene.drive.speed, rel=1e-9)
-    assert time_of_way(scene, way, 0.0) < 2.0 * SOFT_MACHINE * way / scene.drive.speed
+    assert travel_time(scene, way, scene.drive.preload) == pytest.approx(way / scene.drive.speed, rel=1e-9)
+    assert travel_time(scene, way, 0.0) < 2.0 * SOFT_MACHINE * way / scene.drive.speed
 
 
 def test_images_take_off_what_their_green_function_says():
@@ -192,7 +192,7 @@ def test_images_share_of_the_shipped_cell():
 
 def test_nothing_is_run_ahead_without_early_snapshots():
     scene = load_scene("tri-tack")
-    assert coarse_scenes(scene) == [] and told_of_ahead(scene) == ("", "")
+    assert coarse_scenes(scene) == [] and ahead_summary(scene) == ("", "")
 
 
 @pytest.mark.parametrize(
@@ -256,6 +256,6 @@ def test_coarse_approaches_foretell_the_moments_and_say_so():
 
 def test_an_early_snapshot_counts_in_the_forecast():
     scene = load_scene("hex-tack", ["grid.n=1024"])
-    what, share = told_of_ahead(scene)
+    what, share = ahead_summary(scene)
     assert "n = 256" in what and 0.1 < float(share.split()[0]) < 5.0
     assert check.report(scene)["run ahead"] == what

@@ -302,7 +302,7 @@ def test_largest_difference_near(points, rng):
 def test_weigh_branches(points, elements, rng):
     branches, weights = rng.standard_normal((elements, points.size)), rng.standard_normal((2, elements))
     out = np.full((2, points.size), np.nan)
-    retardation_kernels.weigh_branches(branches, weights, out)
+    retardation_kernels.weigh_internal_variables(branches, weights, out)
     close(out, weights @ branches, 10.0)
 
 
@@ -312,7 +312,7 @@ def test_advance_branches(points, elements, count, rng):
     branches, stages = rng.standard_normal((elements, points.size)), rng.standard_normal((2, points.size))
     decay, gain = rng.standard_normal(elements), rng.standard_normal((elements, 2))
     expected = decay[:, None] * branches + gain[:, :count] @ stages[:count]
-    retardation_kernels.advance_branches(branches, decay, stages, gain, count)
+    retardation_kernels.advance_internal_variables(branches, decay, stages, gain, count)
     close(branches, expected, 10.0)
 
 
@@ -323,8 +323,8 @@ def test_advance_branches_and_energy(points, elements, count, rng):
     phi, psi = rng.standard_normal((2, elements, size))
     f, u = rng.standard_normal((2, count, size))
     decay, compliances = rng.random((2, elements))
-    branch_weight, compliance, stage_weight = rng.standard_normal((count, elements)), 0.5 + rng.random(count), 0.7
-    g = (u - branch_weight @ psi) / compliance[:, None]
+    internal_weight, compliance, stage_weight = rng.standard_normal((count, elements)), 0.5 + rng.random(count), 0.7
+    g = (u - internal_weight @ psi) / compliance[:, None]
     g[1:] -= stage_weight * g[:-1] / compliance[1:, None]
     gain, rate_decay, quadrature = rng.standard_normal((3, elements, count))
     rate_gain = np.tril(rng.standard_normal((elements, count, count)))
@@ -334,7 +334,7 @@ def test_advance_branches_and_energy(points, elements, count, rng):
     new_phi, new_psi = decay[:, None] * phi + gain @ f, decay[:, None] * psi + gain @ g
     stored = np.einsum("m,mp,mp->p", compliances, new_phi, new_psi) / 2
     rows = np.zeros((3, points.rows))
-    weights = branch_weight, stage_weight, compliance, decay, gain, rate_decay, rate_gain, quadrature, compliances
+    weights = internal_weight, stage_weight, compliance, decay, gain, rate_decay, rate_gain, quadrature, compliances
     given = phi, psi, f, u[0], u[-1], *weights
     before = phi.copy(), psi.copy()
     foreseen = np.zeros((3, points.rows))

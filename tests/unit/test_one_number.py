@@ -108,7 +108,7 @@ def test_a_pull_off_within_the_turn_is_found(quick):
     assert loop.phase[lowest] == "turn"
     turn = loop.turning_row
     assert loop.phase[turn] == "turn" and loop.displacement[turn] == loop.displacement.min() and turn < lowest
-    rows = measure(dataclasses.replace(loop, told={})).pull_off
+    rows = measure(dataclasses.replace(loop, recorded={})).pull_off
     assert rows.tension == pytest.approx(record["pull_off_force_N"], abs=rows.uncertainty)
     assert any(bulge.kind == "minimum" for bulge in analyse(folder).bulges)
 

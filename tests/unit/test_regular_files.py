@@ -13,7 +13,7 @@ from mpi4py import MPI
 from pgfmd import cli
 from pgfmd.errors import ResultError
 from pgfmd.files import regular_files, storage
-from pgfmd.files.regular_files import bring_to_disk, remove_unfinished, unfinished_beside, write_atomically, write_new
+from pgfmd.files.regular_files import bring_to_disk, remove_unfinished, temporary_name_for, write_atomically, write_new
 from pgfmd.host.mounts import has_common_locks
 from pgfmd.host.run_lock import LOCK_FILE, RunLock
 from pgfmd.restart import disk_space
@@ -100,7 +100,7 @@ def test_names_of_unfinished_files_are_not_to_be_foreseen(tmp_path):
         (tmp_path / f"{name}.tmp").symlink_to(victim)
     start(tmp_path)
     assert victim.read_text() == "precious"
-    assert unfinished_beside(victim) != unfinished_beside(victim)
+    assert temporary_name_for(victim) != temporary_name_for(victim)
     link = tmp_path / "link"
     link.symlink_to(victim)
     with pytest.raises(ResultError, match="link: is a symbolic link"):
@@ -112,7 +112,7 @@ def test_a_name_that_is_taken_is_not_written_to(tmp_path, monkeypatch):
     victim = tmp_path / "victim"
     victim.write_text("precious")
     (tmp_path / "guessed").symlink_to(victim)
-    monkeypatch.setattr(regular_files, "unfinished_beside", lambda path: tmp_path / "guessed")
+    monkeypatch.setattr(regular_files, "temporary_name_for", lambda path: tmp_path / "guessed")
     with pytest.raises(FileExistsError):
         write_atomically(tmp_path / "run.json", b"other")
     assert victim.read_text() == "precious"

@@ -47,7 +47,7 @@ def trajectory(creep, method, traction, steps, end, start=0.0):
     phi = np.full(creep.elements, start)
     for step in range(steps):
         f = np.array([traction((step + node) * h) for node in method.nodes])
-        history = weights.branch_weight @ phi + weights.stage_weight @ f
+        history = weights.internal_weight @ phi + weights.stage_weight @ f
         w = weights.compliance * f + history
         phi = weights.decay * phi + weights.gain @ f
     return w[-1]
@@ -68,7 +68,7 @@ def test_weights_are_those_of_the_stages_written_out(creep, method, step):
         np.testing.assert_allclose(found, rates, rtol=1e-12, atol=1e-13)
         # The energy lost in the element: h J/lambda sum b_i k_i^2.
         lost += speed * creep.J[m] * sum(b * k * k for b, k in zip(method.a[-1], rates, strict=True))
-    history = weights.branch_weight @ phi + weights.stage_weight @ f
+    history = weights.internal_weight @ phi + weights.stage_weight @ f
     np.testing.assert_allclose(weights.compliance * f + history, load, rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(weights.decay * phi + weights.gain @ f, ends, rtol=1e-12, atol=1e-13)
     rates = weights.rate_decay * phi[:, None] + np.einsum("mij,j->mi", weights.rate_gain, f)
@@ -79,7 +79,7 @@ def test_weights_are_those_of_the_stages_written_out(creep, method, step):
 def test_an_equilibrium_stays_one(creep, method, step):
     # phi = f = 1 everywhere: w = 1, phi = 1, and nothing is lost.
     weights = step_weights(creep, method, step)
-    total = weights.compliance + weights.branch_weight.sum(axis=1) + weights.stage_weight.sum(axis=1)
+    total = weights.compliance + weights.internal_weight.sum(axis=1) + weights.stage_weight.sum(axis=1)
     np.testing.assert_allclose(total, 1.0, rtol=1e-13)
     np.testing.assert_allclose(weights.decay + weights.gain.sum(axis=1), 1.0, rtol=1e-13)
     rates = weights.rate_decay + weights.rate_gain.sum(axis=2)
@@ -126,14 +126,14 @@ def test_slow_elements_gain_in_proportion_to_the_step(method, exponent):
 def test_fast_elements_follow(method):
     weights = step_weights(CreepSeries(0.25, [0.75], [1e-12]), method, 1.0)
     np.testing.assert_allclose(weights.compliance, 1.0, rtol=1e-11)
-    np.testing.assert_allclose(weights.branch_weight, 0.0, atol=1e-11)
+    np.testing.assert_allclose(weights.internal_weight, 0.0, atol=1e-11)
     np.testing.assert_allclose(weights.stage_weight, 0.0, atol=1e-11)
 
 
 def test_without_elements_a_step_is_an_equilibrium(method):
     weights = step_weights(PronySeries.elastic().to_creep(), method, 0.1)
     np.testing.assert_array_equal(weights.compliance, 1.0)
-    assert weights.branch_weight.shape == (method.stages, 0) and not weights.stage_weight.any()
+    assert weights.internal_weight.shape == (method.stages, 0) and not weights.stage_weight.any()
 
 
 @pytest.mark.parametrize("name", ["single", "paper, model 3", "N = 20"])
@@ -207,7 +207,7 @@ def test_the_energy_of_one_mode_balances_better_with_every_step_halved(name, met
         phi, work, lost, old_w, old_f = np.zeros(creep.elements), 0.0, 0.0, 0.0, 0.0
         for step in range(steps):
             f = np.array([math.sin(150 * (step + node) * h) for node in method.nodes])
-            w = weights.compliance * f + weights.branch_weight @ phi + weights.stage_weight @ f
+            w = weights.compliance * f + weights.internal_weight @ phi + weights.stage_weight @ f
             rates = weights.rate_decay * phi[:, None] + weights.rate_gain @ f
             lost += np.sum(weights.quadrature * rates**2)
             phi = weights.decay * phi + weights.gain @ f

@@ -14,7 +14,7 @@ from pgfmd.results.curve import Loop, measure
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
-from pgfmd.studies.case_state import standing_of
+from pgfmd.studies.case_state import case_state_of
 from pgfmd.studies.cases import cases_of
 from pgfmd.studies.study_file import study_from_mapping
 from pgfmd.studies.table import overview, rows_of, write_table
@@ -67,7 +67,7 @@ def test_the_table_of_a_study_has_empty_cells(tmp_path):
     study = study_from_mapping({"scene": SCENE[0], "set": common, "axes": axes}, "small.toml", tmp_path)
     case = cases_of(study)[0]
     run_scene(case.scene, MPI.COMM_SELF, tmp_path / "run", lambda line: None)
-    rows = rows_of([case], study.axes, {case.name: standing_of(case, tmp_path / "run", ())})
+    rows = rows_of([case], study.axes, {case.name: case_state_of(case, tmp_path / "run", ())})
     write_table(tmp_path / "table.csv", rows, study.axes)
     with open(tmp_path / "table.csv", newline="") as file:
         line = next(csv.DictReader(file))

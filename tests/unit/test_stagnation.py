@@ -7,7 +7,7 @@ from mpi4py import MPI
 from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.solver.grid import Grid, PunchPoints
-from pgfmd.solver.machine import SprungConvolution
+from pgfmd.solver.machine import ConvolutionWithSpring
 from pgfmd.solver.multiplier import periodic_multiplier
 from pgfmd.solver.newton import NewtonSolver
 from pgfmd.solver.stagnation import MOST_IDLE, Progress
@@ -57,7 +57,7 @@ class Sprung:
         self.position, self.force = -far * RANGE, 1e-3
         self.spring = far * RANGE / self.force
         self.area = grid.cell_area
-        self.sprung = SprungConvolution(self.convolve, self.spring, 1.0)
+        self.sprung = ConvolutionWithSpring(self.convolve, self.spring, 1.0)
         law = Cosine(GAMMA, RANGE)
         self.solver = NewtonSolver(points, self.sprung, points.zeros(dtype), law, preload)
 

@@ -23,7 +23,7 @@ from pgfmd.results import load
 from pgfmd.results.reading import runs_in
 from pgfmd.studies import pool as pool_module
 from pgfmd.studies.campaign import Campaign, Unfinished, Wishes
-from pgfmd.studies.case_state import CaseState, standing_of
+from pgfmd.studies.case_state import CaseState, case_state_of
 from pgfmd.studies.cases import cases_of
 from pgfmd.studies.pictures import Plan, curves_figure, draw_study, measures_figure
 from pgfmd.studies.pool import Pool, Task, last_words
@@ -71,52 +71,52 @@ FIRST, LAST = "preload-1mN_speed-1um-s", "preload-2mN_speed-2um-s"
 
 
 def test_standings_are_those_of_the_runs(campaign):
-    standings = campaign.standings()
-    assert [standing.state for standing in standings.values()] == ["finished"] * 3 + ["resumable", "finished"]
-    assert standings[FIRST].complete and standings[FIRST].record["steps"] > 0 and str(standings[FIRST]) == "finished"
+    states = campaign.states()
+    assert [case_state.state for case_state in states.values()] == ["finished"] * 3 + ["resumable", "finished"]
+    assert states[FIRST].complete and states[FIRST].record["steps"] > 0 and str(states[FIRST]) == "finished"
     shutil.rmtree(campaign.out / FIRST)
     (campaign.out / "beside" / "checkpoint.h5").unlink()
-    standings = campaign.standings()
-    assert standings[FIRST].state == "new" and standings["beside"].state == "finished"
-    assert [case.name for case in campaign.agenda(standings)] == [FIRST, LAST]
+    states = campaign.states()
+    assert states[FIRST].state == "new" and states["beside"].state == "finished"
+    assert [case.name for case in campaign.agenda(states)] == [FIRST, LAST]
 
 
 def test_a_run_that_failed_is_left_unless_asked_for(campaign):
     record = json.loads((campaign.out / FIRST / "run.json").read_text())
     stopped = campaign.out / LAST
     (stopped / "run.json").write_text(json.dumps(record | {"finished": "failed", "error": "no equilibrium"}))
-    standings = campaign.standings()
-    assert (standings[LAST].state, standings[LAST].why) == ("failed", "no equilibrium")
-    assert campaign.agenda(standings) == []
+    states = campaign.states()
+    assert (states[LAST].state, states[LAST].why) == ("failed", "no equilibrium")
+    assert campaign.agenda(states) == []
     campaign.wishes = Wishes(retry=True)
-    assert [case.name for case in campaign.agenda(standings)] == [LAST]
+    assert [case.name for case in campaign.agenda(states)] == [LAST]
 
 
 def test_changed_settings_are_refused_in_the_words_of_the_run(campaign, study, monkeypatch):
     changed = MAPPING | {"set": COMMON | {"solver": {"accuracy": 5e-3}}}
     later = Campaign(cases_of(study_from_mapping(changed, "small.toml", Path("."))), campaign.out, say=campaign.say)
-    standings = later.standings()
-    assert {standing.state for standing in standings.values()} == {"changed"} and later.agenda(standings) == []
-    why = standings[FIRST].why
+    states = later.states()
+    assert {case_state.state for case_state in states.values()} == {"changed"} and later.agenda(states) == []
+    why = states[FIRST].why
     assert "solver.accuracy = 0.005: expected 0.01" in why and "--allow solver.accuracy" in why
     with pytest.raises(Unfinished, match="--fresh starts it anew") as caught:
         later.run(1, 1)
     assert caught.value.exit_code == 3
     # Only the one that has not finished may go on with it.
     later.wishes = Wishes(allow=("solver.accuracy",))
-    assert LAST in [case.name for case in later.agenda(later.standings())]
+    assert LAST in [case.name for case in later.agenda(later.states())]
     later.wishes = Wishes(fresh=True)
-    chosen = later.agenda(standings)
+    chosen = later.agenda(states)
     assert len(chosen) == 5
-    later.make_way(chosen[:1], standings)
-    assert (later.out / FIRST / "previous-1" / "curve.csv").exists() and later.standings()[FIRST].state == "new"
+    later.clear_folders(chosen[:1], states)
+    assert (later.out / FIRST / "previous-1" / "curve.csv").exists() and later.states()[FIRST].state == "new"
     assert not (later.out / FIRST / "run.lock").exists()
 
 
 def test_a_title_may_change(campaign, study):
     case = campaign.cases[0]
     renamed = type(case)(case.name, case.source, case.overrides, case.scene.model_copy(update={"title": "other"}))
-    assert standing_of(renamed, campaign.folder(case)).state == "finished"
+    assert case_state_of(renamed, campaign.folder(case)).state == "finished"
 
 
 def test_damaged_and_foreign_folders_and_runs_in_use(campaign):
@@ -129,12 +129,12 @@ def test_damaged_and_foreign_folders_and_runs_in_use(campaign):
     (campaign.out / FIRST / "letter.doc").write_text("dear")
     lock = RunLock.acquire(campaign.out / "beside", 1)
     try:
-        standings = campaign.standings()
+        states = campaign.states()
     finally:
         lock.release()
-    assert standings[LAST].state == standings[FIRST].state == "damaged"
-    assert "not a results folder" in standings[FIRST].why
-    assert campaign.agenda(standings) == []
+    assert states[LAST].state == states[FIRST].state == "damaged"
+    assert "not a results folder" in states[FIRST].why
+    assert campaign.agenda(states) == []
 
 
 def test_only_some_cases(campaign):
@@ -328,7 +328,7 @@ def test_convergence_of_runs_that_are_there(tmp_path, capsys):
 
 
 def test_the_table(campaign, study, tmp_path):
-    rows = rows_of(campaign.cases, study.axes, campaign.standings())
+    rows = rows_of(campaign.cases, study.axes, campaign.states())
     write_table(tmp_path / "table.csv", rows, study.axes)
     found = list(csv.DictReader((tmp_path / "table.csv").read_text().splitlines()))
     assert list(found[0]) == ["case", "drive.preload [N]", "drive.speed [m/s]", "state", *COLUMNS]
@@ -343,7 +343,7 @@ def test_the_table(campaign, study, tmp_path):
 
 def test_a_curve_that_is_lost_is_told_of(campaign, study):
     (campaign.out / "beside" / "curve.csv").unlink()
-    rows = rows_of(campaign.cases, study.axes, campaign.standings(), campaign.out)
+    rows = rows_of(campaign.cases, study.axes, campaign.states(), campaign.out)
     (told,) = remarks(rows)
     assert told.startswith("beside has no areas and is in no picture of curves: ") and "curve.csv" in told
     assert rows[0].measured["contact_area_at_preload [m^2]"] > 0.0
@@ -368,7 +368,7 @@ def test_bundles_and_words_in_the_table():
 
 
 def test_the_figures_show_every_case(campaign, study):
-    rows = rows_of(campaign.cases, study.axes, campaign.standings())
+    rows = rows_of(campaign.cases, study.axes, campaign.states())
     plan = Plan(rows, study.axes)
     figure = curves_figure(campaign.out, plan, "a title")
     titles = [axis.get_title() for axis in figure.axes]
@@ -397,7 +397,7 @@ def test_figures_without_a_curve_are_left_out(campaign, study, tmp_path):
     damage_an_array(campaign.out / FIRST / "checkpoint.h5")
     (campaign.out / FIRST / "curve.csv").write_text("nonsense\n")
     assert (
-        len(draw_study(StudyTable(rows_of(campaign.cases, study.axes, campaign.standings()), study.axes, campaign.out)))
+        len(draw_study(StudyTable(rows_of(campaign.cases, study.axes, campaign.states()), study.axes, campaign.out)))
         == 2
     )
 
@@ -407,7 +407,7 @@ def test_figures_without_a_curve_are_left_out(campaign, study, tmp_path):
 
 def test_a_study_from_python_is_that_of_the_command(campaign, study, tmp_path):
     table = pgfmd.study(MAPPING, out=campaign.out, run=False)
-    expected = rows_of(campaign.cases, study.axes, campaign.standings(), campaign.out)
+    expected = rows_of(campaign.cases, study.axes, campaign.states(), campaign.out)
     assert table.rows == expected and len(table) == 5 and str(table).splitlines() == overview(expected)
     assert table["case"][0] == FIRST and table["drive.preload [N]"] == [1e-3, 1e-3, 2e-3, 2e-3, 1.5e-3]
     assert table["pull_off_force [N]"][0] == load(campaign.out / FIRST).run["pull_off_force_N"]

@@ -15,7 +15,7 @@ RETRACT, APPROACH = Phase("retract", 2.0, 2.0), Phase("approach", -2.0, -2.0)
 def step(force, phase=RETRACT, tableau=SDIRK2, length=0.5, is_jump=False):
     """State, trial and work of a step in which the force (a function of the time) is exactly known."""
     forces = [force(node * length) for node in tableau.nodes]
-    trial = SimpleNamespace(step=length, phase=phase, forces=forces, force=forces[-1], is_jump=is_jump, flung=False)
+    trial = SimpleNamespace(step=length, phase=phase, forces=forces, force=forces[-1], is_jump=is_jump, runaway=False)
     times = np.linspace(0, length, 20_001)
     work = -np.trapezoid(force(times), times) * phase.velocity_end
     pulled = np.trapezoid(np.maximum(-force(times), 0.0), times) * max(phase.velocity_end, 0.0)

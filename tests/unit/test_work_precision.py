@@ -22,7 +22,7 @@ def curve(times, forces, areas=None, pull_off=1.0, work=4.0):
     time, force, area = (np.array(values, float) for values in (times, forces, areas))
     rows = len(time)
     phase, jump, told = np.full(rows, "retract"), np.zeros(rows, bool), {PULL_OFF: pull_off}
-    return Loop("made", time, 0.0 * time, force, area, 0.0 * time, phase, jump, separation=work, told=told)
+    return Loop("made", time, 0.0 * time, force, area, 0.0 * time, phase, jump, separation=work, recorded=told)
 
 
 def triangle(height=2.0, **others):
@@ -72,7 +72,7 @@ def test_richardson_removes_the_leading_error():
         limit = richardson(disturbed(0.2, order), disturbed(0.1, order), 2.0, order)
         np.testing.assert_allclose(limit.force, 1.0 + limit.time, rtol=1e-14)
         np.testing.assert_allclose(limit.area, 1.0 + limit.time, rtol=1e-14)
-        assert (limit.told[PULL_OFF], limit.separation) == (pytest.approx(3.0), pytest.approx(5.0))
+        assert (limit.recorded[PULL_OFF], limit.separation) == (pytest.approx(3.0), pytest.approx(5.0))
 
 
 # Cost at an error ----------------------------------------------------------------------------------------------------
@@ -120,7 +120,7 @@ def test_a_run_is_made_once_and_counted(laboratory):
     assert outcome.seconds > 0.0
     assert outcome.curve.force.max() == pytest.approx(20e-3, rel=0.02) and outcome.preload == 20e-3
     assert outcome.curve.area.max() > 0.0
-    assert measure(outcome.curve).pull_off.tension == outcome.curve.told[PULL_OFF] > 0.0
+    assert measure(outcome.curve).pull_off.tension == outcome.curve.recorded[PULL_OFF] > 0.0
 
 
 def test_both_schemes_approach_the_same_curve_and_gfmd_by_the_first_order(laboratory):

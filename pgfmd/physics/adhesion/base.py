@@ -178,7 +178,7 @@ class CohesiveLaw(ABC):
         """The gap [m] from which on there is no traction."""
         return self.numbers.reach
 
-    def told(self) -> Iterator[tuple[str, float, str, str]]:
+    def facts(self) -> Iterator[tuple[str, float, str, str]]:
         """What else `pgfmd check` tells of the law: name, value, SI unit and meaning."""
         yield from ()
 

@@ -80,7 +80,7 @@ class Dugdale(CohesiveLaw):
         """w [m]."""
         return self.smoothing * self.range
 
-    def told(self) -> Iterator[tuple[str, float, str, str]]:
+    def facts(self) -> Iterator[tuple[str, float, str, str]]:
         yield "smooth ends of the traction", self.smoothing * self.range, "m", f"smoothing = {self.smoothing:g} rho"
 
 
@@ -91,8 +91,8 @@ def attraction(gap: Any, law: Any) -> Any:
     cosine_rise, cosine_fall = cosine_of(rise * rise), cosine_of(fall * fall)
     traction = law.strength * (rise * sine_of(rise * rise) - 0.5 * (1.0 + fall * sine_of(fall * fall)))
     bend = law.stiffness * (cosine_rise - cosine_fall + PRESENT)
-    way = 2.0 / math.pi * (1.0 - cosine_rise) - 0.5 * (fall + 0.5) + cosine_fall / (2.0 * math.pi)
-    opened = clipped(gap, law.width, law.reach) - law.width + law.width * way
+    area = 2.0 / math.pi * (1.0 - cosine_rise) - 0.5 * (fall + 0.5) + cosine_fall / (2.0 * math.pi)
+    opened = clipped(gap, law.width, law.reach) - law.width + law.width * area
     return traction, chosen(gap < 0.0, law.overlap, bend), law.strength, opened - law.range
 
 

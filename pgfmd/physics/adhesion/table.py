@@ -95,7 +95,7 @@ class Table(CohesiveLaw):
     def strength(self) -> float:
         return float(self.numbers.pieces[:, 1].max())
 
-    def told(self) -> Iterator[tuple[str, float, str, str]]:
+    def facts(self) -> Iterator[tuple[str, float, str, str]]:
         gaps, tractions = self.range / self.gaps[-1], self.strength / max(self.tractions)
         yield "gaps beside those of the file", gaps, "", "1 where range is left out"
         yield "tractions beside those of the file", tractions, "", "1 where range and work_of_adhesion are left out"
@@ -103,13 +103,15 @@ class Table(CohesiveLaw):
 
 def attraction(gap: Any, law: Any) -> Any:
     piece = piece_of(gap, law.knots)
-    way = clipped(gap, 0.0, law.reach) - law.knots[piece]
+    distance = clipped(gap, 0.0, law.reach) - law.knots[piece]
     pull, slope = law.pieces[piece, 1], law.pieces[piece, 2]
     square, cube = law.pieces[piece, 3], law.pieces[piece, 4]
-    traction = pull + way * (slope + way * (square + way * cube))
-    bend = slope + way * (2.0 * square + 3.0 * way * cube) + PRESENT * law.stiffness
+    traction = pull + distance * (slope + distance * (square + distance * cube))
+    bend = slope + distance * (2.0 * square + 3.0 * distance * cube) + PRESENT * law.stiffness
     depth = -law.pieces[0, 0]
-    level = law.pieces[piece, 0] + way * (pull + way * (slope / 2.0 + way * (square / 3.0 + way * cube / 4.0)))
+    level = law.pieces[piece, 0] + distance * (
+        pull + distance * (slope / 2.0 + distance * (square / 3.0 + distance * cube / 4.0))
+    )
     return traction, chosen(gap < 0.0, law.overlap, bend), depth, level / depth
 
 
@@ -194,8 +196,8 @@ def _pieces_of(
     cubic = PchipInterpolator(knots, tractions)
     # The highest power comes first there.
     pull = cubic.c[::-1].T
-    way = np.diff(knots)
-    areas = (pull * way[:, None] ** np.arange(1, 5) / np.arange(1, 5)).sum(axis=1)
+    distance = np.diff(knots)
+    areas = (pull * distance[:, None] ** np.arange(1, 5) / np.arange(1, 5)).sum(axis=1)
     levels = -np.cumsum(areas[::-1])[::-1]
     return knots, np.ascontiguousarray(np.column_stack([levels, pull]))
 
@@ -203,7 +205,7 @@ def _pieces_of(
 def _largest_slope(knots: NDArray[np.float64], pieces: NDArray[np.float64]) -> float:
     """The largest stiffness [Pa/m], of either sign: at a row, or where the slope of a piece turns."""
     slope, square, cube = pieces[:, 2:].T
-    way = np.diff(knots)
-    turn = np.divide(-square, 3.0 * cube, out=np.zeros_like(cube), where=cube != 0.0).clip(0.0, way)
-    places = np.stack([np.zeros_like(way), turn, way])
+    distance = np.diff(knots)
+    turn = np.divide(-square, 3.0 * cube, out=np.zeros_like(cube), where=cube != 0.0).clip(0.0, distance)
+    places = np.stack([np.zeros_like(distance), turn, distance])
     return float(np.abs(slope + places * (2.0 * square + 3.0 * places * cube)).max())

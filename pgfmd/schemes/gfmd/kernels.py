@@ -70,7 +70,7 @@ def touch(
 
 @_compile
 def advance_modes(
-    buffer: np.ndarray, compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray,
+    buffer: np.ndarray, compliance: np.ndarray, u: np.ndarray, v: np.ndarray, internal: np.ndarray,
     weights: np.ndarray, rates: np.ndarray, keep: float, kick: float, step: float, decay: np.ndarray,
     old_gain: np.ndarray, new_gain: np.ndarray, stiffness: float, fold: np.ndarray, sums: np.ndarray,
 ) -> None:  # fmt: skip
@@ -78,7 +78,7 @@ def advance_modes(
 
     v = keep v + kick (G0 f + sum_m kappa_m u_m - kappa_inf u);  u_new = u + step v
     u_m = decay_m u_m + old_gain_m u + new_gain_m u_new        exact for a u that is linear within the step
-    compliance G0 / n^2, (n//2 + 1, 2 columns): even in ky, each column twice. branches (N, n, 2 columns); weights:
+    compliance G0 / n^2, (n//2 + 1, 2 columns): even in ky, each column twice. internal (N, n, 2 columns); weights:
     kappa_m. Where `sums` (3, columns) is not empty, it is given the sums over each column, with k_0 = 1/G0, of
     [0] k_0 (|u|^2 + sum_m kappa_m |u - u_m|^2) / 2,  [1] k_0 |v|^2,  [2] sum_m k_0 kappa_m |u - u_m|^2 rates_m
     after the step; fold (columns,) says how often a column counts, rates are 1/tau_m. Modes without compliance don't
@@ -92,16 +92,16 @@ def advance_modes(
         for sign in range(1 if k == 0 or 2 * k == n else 2):
             i = n - k if sign else k
             _advance_row(
-                buffer[i], compliance[k], u[i], v[i], branches, i, weights, keep, kick, step, decay, old_gain, new_gain,
+                buffer[i], compliance[k], u[i], v[i], internal, i, weights, keep, kick, step, decay, old_gain, new_gain,
                 stiffness, work,
             )  # fmt: skip
             if sums.shape[1] > 0:
-                _add_energies(compliance[k], u[i], v[i], branches, i, weights, rates, fold, work, loss, sums)
+                _add_energies(compliance[k], u[i], v[i], internal, i, weights, rates, fold, work, loss, sums)
 
 
 @compiled(fastmath={"contract"})
 def _advance_row(
-    buffer: np.ndarray, compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray, i: int,
+    buffer: np.ndarray, compliance: np.ndarray, u: np.ndarray, v: np.ndarray, internal: np.ndarray, i: int,
     weights: np.ndarray, keep: float, kick: float, step: float, decay: np.ndarray, old_gain: np.ndarray,
     new_gain: np.ndarray, stiffness: float, work: np.ndarray,
 ) -> None:  # fmt: skip
@@ -109,7 +109,7 @@ def _advance_row(
     for c in range(width):
         work[c] = compliance[c] * buffer[c] - stiffness * u[c]
     for m in range(weights.size):
-        branch, weight = branches[m, i], weights[m]
+        branch, weight = internal[m, i], weights[m]
         for c in range(width):
             work[c] += weight * branch[c]
     for c in range(width):
@@ -121,14 +121,14 @@ def _advance_row(
         buffer[c] = new
         work[c] = old
     for m in range(weights.size):
-        branch, kept, a, b = branches[m, i], decay[m], old_gain[m], new_gain[m]
+        branch, kept, a, b = internal[m, i], decay[m], old_gain[m], new_gain[m]
         for c in range(width):
             branch[c] = kept * branch[c] + a * work[c] + b * u[c]
 
 
 @_compile_sums
 def _add_energies(
-    compliance: np.ndarray, u: np.ndarray, v: np.ndarray, branches: np.ndarray, i: int, weights: np.ndarray,
+    compliance: np.ndarray, u: np.ndarray, v: np.ndarray, internal: np.ndarray, i: int, weights: np.ndarray,
     rates: np.ndarray, fold: np.ndarray, stored: np.ndarray, loss: np.ndarray, sums: np.ndarray,
 ) -> None:  # fmt: skip
     width = u.size
@@ -136,7 +136,7 @@ def _add_energies(
         stored[c] = u[c] * u[c]
         loss[c] = 0.0
     for m in range(weights.size):
-        branch, weight, rate = branches[m, i], weights[m], rates[m]
+        branch, weight, rate = internal[m, i], weights[m], rates[m]
         for c in range(width):
             apart = weight * (u[c] - branch[c]) ** 2
             stored[c] += apart

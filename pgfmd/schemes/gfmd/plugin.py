@@ -11,7 +11,7 @@ from pgfmd import scene_objects
 from pgfmd.errors import Problem
 from pgfmd.forecast.effort import Effort, effort_of_steps
 from pgfmd.forecast.estimate import Memory, map_bytes_of, output_bytes, punch_points
-from pgfmd.forecast.progress import Moment, Way, time_left
+from pgfmd.forecast.progress import Moment, TravelProgress, time_left
 from pgfmd.physics.adhesion.registry import law_of
 
 from .inertia import Inertia, contact_stiffness, inertia_of, instability
@@ -80,9 +80,9 @@ def effort(scene: Scene) -> Effort:
     return effort_of_steps(scene, inertia_of_scene(scene).step, 2.0, STEP_COST)
 
 
-def steps_left(scene: Scene, moment: Moment, way: Way) -> tuple[float, str]:
+def steps_left(scene: Scene, moment: Moment, travel: TravelProgress) -> tuple[float, str]:
     """From the remaining time."""
-    return time_left(scene, moment, way) / inertia_of_scene(scene).step, ""
+    return time_left(scene, moment, travel) / inertia_of_scene(scene).step, ""
 
 
 def numerics(scene: Scene) -> dict[str, float]:

@@ -187,7 +187,7 @@ class Gfmd:
         keep, kick, decay, old_gain, new_gain = self._coefficients
         kernels.advance_modes(
             _real(self.plane.spectral), self._compliance, _real(state.modes), _real(state.mode_velocities),
-            _real(state.branches), series.kappa, self._rates, keep, kick, step, decay, old_gain, new_gain, series.kappa_inf,
+            _real(state.internal_variables), series.kappa, self._rates, keep, kick, step, decay, old_gain, new_gain, series.kappa_inf,
             self._fold, self._sums,
         )  # fmt: skip
 
@@ -207,7 +207,7 @@ class Gfmd:
         points = self.points
         kernels.touch(
             self.plane.real, self._top, self._left, points.first, self.height, state.position, self.law_numbers,
-            self._levels, points.offset, state.displacement, state.traction, self._rows,
+            self._levels, points.offset, state.surface_displacement, state.traction, self._rows,
         )  # fmt: skip
         rows = points.all_rows(self._rows)
         contact, overlap, near, energy, pull = rows[:5].sum(axis=1)
@@ -252,9 +252,9 @@ class Gfmd:
         from scipy.optimize import brentq
 
         # The nearest place on the side that the first one asks for.
-        sign, way, low, high = (-1.0 if first > 0.0 else 1.0), JUMPED * self.law.length, before, before
+        sign, travel, low, high = (-1.0 if first > 0.0 else 1.0), JUMPED * self.law.length, before, before
         while missing(high) * first > 0.0:
-            low, high, way = high, high + sign * way, 2.0 * way
+            low, high, travel = high, high + sign * travel, 2.0 * travel
         missing(brentq(missing, min(low, high), max(low, high), xtol=exact, rtol=1e-15))
         return self._fallen(state, before, stored, drive)
 
@@ -264,13 +264,13 @@ class Gfmd:
         if not stored and not state.energies.adhesive:
             # Nothing held the punch, which went with the drive.
             return 0.0
-        way = state.position - before
-        return stored - state.energies.adhesive - 0.5 * way * (state.position + before - 2.0 * drive) / self.spring
+        travel = state.position - before
+        return stored - state.energies.adhesive - 0.5 * travel * (state.position + before - 2.0 * drive) / self.spring
 
     def _fling(self, state: State, before: float, force: float, adhesive: float) -> None:
         """Stops a punch that a dead load has torn off just out of reach. The load does work up to there, and what is left of it is
         released."""
-        clear = out_of_reach(self.points, state.displacement, self.height, self.law.reach)
+        clear = out_of_reach(self.points, state.surface_displacement, self.height, self.law.reach)
         state.position = min(state.position, max(clear, before))
         state.force = self._touch(state)
         moved, energies = state.position - before, state.energies

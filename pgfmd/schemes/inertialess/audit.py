@@ -34,7 +34,7 @@ ENERGY_SHARE = 7.0
 """Largest residual of a step at these tolerances, relative to the dissipated energy, as a multiple of the tolerance."""
 LEAST_SHARE = 1e-3
 """Lower bound of this limit."""
-LEAST_WAY = 1e-3
+LEAST_TRAVEL = 1e-3
 """Added to the fraction of the punch's travel that a step covers, for the errors of the solves in short steps."""
 SMALLEST_LOOP = 1e-7
 """Least energy that a loop is assumed to dissipate, as a fraction of the elastic energy and of the adhesive energy of
@@ -102,9 +102,9 @@ class EnergyAudit:
         at_stake = elastic + self.law.work_of_adhesion * self.points.total * self.points.grid.cell_area
         spent = max(energies.viscous + energies.released, SMALLEST_LOOP * at_stake)
         # A machine's phases begin where the machine is, not the punch.
-        origin = state.preload_place if self.spring and state.preload_time is not None else state.phase_start
-        way = abs(trial.position - state.position) / (reach + abs(trial.position - origin))
-        allowed = max(ENERGY_SHARE * self.tolerance, LEAST_SHARE) * (viscous + spent * (way + LEAST_WAY))
+        origin = state.preload_displacement if self.spring and state.preload_time is not None else state.phase_start
+        travel = abs(trial.position - state.position) / (reach + abs(trial.position - origin))
+        allowed = max(ENERGY_SHARE * self.tolerance, LEAST_SHARE) * (viscous + spent * (travel + LEAST_TRAVEL))
         allowed += self._noise * at_stake
         return abs(residual) / allowed if allowed > 0.0 else 0.0
 
@@ -118,7 +118,7 @@ class EnergyAudit:
         """
         final, area = self.tableau.stages - 1, self.points.grid.cell_area
         retardation_kernels.advance_branches_and_energy(
-            state.branches, state.images, f, u[0], u[final], weights.branch_weight, weights.stage_weight[final, 0],
+            state.internal_variables, state.internal_displacements, f, u[0], u[final], weights.internal_weight, weights.stage_weight[final, 0],
             weights.compliance, weights.decay, weights.gain, weights.rate_decay, weights.rate_gain, weights.quadrature,
             self.creep.J, keep, self.points.offset, self._rows,
         )  # fmt: skip
@@ -135,18 +135,18 @@ def work_of(
     stiffness [N/m]: of the contact, about.
 
     A jump is taken to happen at the new positions, and its released energy is counted from there: up to each of them,
-    the force is that of the old surface. A punch that a dead load flings away feels that load on all its way.
+    the force is that of the old surface. A dead load that has torn off the punch does work over the whole travel.
     """
     h, start, phase = trial.step, state.elapsed, trial.phase
-    if trial.flung:
+    if trial.runaway:
         return -state.force * (trial.position - state.position)
     stored = 0.5 * compliance * (trial.force**2 - state.force**2)
     times, forces = [0.0, *(node * h for node in tableau.nodes)], [state.force, *trial.forces]
     if trial.is_jump and compliance:
         # Until the jump the spring has taken its share of what was driven.
-        way = phase.displacement(start + h) - phase.displacement(start)
-        before = state.force - way / (compliance + 1.0 / stiffness) if state.force else 0.0
-        return -stored - 0.5 * (state.force + before) * way
+        travel = phase.displacement(start + h) - phase.displacement(start)
+        before = state.force - travel / (compliance + 1.0 / stiffness) if state.force else 0.0
+        return -stored - 0.5 * (state.force + before) * travel
     if trial.is_jump:
         places = [phase.displacement(start + time) for time in times]
         return -stored - sum(force * (b - a) for force, a, b in zip(forces[:-1], places[:-1], places[1:], strict=True))
@@ -172,7 +172,7 @@ def _work_of_place(state: State, trial: Trial, times: list[float], forces: list[
     shared = 0.0
     for place, share in GAUSS:
         at = place * trial.step
-        rate = sum(weight * way for weight, way in zip(lagrange_slopes(times, at), moved, strict=True))
+        rate = sum(weight * travel for weight, travel in zip(lagrange_slopes(times, at), moved, strict=True))
         shared += share * trial.step * driven(at) * rate
     return -first * end - (0.5 * end**2 - shared) / compliance
 
@@ -191,7 +191,7 @@ def tension_of(
     if lowest > highest - lowest or lowest == highest == 0.0:
         # Far from tension, or free.
         return lowest, 0.0
-    if trial.flung:
+    if trial.runaway:
         return lowest, work
     places = np.linspace(0.0, 1.0, TENSION_SAMPLES)
     known = [0.0, *tableau.nodes], [state.force, *trial.forces]

@@ -27,9 +27,9 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     spring, output, machine = scene_objects.machine_compliance(scene), scene.output, None
     if spring:
         # Most machines are taken for rigid.
-        from pgfmd.solver.machine import Machine, sprung
+        from pgfmd.solver.machine import Machine, with_spring
 
-        solver = newton_solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, 1.0))
+        solver = newton_solver(scene, comm, mirror, lambda convolve: with_spring(convolve, spring, 1.0))
         machine = Machine(solver, spring, scene_objects.punch_stiffness(scene), scene.drive.control == "load")
     else:
         solver = newton_solver(scene, comm, mirror)

@@ -66,7 +66,7 @@ class StepWeights:
     """The weights of one step, with s stages and N elements."""
 
     compliance: np.ndarray  # J_i (s,)
-    branch_weight: np.ndarray  # (s, N)
+    internal_weight: np.ndarray  # (s, N)
     stage_weight: np.ndarray  # (s, s), strictly lower
     decay: np.ndarray  # (N,)
     gain: np.ndarray  # (N, s)

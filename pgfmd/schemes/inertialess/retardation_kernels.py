@@ -18,7 +18,7 @@ def weights_of(
     count, elements = a.shape[0], times.size
     last = count - 1
     weighted = np.zeros((count, count))
-    branch_weight, decay, gain = np.empty((count, elements)), np.empty(elements), np.zeros((elements, count))
+    internal_weight, decay, gain = np.empty((count, elements)), np.empty(elements), np.zeros((elements, count))
     rate_decay, rate_gain = np.empty((elements, count)), np.zeros((elements, count, count))
     quadrature = np.empty((elements, count))
     for m in range(elements):
@@ -40,7 +40,7 @@ def weights_of(
             for j in range(i + 1):
                 total += a[i, j] * rate_decay[m, j]
             decay[m] = 1.0 + speed * total
-            branch_weight[i, m] = weight * decay[m]
+            internal_weight[i, m] = weight * decay[m]
             for k in range(i + 1):
                 total = 0.0
                 for j in range(k, i + 1):
@@ -52,22 +52,22 @@ def weights_of(
     for i in range(count):
         compliance[i] = instantaneous + weighted[i, i]
         weighted[i, i:] = 0.0
-    return compliance, branch_weight, weighted, decay, gain, rate_decay, rate_gain, quadrature
+    return compliance, internal_weight, weighted, decay, gain, rate_decay, rate_gain, quadrature
 
 
 # Whole internal variables one after another, although stages and sums are read again for each: going through all of them a
 # stretch at a time, to keep those in cache, took half as long again.
 @_compile
-def weigh_branches(branches: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
-    """out[i] = sum_m weights[i, m] branches[m], for 1 or 2 stages i in one pass over the branches, four at a time."""
-    elements, size = branches.shape
+def weigh_internal_variables(internal: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
+    """out[i] = sum_m weights[i, m] internal[m], for 1 or 2 stages i in one pass over them, four at a time."""
+    elements, size = internal.shape
     last = out.shape[0] - 1
     first_sum, last_sum = out[0], out[last]
     fours = elements - elements % 4
     if fours or not elements:
         out[:] = 0.0
     for m in range(0, fours, 4):
-        w, x, y, z = branches[m], branches[m + 1], branches[m + 2], branches[m + 3]
+        w, x, y, z = internal[m], internal[m + 1], internal[m + 2], internal[m + 3]
         a0, a1, a2, a3 = weights[0, m], weights[0, m + 1], weights[0, m + 2], weights[0, m + 3]
         b0, b1, b2, b3 = weights[last, m], weights[last, m + 1], weights[last, m + 2], weights[last, m + 3]
         for p in range(size):
@@ -77,12 +77,12 @@ def weigh_branches(branches: np.ndarray, weights: np.ndarray, out: np.ndarray) -
             first_sum[p] = here_first
             last_sum[p] = here_last
     if not fours and elements:
-        row, a0, b0 = branches[0], weights[0, 0], weights[last, 0]
+        row, a0, b0 = internal[0], weights[0, 0], weights[last, 0]
         for p in range(size):
             first_sum[p] = a0 * row[p]
             last_sum[p] = b0 * row[p]
     for m in range(max(fours, 1), elements):
-        row = branches[m]
+        row = internal[m]
         for i in range(out.shape[0]):
             weight, total = weights[i, m], out[i]
             for p in range(size):
@@ -111,16 +111,18 @@ def stage_and_history(
 
 
 @_compile
-def advance_branches(branches: np.ndarray, decay: np.ndarray, stages: np.ndarray, gain: np.ndarray, count: int) -> None:
-    """branches[m] = decay[m] branches[m] + sum_{j < count} gain[m, j] stages[j], with 1 or 2 stages.
+def advance_internal_variables(
+    internal: np.ndarray, decay: np.ndarray, stages: np.ndarray, gain: np.ndarray, count: int
+) -> None:
+    """internal[m] = decay[m] internal[m] + sum_{j < count} gain[m, j] stages[j], with 1 or 2 stages.
 
     Two at a time, so that stages are read half as often; four at a time are slower.
     """
-    elements, size = branches.shape
+    elements, size = internal.shape
     first, last, two = stages[0], stages[count - 1], count > 1
     twos = elements - elements % 2
     for m in range(0, twos, 2):
-        a, b = branches[m], branches[m + 1]
+        a, b = internal[m], internal[m + 1]
         keep_a, first_a, last_a = decay[m], gain[m, 0], gain[m, 1] if two else 0.0
         keep_b, first_b, last_b = decay[m + 1], gain[m + 1, 0], gain[m + 1, 1] if two else 0.0
         for p in range(size):
@@ -130,7 +132,7 @@ def advance_branches(branches: np.ndarray, decay: np.ndarray, stages: np.ndarray
             a[p] = new_a
             b[p] = new_b
     for m in range(twos, elements):
-        row, keep, gain_first, gain_last = branches[m], decay[m], gain[m, 0], gain[m, 1] if two else 0.0
+        row, keep, gain_first, gain_last = internal[m], decay[m], gain[m, 0], gain[m, 1] if two else 0.0
         for p in range(size):
             row[p] = keep * row[p] + gain_first * first[p] + gain_last * last[p]
 
@@ -141,12 +143,12 @@ PIECE = 1024
 
 @_compile
 def _images(
-    psi: np.ndarray, branch_weight: np.ndarray, stage_weight: float, compliance: np.ndarray, first: np.ndarray,
+    psi: np.ndarray, internal_weight: np.ndarray, stage_weight: float, compliance: np.ndarray, first: np.ndarray,
     last: np.ndarray, begin: int, end: int, g: np.ndarray,
 ) -> None:  # fmt: skip
-    """g[i, p]: the images G0 f_i of the stages at the points from begin to end, by u_i and the images psi of the branches.
+    """g[i, p]: the images G0 f_i of the stages at the points from begin to end, by u_i and the displacements psi of the internal variables.
 
-    history_i = sum_m branch_weight[i, m] psi_m;  g_0 = (u_0 - history_0) / J_0;
+    history_i = sum_m internal_weight[i, m] psi_m;  g_0 = (u_0 - history_0) / J_0;
     g_1 = (u_1 - history_1 - stage_weight g_0) / J_1
     """
     size, final = end - begin, g.shape[0] - 1
@@ -155,7 +157,7 @@ def _images(
         a[p] = u[p]
         b[p] = v[p]
     for m in range(psi.shape[0]):
-        image, x, y = psi[m, begin:end], branch_weight[0, m], branch_weight[final, m]
+        image, x, y = psi[m, begin:end], internal_weight[0, m], internal_weight[final, m]
         # Both before either is written: with one stage they are the same.
         for p in range(size):
             here, there = a[p] - x * image[p], b[p] - y * image[p]
@@ -171,12 +173,12 @@ def _images(
 
 @_compile_sums
 def advance_branches_and_energy(
-    phi: np.ndarray, psi: np.ndarray, f: np.ndarray, first: np.ndarray, last: np.ndarray, branch_weight: np.ndarray,
+    phi: np.ndarray, psi: np.ndarray, f: np.ndarray, first: np.ndarray, last: np.ndarray, internal_weight: np.ndarray,
     stage_weight: float, compliance: np.ndarray, decay: np.ndarray, gain: np.ndarray, rate_decay: np.ndarray,
     rate_gain: np.ndarray, quadrature: np.ndarray, compliances: np.ndarray, keep: bool, offset: np.ndarray,
     rows: np.ndarray,
 ) -> None:  # fmt: skip
-    """`advance_branches` for phi and for psi = G0 phi, with the energies that they store and dissipate. No transform: the
+    """`advance_internal_variables` for phi and for psi = G0 phi, with the energies that they store and dissipate. No transform: the
     images g_i = G0 f_i of the stages follow from their surfaces u_i, `first` and `last`, the same for one stage.
 
     The rates of stage i are k_i = f_i - phi_i = rate_decay[m, i] phi_n + sum_{j <= i} rate_gain[m, i, j] f_j, likewise
@@ -197,7 +199,7 @@ def advance_branches_and_energy(
         while row_end < all_rows and offset[row_end + 1] - begin <= PIECE:
             row_end += 1
         end = offset[row_end]
-        _images(psi, branch_weight, stage_weight, compliance, first, last, begin, end, images)
+        _images(psi, internal_weight, stage_weight, compliance, first, last, begin, end, images)
         f0, f1 = f[0, begin:end], f[final, begin:end]
         for row in range(row_begin, row_end):
             total = 0.0

@@ -90,10 +90,10 @@ class Inertialess(PathFollowing):
         """A state with the surface at rest, the punch at `position` [m]; call `start` before stepping."""
         points, elements = self.points, self.creep.elements
         dtype = self.solver.dtype
-        branches = np.zeros((elements, points.size), dtype)
-        images = np.zeros((elements, points.size if self.audit else 0), dtype)
+        internal = np.zeros((elements, points.size), dtype)
+        internal_displacements = np.zeros((elements, points.size if self.audit else 0), dtype)
         u, w, f = (points.zeros(dtype) for _ in range(3))
-        return State(u, w, f, branches, images, position, phase_start=position)
+        return State(u, w, f, internal, internal_displacements, position, phase_start=position)
 
     def start(self, state: State) -> float:
         """Computes the instantaneous equilibrium with the punch at its first position; returns the force [N].
@@ -108,7 +108,7 @@ class Inertialess(PathFollowing):
             from pgfmd.solver.descent import Descent
 
             solve = Descent(solver).solve
-        surface = state.displacement, state.load
+        surface = state.surface_displacement, state.effective_traction
         for jump in (False, True):
             # If the punch starts in contact, the equilibrium may be far from the surface at rest.
             place = self._begin(state, state.phase_start, surface, history, self.creep.J_inf, state.position)
@@ -125,7 +125,7 @@ class Inertialess(PathFollowing):
             raise RunError(f"no equilibrium found at the start ({where}). {self.advice(state, first)}")
         state.traction[:] = solver.traction
         if self.audit:
-            kernels.dot(state.traction, state.displacement, self.points.offset, self._rows)
+            kernels.dot(state.traction, state.surface_displacement, self.points.offset, self._rows)
             stored = 0.5 * self.points.reduced(self._rows[:1], 1)[0] * self.points.grid.cell_area
             state.energies.elastic = state.energies.elastic_start = stored
         return force
@@ -137,7 +137,7 @@ class Inertialess(PathFollowing):
         instead of extrapolating, so that the decrease of the potential is that of the surface's jump.
         """
         weights = step_weights(self.creep, self.tableau, step)
-        retardation_kernels.weigh_branches(state.branches, weights.branch_weight, self._history)
+        retardation_kernels.weigh_internal_variables(state.internal_variables, weights.internal_weight, self._history)
         trial = StagedTrial(step, state.position, phase, converged=True, is_jump=jump, weights=weights)
         if self.machine:
             self.machine.fallen = 0.0
@@ -176,7 +176,7 @@ class Inertialess(PathFollowing):
                 retardation_kernels.stage_and_history(*stage, weight, self._f[i], following)
             else:
                 retardation_kernels.stage_of(*stage, self._f[i])
-        if self.machine and self._is_flung(self.machine, trial):
+        if self.machine and self._is_runaway(self.machine, trial):
             self._follow_flight(self.machine, state, trial, jump)
         # As many ends of steps as have an error of the step's order; elastic steps are judged by how smooth the path
         # is.
@@ -202,8 +202,8 @@ class Inertialess(PathFollowing):
             state.energies.elastic, viscous = self._audit.energies(state, weights, self._u, self._f, keep=True)
             state.energies.viscous += viscous
         else:
-            retardation_kernels.advance_branches(
-                state.branches, weights.decay, self._f, weights.gain, self.tableau.stages
+            retardation_kernels.advance_internal_variables(
+                state.internal_variables, weights.decay, self._f, weights.gain, self.tableau.stages
             )
         self._move_on(state, trial)
 
@@ -254,14 +254,14 @@ class Inertialess(PathFollowing):
         elongation = self.spring_compliance * self.solver.force_scale / self._stage_compliance
         return super()._extent(position) + elongation / self.law.length
 
-    def _is_flung(self, machine: Machine, trial: Trial) -> bool:
+    def _is_runaway(self, machine: Machine, trial: Trial) -> bool:
         """Whether a dead load has pulled the punch off in a trial. Collective."""
         return machine.dead_load and trial.phase.velocity_end > 0.0 and not machine.interacting(self.solver.curvature)
 
     def _follow_flight(self, machine: Machine, state: State, trial: Trial, jump: bool) -> None:
-        """Stops a punch that a dead load has torn off just out of reach. What it releases is counted up to there, and not what a spring that stands for
-        a load makes of the rest."""
-        trial.flung = True
+        """Stops a punch that a dead load has torn off just out of reach. The energy released is counted up to there; the
+        soft spring that represents the load would release more."""
+        trial.runaway = True
         if machine.interacting(state.traction):
             # No step is short enough for a punch to come free under a load: it jumps.
             trial.converged = jump

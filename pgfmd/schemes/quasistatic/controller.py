@@ -58,7 +58,7 @@ class LoadSteps:
         finest = FINEST * self.tolerance * unit
         shortest = FOLLOWED * self.tolerance * unit
         # Under tension the next jump may be the pull-off, whose force is needed.
-        followed = shortest if state.force < 0.0 else min(max(state.followed, shortest), LONGEST_FOLLOWED * unit)
+        followed = shortest if state.force < 0.0 else min(max(state.followed_step, shortest), LONGEST_FOLLOWED * unit)
         end = phase.duration - state.elapsed
         wanted = state.step or self.tolerance * unit
         longest = math.inf
@@ -89,7 +89,7 @@ class LoadSteps:
                 # Negligible jumps need not be located as accurately.
                 room = trial.uncertainty / self._allowed(trial, state.energies.released)
                 followed = LARGEST_GROWTH * followed if room < ROOM and step > 0.5 * followed else followed
-            state.followed, met = followed, search.is_met(trial.force)
+            state.followed_step, met = followed, search.is_met(trial.force)
             if met:
                 self.scheme.require_preload(state, trial, self.slack)
             self.scheme.accept(state, trial)

@@ -48,7 +48,7 @@ class Curvature:
     iterations: int
 
 
-class SoftMode:
+class SoftestMode:
     """Searches for the lowest curvature, starting from the mode of the last search.
 
     solver: NewtonSolver, whose work vectors are used between its solves; its `curvature` is K of the last one.

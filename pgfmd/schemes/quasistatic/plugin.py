@@ -19,13 +19,13 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
     """Scheme and controller of a scene. Collective."""
     # Not at the top, because forecasts need no MPI.
     from pgfmd.assemble import far_weights_of, newton_solver, tolerance_of
-    from pgfmd.solver.machine import sprung
+    from pgfmd.solver.machine import with_spring
 
     from .controller import LoadSteps
     from .scheme import Quasistatic
 
     compliance, spring = scene_objects.quasistatic_compliance(scene), scene_objects.machine_compliance(scene)
-    solver = newton_solver(scene, comm, mirror, lambda convolve: sprung(convolve, spring, compliance))
+    solver = newton_solver(scene, comm, mirror, lambda convolve: with_spring(convolve, spring, compliance))
     law, tolerance = solver.law, tolerance_of(scene)
     stiffness = scene_objects.punch_stiffness(scene) / compliance
     dead = scene.drive.control == "load"

@@ -28,7 +28,7 @@ from pgfmd.solver.newton import NewtonSolver, Outcome
 from pgfmd.solver.state import State
 from pgfmd.solver.trial_step import Trial
 
-from .lobpcg import SoftMode
+from .lobpcg import SoftestMode
 from .spring_work import SpringWork
 
 SHARPNESS = 0.25
@@ -61,7 +61,7 @@ class Quasistatic(PathFollowing):
     """Quasi-static steps. `try_step` changes nothing in the state except the softest mode, which it only improves;
     `accept` advances the state.
 
-    solver: NewtonSolver, whose convolution includes the machine's spring (`sprung`). compliance: J, 1 for the relaxed
+    solver: NewtonSolver, whose convolution includes the machine's spring (`with_spring`). compliance: J, 1 for the relaxed
     body, E(0)/E(infinity) for the instantaneous one. tolerance: of a step, in ranges of adhesion. spring [m/N]: 1/k_M,
     0 for a rigid machine. contact_stiffness [N/m]: approximate stiffness of the contact of the whole punch. dead_load:
     whether the spring represents a controlled force. far_weights, near_gap: as in PathFollowing.
@@ -84,7 +84,7 @@ class Quasistatic(PathFollowing):
         # the spring, and be so small that the descent would end.
         self._go_down = solver.solve if spring else Descent(solver).solve
         # Without attraction the potential is convex: the equilibrium is unique, and no search is needed.
-        self.soft_mode = SoftMode(solver, compliance) if solver.law.attractive else None
+        self.softest_mode = SoftestMode(solver, compliance) if solver.law.attractive else None
         self._none = np.zeros(self.points.size, solver.dtype)
         self._rows = np.zeros((1, self.points.rows))
         self._stored = 0.0
@@ -95,26 +95,28 @@ class Quasistatic(PathFollowing):
         u, w, f = (points.zeros(dtype) for _ in range(3))
         nothing = np.zeros((0, points.size), dtype)
         state = State(u, w, f, nothing, nothing.copy(), position, phase_start=position)
-        if self.soft_mode:
-            state.soft_mode, state.soft_load = (points.zeros(self.solver.rough.dtype) for _ in range(2))
+        if self.softest_mode:
+            state.softest_mode, state.softest_mode_dual = (points.zeros(self.solver.rough.dtype) for _ in range(2))
         return state
 
     def start(self, state: State) -> float:
         """Computes the equilibrium with the punch at its first position, downhill from rest; returns the force [N].
         Raises RunError if there is none."""
         first, tolerance = Trial(0.0, state.position, AT_REST, converged=True), SHARPNESS * self.tolerance
-        u, w, largest = state.displacement, state.load, self.solver.force_scale
+        u, w, largest = state.surface_displacement, state.effective_traction, self.solver.force_scale
         outcome = self._solve(state.position, u, w, tolerance, True, largest)
         self._take(first, outcome)
-        if first.converged and self.soft_mode:
+        if first.converged and self.softest_mode:
             self._leave_saddles(state, first, (u, w), outcome, tolerance, True, False, largest)
         state.counters.take(first)
         if not first.converged:
             where = f"d = {state.position:.6g} m"
             raise RunError(f"no equilibrium found at the start ({where}). {self.advice(state, first)}")
         state.traction[:] = self.solver.traction
-        force = self._force(state.load)
-        state.energies.elastic = state.energies.elastic_start = self._elastic(state.displacement, state.load, force)
+        force = self._force(state.effective_traction)
+        state.energies.elastic = state.energies.elastic_start = self._elastic(
+            state.surface_displacement, state.effective_traction, force
+        )
         return force
 
     def try_step(self, state: State, phase: Phase, step: float, sharp: bool = False, jump: bool = False) -> Trial:
@@ -127,7 +129,7 @@ class Quasistatic(PathFollowing):
         trial.position = state.phase_start + phase.displacement(state.elapsed + step)
         self._predict(state, trial, 0, step)
         u, w = self._u[0], self._w[0]
-        if self.machine_compliance and not state.past_u:
+        if self.machine_compliance and not state.past_displacements:
             self._carry(trial, state, u, w)
         tolerance = SHARPNESS * self.tolerance
         tolerance = min(EVENT_TOLERANCE, tolerance) if sharp else tolerance
@@ -135,14 +137,14 @@ class Quasistatic(PathFollowing):
         outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
         self._take(trial, outcome)
         left = outcome.met_negative_curvature
-        if trial.converged and self.soft_mode:
+        if trial.converged and self.softest_mode:
             outcome, left = self._leave_saddles(state, trial, (u, w), outcome, tolerance, jump, left, largest)
         if not trial.converged:
             return trial
         trial.force = self._force(w)
         trial.forces.append(trial.force)
         self._stored = self._elastic(u, w, trial.force)
-        trial.flung = self.spring.dead_load and phase.velocity_end > 0.0 and self._is_free()
+        trial.runaway = self.spring.dead_load and phase.velocity_end > 0.0 and self._is_free()
         trial.change = self._change(state, trial)
         trial.error = trial.change.elastic_error(self.law.attractive)
         gained = self._stored - state.energies.elastic + outcome.adhesive - state.energies.adhesive
@@ -150,17 +152,17 @@ class Quasistatic(PathFollowing):
         trial.potential_drop = plain - gained
         # What the spring stores is known, wherever the jump was: of the machine's way, the jump's part of the force
         # counts.
-        way, jumped = abs(self.spring.end(state, trial) - self.place(state)), abs(trial.force - state.force)
+        travel, jumped = abs(self.spring.end(state, trial) - self.place(state)), abs(trial.force - state.force)
         from_path = trial.change.force_distance * self._scale(state, trial) * abs(trial.position - state.position)
-        trial.uncertainty = 0.5 * min(jumped * way, from_path)
+        trial.uncertainty = 0.5 * min(jumped * travel, from_path)
         # Error of the trapezoidal rule; if the force happens to have no curvature, the next order matters.
         smooth = self.spring.work(state, trial, smooth=True)
         bend = abs(smooth - plain)
         bend = max(BENT * bend, STRAIGHT * trial.uncertainty)
         noise = self._noise(state, trial, tolerance)
         # A step without instability may have passed over a jump as well: a path of equilibria loses no energy.
-        told = left or trial.error > self.tolerance or self._shows_jump(state, trial)
-        trial.is_jump = bool(self.soft_mode) and told and min(smooth, plain) - gained > bend + noise
+        suspected = left or trial.error > self.tolerance or self._shows_jump(state, trial)
+        trial.is_jump = bool(self.softest_mode) and suspected and min(smooth, plain) - gained > bend + noise
         return trial
 
     def _shows_jump(self, state: State, trial: Trial) -> bool:
@@ -191,8 +193,8 @@ class Quasistatic(PathFollowing):
             return
         stiffness = 1.0 / (self.machine_compliance + 1.0 / self.contact_stiffness)
         area = self.points.grid.cell_area * count
-        way = trial.position - state.position
-        w[np.flatnonzero(state.traction)] += self.compliance * way * stiffness / area
+        travel = trial.position - state.position
+        w[np.flatnonzero(state.traction)] += self.compliance * travel * stiffness / area
         self.solver.convolve(w, u)
         # Earlier surfaces have a drift that this one no longer has, which matters for extrapolation.
         self._drift = self._drift.renewed(self._extent(trial.position))
@@ -201,7 +203,15 @@ class Quasistatic(PathFollowing):
         self, position: float, u: np.ndarray, w: np.ndarray, tolerance: float, jump: bool, largest: float = 0.0
     ) -> Outcome:
         outcome = self._go_down(
-            position, self._none, self.compliance, u, w, tolerance, jump, timid=not jump, largest_force=largest
+            position,
+            self._none,
+            self.compliance,
+            u,
+            w,
+            tolerance,
+            jump,
+            stop_at_instability=not jump,
+            largest_force=largest,
         )
         if outcome.left_over and not self.machine_compliance:
             # Rounding stopped it before equilibrium. Newton's corrections, each of many updates, are rounded only once.
@@ -230,10 +240,10 @@ class Quasistatic(PathFollowing):
         """Confirms that the equilibrium is a minimum; if it is not, optionally continues downhill along the soft mode.
         Returns the last outcome, and whether there was an instability."""
         u, w = surface
-        search, mode, dual = self.soft_mode, state.soft_mode, state.soft_load
+        search, mode, dual = self.softest_mode, state.softest_mode, state.softest_mode_dual
         assert search is not None and mode is not None and dual is not None, "only asked for where there is attraction"
         noise, quiet = self._noise(state, trial, tolerance), 0
-        before = None if u is state.displacement else (state.position, state.displacement)
+        before = None if u is state.surface_displacement else (state.position, state.surface_displacement)
         for slide in range(MOST_SLIDES):
             seed = MOST_SLIDES * (state.counters.steps + 1) + slide
             curvature = search.search(mode, dual, seed, before)

@@ -32,14 +32,14 @@ class SpringWork:
         """Displacement d of the punch [m]. After detachment under a controlled force, which has no equilibrium, it is
         the height beyond the reach of the elastomer at rest, or the height of detachment if that is larger."""
         place = state.position + self.compliance * state.force
-        flung = self.dead_load and state.preload_time is not None and state.smallest_gap >= self.reach
+        runaway = self.dead_load and state.preload_time is not None and state.smallest_gap >= self.reach
         # Until the step has ended, the place in the state is that of the step before.
-        return min(place, max(self.reach, state.place)) if flung else place
+        return min(place, max(self.reach, state.punch_displacement)) if runaway else place
 
     def end(self, state: State, trial: Trial) -> float:
         """The same at the end of a trial."""
         place = trial.position + self.compliance * trial.force
-        return min(place, max(self.reach, self.place(state))) if trial.flung else place
+        return min(place, max(self.reach, self.place(state))) if trial.runaway else place
 
     def work(self, state: State, trial: Trial, smooth: bool = False) -> float:
         """Work of the punch [J] over the step by the trapezoidal rule; smooth: by the polynomial that includes starts
@@ -59,7 +59,7 @@ class SpringWork:
             forces.append(force)
         if len(places) == 2:
             return trapezoid
-        return -integral([place - start for place in places], forces, lambda way: 1.0, end - start)
+        return -integral([place - start for place in places], forces, lambda travel: 1.0, end - start)
 
     def pulled(self, state: State, trial: Trial) -> float:
         """Work [J] of a retracting punch under tension, with a linear force within the step."""
@@ -67,11 +67,11 @@ class SpringWork:
         if trial.phase.velocity_end <= 0.0 or max(first, last) <= 0.0:
             return 0.0
         share = 1.0 if min(first, last) >= 0.0 else max(first, last) / abs(last - first)
-        way = max(self.end(state, trial) - self.place(state), 0.0)
-        return 0.5 * share * (max(first, 0.0) + max(last, 0.0)) * way
+        travel = max(self.end(state, trial) - self.place(state), 0.0)
+        return 0.5 * share * (max(first, 0.0) + max(last, 0.0)) * travel
 
     def _last_force(self, state: State, trial: Trial) -> float:
         """Force [N] at the end of a step; after detachment under a controlled force, that force."""
-        if not trial.flung:
+        if not trial.runaway:
             return trial.force
         return min(trial.force, state.force + (self.end(state, trial) - self.place(state)) / self.compliance)

@@ -90,6 +90,6 @@ def quotients(
 def recombine(a: float, b: float, c: float, x: np.ndarray, z: np.ndarray, p: np.ndarray) -> None:
     """p = b z + c p;  x = a x + p."""
     for i in range(x.size):
-        way = b * z[i] + c * p[i]
-        p[i] = way
-        x[i] = a * x[i] + way
+        change = b * z[i] + c * p[i]
+        p[i] = change
+        x[i] = a * x[i] + change

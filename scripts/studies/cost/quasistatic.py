@@ -28,7 +28,7 @@ from pgfmd import scene_objects
 from pgfmd.assemble import assemble
 from pgfmd.output.recorder import Recorder
 from pgfmd.scene import load_scene
-from pgfmd.schemes.quasistatic.lobpcg import SoftMode
+from pgfmd.schemes.quasistatic.lobpcg import SoftestMode
 from tests.physics.dense import LowestCurvatures
 
 SHARP = 0.001
@@ -125,7 +125,7 @@ def causes(chosen) -> None:
 def counted(scheme) -> Counter:
     """Pairs by what they were for, counted from here on."""
     spent, last = Counter(), {}
-    search, try_step, accept = scheme.soft_mode.search, scheme.try_step, scheme.accept
+    search, try_step, accept = scheme.softest_mode.search, scheme.try_step, scheme.accept
 
     def counted_search(*arguments):
         found = search(*arguments)
@@ -145,7 +145,7 @@ def counted(scheme) -> Counter:
         spent["jumps" if trial.is_jump else "other steps"] += last["pairs"]
         accept(state, trial)
 
-    scheme.soft_mode.search, scheme.try_step, scheme.accept = counted_search, counted_try, counted_accept
+    scheme.softest_mode.search, scheme.try_step, scheme.accept = counted_search, counted_try, counted_accept
     return spent
 
 
@@ -209,13 +209,13 @@ def saddles(chosen) -> None:
     """How many steps end at a saddle, and how far below zero the lowest curvature is there."""
     print("| scene | accuracy | search | pairs | steps | below 0 | below -0.01 | lowest |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
-    softened, most = SoftMode._softened, SoftMode.most_iterations
+    softened, most = SoftestMode._softened, SoftestMode.most_iterations
     for scene in ("tri-tack", "hex-tack"):
         for n in chosen.n:
             for accuracy in chosen.accuracy:
                 for label in ("as it is", "one iteration"):
                     if label == "one iteration":
-                        SoftMode._softened, SoftMode.most_iterations = (lambda *_: False), 1
+                        SoftestMode._softened, SoftestMode.most_iterations = (lambda *_: False), 1
                     changes = ["solver.scheme=quasistatic", f"drive.preload={chosen.preload}"]
                     changes += [f"solver.accuracy={accuracy}", f"grid.n={n}"]
                     simulation = assemble(load_scene(scene, changes), MPI.COMM_SELF)
@@ -227,7 +227,7 @@ def saddles(chosen) -> None:
                         f"| {scene}, n = {n} | {accuracy} | {label} | {pairs} | {lowest.size} | {(lowest < 0).sum()} | "
                         f"{(lowest < -0.01).sum()} | {lowest.min():.3f} |", flush=True
                     )  # fmt: skip
-                    SoftMode._softened, SoftMode.most_iterations = softened, most
+                    SoftestMode._softened, SoftestMode.most_iterations = softened, most
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from dataclasses import fields, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from pgfmd.forecast.effort import counts_of, kind_of, ways_of
+from pgfmd.forecast.effort import counts_of, kind_of, strokes_of
 from pgfmd.forecast.fitted import FITTED, Numbers
 from pgfmd.scene import load_scene
 
@@ -60,7 +60,7 @@ def fitted(rows: list[Row]) -> dict[str, Numbers]:
     for row in rows:
         scene = scene_of(row)
         if scene.solver.scheme != "gfmd":
-            kinds[kind_of(scene)].append((row, ways_of(scene)))
+            kinds[kind_of(scene)].append((row, strokes_of(scene)))
     return {kind: _fit(found, GUESSES[kind]) for kind, found in kinds.items() if found}
 
 
@@ -79,20 +79,22 @@ def _fit(found: list, guess: Numbers) -> Numbers:
         return np.concatenate([away, *(np.array(list(_errors(*one, numbers(logarithms)))) / NOISE for one in fit)])
 
     best = numbers(least_squares(residuals, np.log(flat[free]), loss="soft_l1").x)
-    ratios = [abs(math.log(sum(counts_of(way, best)[1] for way in ways) / row.pairs)) for row, ways in found]
+    ratios = [
+        abs(math.log(sum(counts_of(stroke, best)[1] for stroke in strokes) / row.pairs)) for row, strokes in found
+    ]
     # Few scenes tell little of others.
     spread = max(LEAST_SPREAD, math.exp(float(np.quantile(ratios, SHARE)))) * (1.0 + 1.0 / len(ratios))
     return replace(best, spread=spread)
 
 
-def _errors(row: Row, ways, numbers: Numbers) -> Iterator[float]:
+def _errors(row: Row, strokes, numbers: Numbers) -> Iterator[float]:
     """Logarithms of foretold over counted: steps and pairs of both ways, and all pairs, which are what is asked for."""
     counted = (row.steps_in, row.pairs_in), (row.steps - row.steps_in, row.pairs - row.pairs_in)
-    told = [counts_of(way, numbers) for way in ways]
-    for (steps, pairs), (steps_counted, pairs_counted) in zip(told, counted, strict=True):
+    predicted = [counts_of(stroke, numbers) for stroke in strokes]
+    for (steps, pairs), (steps_counted, pairs_counted) in zip(predicted, counted, strict=True):
         yield 0.5 * math.log(steps / max(1, steps_counted))
         yield 0.5 * math.log(pairs / max(1, pairs_counted))
-    yield math.log(sum(pairs for _, pairs in told) / row.pairs)
+    yield math.log(sum(pairs for _, pairs in predicted) / row.pairs)
 
 
 def _flat(numbers: Numbers) -> np.ndarray:

@@ -47,7 +47,11 @@ def measured(case: Case) -> Row | None:
             """Notes the counters at the preload."""
             if event.kind == "preload":
                 state = simulation.state
-                self.steps, self.pairs, self.depth = state.counters.steps, simulation.scheme.pairs, -state.place
+                self.steps, self.pairs, self.depth = (
+                    state.counters.steps,
+                    simulation.scheme.pairs,
+                    -state.punch_displacement,
+                )
 
     scene = load_scene(case.scene, list(case.changes))
     simulation, preload = assemble(scene, MPI.COMM_SELF), Preload()
@@ -62,7 +66,7 @@ def measured(case: Case) -> Row | None:
     return Row(
         case.part, case.size, case.scene, "; ".join(case.changes), state.finished, counters.steps, preload.steps,
         simulation.scheme.pairs, preload.pairs, counters.rejected_steps, counters.newton_iterations, counters.jumps,
-        preload.depth, state.place, round(seconds, 3),
+        preload.depth, state.punch_displacement, round(seconds, 3),
     )  # fmt: skip
 
 

@@ -94,7 +94,7 @@ def _creep_of_gfmd(series: PronySeries, steps_per_tau: int, times: np.ndarray) -
         state.traction[:] = (0.5 if count == 1 else 1.0) * np.cos(phase)
         scheme.step(state, HELD, step)
         if count in wanted:
-            found.append(2.0 * float(np.mean(state.displacement * np.cos(phase))) / compliance)
+            found.append(2.0 * float(np.mean(state.surface_displacement * np.cos(phase))) / compliance)
     return wanted * step, np.array(found)
 
 
@@ -116,7 +116,7 @@ def _modulus_of_gfmd(series: PronySeries, omegas: np.ndarray, steps_per_tau: int
         scheme.step(state, HELD, step)
         time += step
         if count >= rest:
-            answers[count - rest] = 2.0 / n * (waves[:, row] @ state.displacement[row])
+            answers[count - rest] = 2.0 / n * (waves[:, row] @ state.surface_displacement[row])
     instants = (rest + 1 + np.arange(window)) * step
     found = []
     for omega, mode, answer in zip(omegas, modes, answers.T, strict=True):

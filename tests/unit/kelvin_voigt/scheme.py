@@ -35,7 +35,7 @@ class KelvinVoigt:
         return state.position
 
     def surface_of(self, state):
-        return state.load
+        return state.effective_traction
 
     def whole_cell(self, kept):
         return self.convolve.whole_cell(kept)
@@ -52,12 +52,12 @@ class KelvinVoigt:
     def step(self, state, phase, step):
         """One step of Euler's: w takes its share of f - w, and u follows."""
         energies, before, force = state.energies, state.position, state.force
-        change = step / self.tau * (state.traction - state.load)
-        state.load += change
-        self.convolve(state.load, self._new)
-        moved = self._new - state.displacement
-        state.displacement, self._new = self._new, state.displacement
-        lost, stored = self._sums(change * moved, state.load * state.displacement)
+        change = step / self.tau * (state.traction - state.effective_traction)
+        state.effective_traction += change
+        self.convolve(state.effective_traction, self._new)
+        moved = self._new - state.surface_displacement
+        state.surface_displacement, self._new = self._new, state.surface_displacement
+        lost, stored = self._sums(change * moved, state.effective_traction * state.surface_displacement)
         energies.viscous += self.tau / step * lost * self.points.grid.cell_area
         energies.elastic = 0.5 * stored * self.points.grid.cell_area
         state.elapsed += step
@@ -74,14 +74,18 @@ class KelvinVoigt:
     def measure(self, state):
         gap, law = self._gap(state), self.law
         contact, overlap, near, energy, far = self._sums(
-            gap < law.contact_gap, gap < 0.0, gap < self.near_gap, law.potential(gap), self.far_weights * state.load
+            gap < law.contact_gap,
+            gap < 0.0,
+            gap < self.near_gap,
+            law.potential(gap),
+            self.far_weights * state.effective_traction,
         )
         state.contact_points, state.overlap_points, state.near_points = int(contact), int(overlap), int(near)
         state.smallest_gap = -self.points.maximum_of(-gap.min(initial=np.inf))
         state.energies.adhesive, state.far_displacement = energy * self.points.grid.cell_area, far
 
     def _gap(self, state):
-        return state.position + self.height - state.displacement
+        return state.position + self.height - state.surface_displacement
 
     def _touch(self, state):
         """The traction on the present surface; returns the force on the punch [N]."""
