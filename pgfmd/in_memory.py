@@ -179,7 +179,7 @@ def _table(rows: Rows) -> Any:
 
 
 class _StepCallback(Observer):
-    """Calls a function with each step, and knows whether the simulation is to end: by that function, or by Ctrl-C.
+    """Calls a function with each step. The simulation ends when that function asks for it, or on Ctrl-C.
 
     asked: its entry is whether Ctrl-C has come, on this rank.
     """

@@ -186,7 +186,7 @@ def springs_of(scene: Scene) -> dict[str, float]:
 
 
 def travel_time(scene: Scene, distance: float, force: float, inward: bool = True) -> float:
-    """Time [s] in which the punch moves by `way` [m], in or out, while the force on it changes by `force` [N] to that side.
+    """Time [s] in which the punch moves by `distance` [m], in or out, while the force on it changes by `force` [N] to that side.
 
     The machine goes that far, and as far as its spring is pressed or pulled.
     """

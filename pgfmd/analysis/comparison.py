@@ -141,7 +141,7 @@ def overlay(
 
     Args:
         runs: at least one. experiments: measured loops, if any.
-        correct: what takes up the compliance of the periodic cell, one of `compliance.WAYS`: each "experiment" loses
+        correct: what takes up the compliance of the periodic cell, one of `compliance.CORRECTIONS`: each "experiment" loses
             F/k_cc of the first run, as in the paper's figures; each "simulation" gains its own; or "none" does.
         machine_stiffness: k_M [N/m] that is taken off the experiments, infinite for nothing.
         resolution: of the low-pass filter [m], for all loops; None for none.

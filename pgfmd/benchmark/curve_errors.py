@@ -21,7 +21,7 @@ import numpy as np
 from pgfmd.results.curve import Array, Loop, work_of_separation
 
 PULL_OFF = "pull_off_force_N"
-"""Key of the pull-off force among what a run tells of itself (Loop.told)."""
+"""Key of the pull-off force among the numbers that a run records (Loop.recorded)."""
 
 
 @dataclass(frozen=True)

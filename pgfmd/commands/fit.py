@@ -93,19 +93,9 @@ def fit(
     moved = None if offset.strip() == "fit" else quantity(offset, "length", "--offset")
     k_machine = quantity(machine_stiffness, "stiffness", "--machine-stiffness", lambda value: value > 0)
     corrections = Corrections(correct.value, k_machine, length(low_pass, "--low-pass"), moved)
+    misfit = Misfit(measured, corrections)
     out = out or Path("out", f"fit-{Path(scene).stem}-{experiment.stem}")
-    runs = Runs(
-        scene,
-        tuple(given),
-        parameters,
-        Misfit(measured, corrections),
-        out,
-        ranks,
-        jobs,
-        checkpoint_every,
-        most_runs,
-        say,
-    )
+    runs = Runs(scene, tuple(given), parameters, misfit, out, ranks, jobs, checkpoint_every, most_runs, say)
     found = fitted(runs, levels, say)
     paths = found.write()
     show(found.table())

@@ -95,7 +95,7 @@ def _chunk_rows(side: int) -> int:
 
 
 def create(path: Path, layout: Layout, extra_attributes: Mapping[str, float] = MappingProxyType({})) -> None:
-    """Creates a file without snapshots. told: other attributes of its root. Raises OSError if it can't be written."""
+    """Creates a file without snapshots. extra_attributes: of its root, besides those of the layout. Raises OSError if it can't be written."""
     # "x": fails if anything of this name exists, even a link.
     with open_serial(path, "x") as file:
         file.attrs["Conventions"] = "CF-1.11"

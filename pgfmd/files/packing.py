@@ -3,7 +3,8 @@
 All fields of a dataclass are packed; none is listed by hand. Arrays are shares of a whole array, adjacent along the
 last axis in the order of the ranks. Metadata of a field can mark exceptions: `replicated=True`, an array that is the
 same on every rank; `like="name"`, a list of arrays, each distributed like the field of that name; `unknown=value`, the
-value for checkpoints of versions without this field. Plain NumPy, no MPI.
+value for checkpoints of versions without this field; `stored="name"`, the name in the checkpoint, if it is not that of
+the field. Plain NumPy, no MPI.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ def numbers_of(packed: Any) -> Numbers:
 
     Raises TypeError for a field that could not be restored exactly, such as a number in single precision.
     """
-    return {name: _number(f"{type(packed).__name__}.{name}", value, about) for name, value, about in _fields(packed)}
+    return {name: _number(f"{type(packed).__name__}.{name}", value, about) for name, _, value, about in _fields(packed)}
 
 
 def arrays_of(packed: Any, path: str = "") -> dict[str, np.ndarray]:
     """Shares of all arrays of a dataclass and of nested ones, by name; names are paths such as "past_u/0"."""
     found: dict[str, np.ndarray] = {}
-    for name, value, about in _fields(packed):
+    for name, _, value, about in _fields(packed):
         if is_dataclass(value):
             found |= arrays_of(value, f"{path}{name}/")
         elif isinstance(value, np.ndarray) and not about.get("replicated"):
@@ -46,33 +47,34 @@ def unpack(target: Any, numbers: Numbers, read: Read, path: str = "") -> None:
     Raises KeyError if a field is missing in `numbers`, and ValueError if the target lacks one: both mean another
     version.
     """
-    unknown = set(numbers) - {name for name, _, _ in _fields(target)}
+    unknown = set(numbers) - {name for name, *_ in _fields(target)}
     if unknown:
         raise ValueError(f"{type(target).__name__} has no {', '.join(sorted(unknown))}")
-    for name, value, about in _fields(target):
+    for name, own, value, about in _fields(target):
         if name not in numbers and "unknown" in about:
-            setattr(target, name, about["unknown"])
+            setattr(target, own, about["unknown"])
             continue
         packed = numbers[name]
         if is_dataclass(value):
             unpack(value, packed, read, f"{path}{name}/")
         elif about.get("replicated"):
-            setattr(target, name, np.array(packed, dtype=float))
+            setattr(target, own, np.array(packed, dtype=float))
         elif isinstance(value, np.ndarray):
             read(path + name, value)
         elif "like" in about:
             missing = range(len(value), packed)
             shares = value[:packed] + [np.empty_like(getattr(target, about["like"])) for _ in missing]
-            setattr(target, name, shares)
+            setattr(target, own, shares)
             for k, share in enumerate(shares):
                 read(f"{path}{name}/{k}", share)
         else:
-            setattr(target, name, packed)
+            setattr(target, own, packed)
 
 
-def _fields(packed: Any) -> Iterator[tuple[str, Any, Mapping[str, Any]]]:
+def _fields(packed: Any) -> Iterator[tuple[str, str, Any, Mapping[str, Any]]]:
+    """Of each field the name in a checkpoint, its own name, its value and its metadata."""
     for entry in fields(packed):
-        yield entry.name, getattr(packed, entry.name), entry.metadata
+        yield entry.metadata.get("stored", entry.name), entry.name, getattr(packed, entry.name), entry.metadata
 
 
 def _is_list_of_arrays(value: Any, about: Mapping[str, Any]) -> bool:

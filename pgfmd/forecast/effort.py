@@ -49,7 +49,7 @@ FLAT_SPREAD = 2.0
 UNLIKE = 2.0
 """Additional factor for scenes unlike those that the constants were fitted to."""
 WITH_SPRING = "a spring or a dead load"
-"""What is said of scenes whose machine is not rigid: the way of its spring follows from forces that are estimates."""
+"""Reason for scenes whose machine is not rigid: the travel of its spring follows from forces that are estimates."""
 COARSEST = 0.1
 """Coarsest accuracy at which the fit is taken to hold."""
 FINEST = 1e-4
@@ -144,7 +144,7 @@ def strokes_of(scene: Scene) -> tuple[Stroke, Stroke]:
 
 
 def slowness(scene: Scene, creep: CreepSeries, time: float, speed: float) -> float:
-    """The variable `slow` of Way, for a motion of this duration [s] and speed [m/s]. creep: the CreepSeries of the
+    """The variable `slow` of Stroke, for a motion of this duration [s] and speed [m/s]. creep: the CreepSeries of the
     scene."""
     if not creep.elements:
         return 1.0
@@ -214,7 +214,7 @@ def counts_of(stroke: Stroke, numbers: Numbers) -> tuple[float, float]:
 
 
 def stiffness_of_law(scene: Scene) -> float:
-    """K_0 l/E*, see Way. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
+    """K_0 l/E*, see Stroke. The size l: half a wavelength, the radius of a sphere's contact, or that of the punch."""
     punch = scene.punch
     if punch.pattern in ("sphere", "power"):
         size = min(punch.outline, math.sqrt(punch.curvature_radius * depth_of(scene)))
@@ -248,7 +248,7 @@ def _unlike(scene: Scene) -> Iterator[str]:
 
 def effort_of_steps(scene: Scene, step: float, pair: float, cost: float) -> Effort:
     """The same for explicit steps of known length [s] with one pair each. The duration of the programme follows from
-    the indentation, the stretch due to adhesion, and the way of a machine's spring. pair: time of a pair, relative to `pair_seconds`; cost: as in
+    the indentation, the stretch due to adhesion, and the travel of a machine's spring. pair: time of a pair, relative to `pair_seconds`; cost: as in
     Effort."""
     into, out = (travel.time for travel in travels_of(scene))
     duration = into + (out + scene.drive.turn_time + scene.drive.dwell)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 CELL_PAIRS = 10.0
 """Time of the coarse grid for each pair on all points, in pairs of a run on a grid as coarse, on one rank (each rank
-solves the complete coarse problem). Fitted with BESIDE to tri-tack at n = 1024 and 2048 on 1 and 2 ranks, where it is
+solves the complete coarse problem). Fitted with COARSE_OVERHEAD to tri-tack at n = 1024 and 2048 on 1 and 2 ranks, where it is
 within 5 % of whole runs. (4 pairs are counted, and there are fewer pairs per step.)"""
 COARSE_OVERHEAD = 0.14
 """Further time of the coarse grid, as a fraction of the time of the pair itself."""

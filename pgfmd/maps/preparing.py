@@ -31,7 +31,7 @@ MOST_MISSING = 0.5
 
 
 class Stated(NamedTuple):
-    """A word about a map, and who said it: "key", "file", or "" where nobody did."""
+    """A property of a map, and what states it: "key", "file", or "" for a default."""
 
     word: str
     by: str

@@ -32,7 +32,7 @@ def run_ahead(
     """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
 
     How long the approach takes is known only at its end, so coarse ones are run ahead. Nothing is run where no such snapshot
-    is asked for. keeper: as of Outputs.plan_snapshots. Collective. Raises Interrupted where the run has to stop meanwhile.
+    is asked for. stop: as of Outputs.plan_snapshots. Collective. Raises Interrupted where the run has to stop meanwhile.
     """
     coarse = coarse_scenes(scene)
     if not coarse:
@@ -91,7 +91,7 @@ def _run(
     """Where the coarse approaches met surface and preload, up to the first that met none, and their transform pairs."""
     heed: dict[str, Any] = {}
     if stop:
-        # Not all ranks may be here: the keeper itself asks all of them.
+        # Some ranks may not be here, so that `stop.has_to_stop`, which asks all ranks, can't be used.
         heed = {"attend": lambda _: any(comm.allgather(stop.interrupts())), "interrupt": stop.interrupts}
     found: list[Met] = []
     pairs = 0

@@ -82,7 +82,7 @@ class FieldsFile:
             surface: also keep the displacement of the whole cell.
             parallel: True: through MPI-IO; False: through rank 0; None: MPI-IO if h5py has it, for several ranks.
             guard: called on rank 0 before the file is changed; raises if its folder is no longer the one that it was.
-            told: attributes of a new file's root: what its readers have to know of the run.
+            extra_attributes: of a new file's root: what its readers have to know of the run.
 
         Raises:
             ResultError: on every rank, if the file can't be made, is damaged or belongs to another grid.

@@ -86,7 +86,7 @@ class Outputs:
     def plan_snapshots(self, state: State, stop: StopCondition | None = None) -> None:
         """Has the snapshots taken that the scene asks for, as far as they are still to come.
 
-        That may take long. keeper: who knows whether the run has to stop meanwhile; Interrupted is raised then.
+        That may take long. stop: whether the run has to stop meanwhile; Interrupted is raised then.
         """
         self.snapshots.replan(state, *snapshots_wanted(self.scene, state, self.comm, self.say, stop))
 

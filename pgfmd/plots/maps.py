@@ -110,7 +110,7 @@ def thinned(results: Results, name: str, snapshot: int) -> NDArray[np.float64]:
 class Maps:
     """A page of square maps of the punch block, one a snapshot, with label, time, force, and a scale bar.
 
-    page: its number, from 1; beside: room [inch] for what stands at the right. Raises ResultError if there is no such
+    page: its number, from 1; right_margin: room [inch] for labels on the right. Raises ResultError if there is no such
     page.
     """
 

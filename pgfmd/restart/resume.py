@@ -38,7 +38,7 @@ class Plan:
     go_on: continue from a checkpoint, else start.
     mirror: symmetry of the points in the checkpoint (grid.PunchPoints); None without a checkpoint.
     record: `run.json` of a finished run, for which there is nothing to do.
-    told: lines for the user.
+    messages: lines for the user.
     precision: that of a continued run whose scene leaves it open.
     """
 

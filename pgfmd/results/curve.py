@@ -58,7 +58,7 @@ class Loop:
     end of its step, in quasi-static runs anywhere within it). offset [m]: k of indentation = -displacement - k.
 
     For runs only: work [J] of the loop, and separation [J], the work of separation (None before the retraction); both
-    are independent of filters. told: other numbers of `run.json`, by key (TOLD). share: relative uncertainty of forces
+    are independent of filters. recorded: other numbers of `run.json`, by key (RECORDED). share: relative uncertainty of forces
     due to the errors of steps (uncertainty.py). cycle, stage: numbers of the repeat and of the step of the programme, from
     1; None if unknown.
 

@@ -19,7 +19,7 @@ KEYS = (
     "work_of_separation_J", "viscous_J", "released_J", "residual_J",
 )  # fmt: skip
 """Numbers of a cycle in `run.json`, beside `cycle`, `start_s` and `end_s`."""
-TOLD = ("preload_N", "largest_force_N", "snap_in_force_N", "pull_off_force_N")
+RECORDED = ("preload_N", "largest_force_N", "snap_in_force_N", "pull_off_force_N")
 """Those that the loop of a cycle uses."""
 
 
@@ -65,8 +65,8 @@ def _cycle(loop: Loop, number: int, entry: dict) -> Cycle:
         for field in dataclasses.fields(loop)
         if isinstance(value := getattr(loop, field.name), np.ndarray)
     }
-    told = {key: entry[key] for key in TOLD if entry.get(key) is not None}
+    recorded = {key: entry[key] for key in RECORDED if entry.get(key) is not None}
     work, separation = entry.get("work_J"), entry.get("work_of_separation_J")
     name = f"{loop.name}, cycle {number}"
-    part = dataclasses.replace(loop, name=name, work=work, separation=separation, told=told, **arrays)
+    part = dataclasses.replace(loop, name=name, work=work, separation=separation, recorded=recorded, **arrays)
     return Cycle(number, part, {key: entry.get(key) for key in KEYS})

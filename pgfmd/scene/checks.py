@@ -249,8 +249,8 @@ def substrate_is_of_one_kind(partial: PartialScene) -> Iterator[Problem]:
 
 
 def refer_to_relaxed(partial: PartialScene) -> list[Problem]:
-    """Turns shares of the instantaneous modulus in a draft, and that modulus, into weights of the relaxed one, and it:
-    E(0) = E(infinity) (1 - sum g), kappa_n = g_n/(1 - sum g). What can't be is told."""
+    """Turns shares of the instantaneous modulus, and that modulus, into weights of the relaxed one, and the relaxed one:
+    E(0) = E(infinity) (1 - sum g), kappa_n = g_n/(1 - sum g). Returns what is impossible."""
     try:
         if partial["rheology.model"] != "prony" or partial["rheology.reference"] != "instantaneous":
             return []
@@ -429,7 +429,7 @@ RULES: tuple[Callable[[PartialScene], Iterator[Problem]], ...] = (
 
 
 def check(partial: PartialScene, require_files: bool = True) -> list[Problem]:
-    """All problems that the rules find in a draft; those about files only if `require_files`."""
+    """All problems that the rules find in a scene; those about files only if `require_files`."""
     problems: list[Problem] = []
     for rule in (*RULES, paths_can_be_used, followed_files_can_be_read) if require_files else RULES:
         try:

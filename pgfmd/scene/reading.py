@@ -101,7 +101,7 @@ def scene_of(given: Given, overrides: Sequence[str] = (), *, require_files: bool
 
 
 def _read_sections(mapping: Mapping[str, Any], partial: PartialScene) -> list[Problem]:
-    """Fill the draft; returns what is wrong with single keys."""
+    """Fills the partial scene; returns what is wrong with single keys."""
     problems = []
     for name, value in mapping.items():
         if name not in SECTIONS and name != "title":
@@ -151,7 +151,7 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
 
 
 def _resolve(title: str, partial: PartialScene) -> Scene:
-    """The scene with defaults, automatic values and absolute paths filled in; the draft is free of problems."""
+    """The scene with defaults, automatic values and absolute paths filled in; the partial scene has no problems."""
     # Of these, words are still words.
     parts: dict[str, Any] = {name: model.model_construct(**partial.values[name]) for name, model in SECTIONS.items()}
     drive, substrate = parts["drive"], parts["substrate"]

@@ -146,7 +146,7 @@ class Descent:
         return tuple(sums[3:]), place
 
     def _probe(self, moved: Pair) -> _Place:
-        """The point u + way (z, p); sets traction, curvature and residual. Collective."""
+        """The point u + moved (z, p); sets traction, curvature and residual. Collective."""
         cg, (position, u, w, history, compliance) = self.solver.cg, self._at
         kernels.probe(
             self.solver.height, position, u, w, moved[0], cg.z, cg.t, moved[1], cg.p, cg.y, history, compliance,
@@ -183,8 +183,8 @@ class Descent:
     def _step_down(
         self, here: _Place, moved: Pair, more: Pair, trust: float, slack: float, least: float
     ) -> tuple[_Place, float]:
-        """The point at `way` plus a fraction of `more`, halved until Phi does not increase: (the point, the fraction).
-        The fraction is 0 if Phi always increases, or if the sum is too long and `way` is not zero."""
+        """The point at `moved` plus a fraction of `more`, halved until Phi does not increase: (the point, the fraction).
+        The fraction is 0 if Phi always increases, or if the sum is too long and `moved` is not zero."""
         scale = 1.0
         while True:
             there = self._probe(_further(moved, scale, more))

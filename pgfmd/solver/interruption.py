@@ -24,7 +24,7 @@ class Interrupted(Exception):
 
 
 class StopCondition(Protocol):
-    """Who may want a run to end: on a signal, at a limit of time (restart/checkpoint_policy.py), on Ctrl-C
+    """Whether a run has to end: on a signal, at a limit of time (restart/checkpoint_policy.py), on Ctrl-C
     (in_memory.py)."""
 
     def interrupts(self) -> bool:

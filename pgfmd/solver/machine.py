@@ -103,13 +103,13 @@ a small error of the load, the load is corrected beforehand."""
 
 
 CLEAR = 1e-9
-"""How far beyond the reach of the law a runaway punch is left, relative to it."""
+"""How far beyond the reach of the law a punch that a dead load has torn off is stopped, relative to that reach."""
 
 
 def out_of_reach(points: PunchPoints, surface: np.ndarray, height: np.ndarray, reach: float) -> float:
     """The nearest position [m] at which a punch of this face no longer feels the surface, all [m]. Collective.
 
-    A punch that a dead load flings away is left there: there is no end to its way.
+    A punch that a dead load has torn off is stopped there, because nothing else would stop it.
     """
     nearest = float((surface - height).max()) if points.size else -np.inf
     return points.maximum_of(nearest) + (1.0 + CLEAR) * reach
@@ -121,8 +121,8 @@ class Machine:
     solver: NewtonSolver, whose convolutions are `ConvolutionWithSpring`s. springs: compliance 1/k_M [m/N] by what the machine
     controls, 0 for none. stiffness [N/m]: of the contact of the whole punch on the relaxed body, about. compliance: that
     of the present phase (`control`). dead_load: whether the spring stands for a load that does not give way: such a spring
-    flings a punch that comes free. After solves, `fallen` [J] is by how much the
-    energy of the spring fell in them, since it was last set to zero.
+    pulls a punch that comes free far away. After solves, `fallen` [J] is by how much the energy of the spring fell in
+    them, since it was last set to zero.
     """
 
     def __init__(self, solver: NewtonSolver, springs: Mapping[str, float], stiffness: float):

@@ -72,20 +72,21 @@ class State:
 
     time [s].
     position [m]: of the punch, or, in quasistatic with a machine's spring, of the drive.
-    place, preload_place [m]: displacement d of the punch at the end of the last step, and where it met the preload.
+    punch_displacement, preload_displacement [m]: displacement d of the punch at the end of the last step, and where it
+    met the preload.
     phase: index in the programme. elapsed [s], phase_start [m], phase_place [m]: time since its start, and positions of
     the drive and of the punch there. phase_signs: from which side the values that end the phase are reached, as of
     drive.Ending. stepped: index of the phase of the last step.
-    displacement [m]: u of the surface, positive upward.
-    load [Pa]: the effective traction w, with u = G0 w.
+    surface_displacement [m]: u of the surface, positive upward.
+    effective_traction [Pa]: w, the traction that would give the relaxed body the displacement u = G0 w.
     traction [Pa]: f on the surface.
-    branches [Pa]: the internal variables phi_m, (N, size).
-    images [m]: psi_m = G0 phi_m, (N, size), or (0, size) without the energy audit.
-    past_u, past_w, past_steps, past_forces: up to two earlier ends of steps, newest first: u, w, the length [s] of the
-    step that started there, and the force [N].
+    internal_variables [Pa]: phi_m of the retardation (Kelvin) elements, (N, size).
+    internal_displacements [m]: psi_m = G0 phi_m, (N, size), or (0, size) without the energy audit.
+    past_displacements, past_effective_tractions, past_steps, past_forces: up to two earlier ends of steps, newest first:
+    u, w, the length [s] of the step that started there, and the force [N].
     drift: factor of the covariance of u - G0 w of the present surface and the past ones (drift.py).
     step [s]: length of the next step to try.
-    followed [s]: longest step that follows an instability (schemes/quasistatic/controller.py).
+    followed_step [s]: longest step that follows an instability downhill (schemes/quasistatic/controller.py).
     least_force [N]: lowest force within the last step.
     pull_off_force, snap_in_force [N]: lowest forces within all steps of the retraction and of the approach, zero or
     negative; *_at_ends: at the ends of these steps.
@@ -95,23 +96,27 @@ class State:
     cycle, cycles: numbers of the present cycle of a programme with repeats, and of those that are over.
     started: whether the first equilibrium has been computed.
 
-    The scheme quasistatic also keeps the softest mode of the last equilibrium, soft_mode [m], and its dual, soft_load
-    [Pa]. Its position is the machine's; that of the punch differs by the elongation of the spring between them.
+    The scheme quasistatic also keeps the softest mode of the last equilibrium, softest_mode [m], and its dual, the
+    traction softest_mode_dual [Pa]. Its position is the machine's; that of the punch differs by the elongation of the
+    spring between them.
 
-    The scheme gfmd has no effective traction, images or past. It has `modes` u [m] and `mode_velocities` du/dt [m/s]
-    (of the middle of the last step), spectral, complex, (n, columns of this rank); `branches` are the u_m [m], (N, n,
-    columns); `power` [W] is the dissipation in the elements at the end of the last step.
+    The scheme gfmd has no effective traction, internal displacements or past. It has `modes` u [m] and
+    `mode_velocities` du/dt [m/s] (of the middle of the last step), spectral, complex, (n, columns of this rank);
+    `internal_variables` are the displacements u_m [m] of its Maxwell elements, (N, n, columns); `power` [W] is the
+    dissipation in the elements at the end of the last step.
+
+    Metadata `stored` is a field's name in checkpoints, where it differs: files keep the names of earlier versions.
     """
 
-    displacement: np.ndarray
-    load: np.ndarray
+    surface_displacement: np.ndarray = field(metadata={"stored": "displacement"})
+    effective_traction: np.ndarray = field(metadata={"stored": "load"})
     traction: np.ndarray
-    branches: np.ndarray
-    images: np.ndarray
+    internal_variables: np.ndarray = field(metadata={"stored": "branches"})
+    internal_displacements: np.ndarray = field(metadata={"stored": "images"})
     position: float
     time: float = 0.0
-    place: float = 0.0
-    preload_place: float = 0.0
+    punch_displacement: float = field(default=0.0, metadata={"stored": "place"})
+    preload_displacement: float = field(default=0.0, metadata={"stored": "preload_place"})
     phase: int = 0
     elapsed: float = 0.0
     phase_start: float = 0.0
@@ -122,7 +127,7 @@ class State:
     cycles: list[list[float | None]] = field(default_factory=list)
     step: float = 0.0
     last_step: float = 0.0
-    followed: float = 0.0
+    followed_step: float = field(default=0.0, metadata={"stored": "followed"})
     power: float = 0.0
     force: float = 0.0
     least_force: float = 0.0
@@ -141,12 +146,16 @@ class State:
     snap_in_at_ends: float = field(default=0.0, metadata={"unknown": np.nan})
     finished: str = ""
     started: bool = False
-    past_u: list[np.ndarray] = field(default_factory=list, metadata={"like": "displacement"})
-    past_w: list[np.ndarray] = field(default_factory=list, metadata={"like": "load"})
+    past_displacements: list[np.ndarray] = field(
+        default_factory=list, metadata={"like": "surface_displacement", "stored": "past_u"}
+    )
+    past_effective_tractions: list[np.ndarray] = field(
+        default_factory=list, metadata={"like": "effective_traction", "stored": "past_w"}
+    )
     past_steps: list[float] = field(default_factory=list)
     past_forces: list[float] = field(default_factory=list)
-    soft_mode: np.ndarray | None = None
-    soft_load: np.ndarray | None = None
+    softest_mode: np.ndarray | None = field(default=None, metadata={"stored": "soft_mode"})
+    softest_mode_dual: np.ndarray | None = field(default=None, metadata={"stored": "soft_load"})
     modes: np.ndarray | None = None
     mode_velocities: np.ndarray | None = None
     drift: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)), metadata={"replicated": True})
@@ -155,8 +164,8 @@ class State:
 
     def forget_history(self) -> None:
         """Drops the history of the predictor, after a kink in d(t) or a jump of the surface."""
-        self.past_u.clear()
-        self.past_w.clear()
+        self.past_displacements.clear()
+        self.past_effective_tractions.clear()
         self.past_steps.clear()
         self.past_forces.clear()
         self.drift = self.drift[:1, :1]

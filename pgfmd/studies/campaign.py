@@ -75,7 +75,7 @@ class Campaign:
         return self.out / case.name
 
     def states(self) -> dict[str, CaseState]:
-        """The standing of every case, by name."""
+        """The state of every case, by name."""
         return {case.name: case_state_of(case, self.folder(case), self.wishes.allow) for case in self.cases}
 
     def only(self, patterns: Sequence[str]) -> Campaign:

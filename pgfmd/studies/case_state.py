@@ -1,4 +1,4 @@
-"""How a case of a study stands: what its folder says, and whether it holds the case's scene. No MPI."""
+"""The state of a case of a study: what its folder says, and whether it holds the case's scene. No MPI."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class CaseState:
 
 
 def case_state_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> CaseState:
-    """The standing of a case whose results are in `folder`; allow: keys that may differ from what the run began with.
+    """The state of a case whose results are in `folder`; allow: keys that may differ from what the run began with.
 
     `failed`: the run itself said that it can't go on. `changed`: the folder holds a run of another scene. `damaged`: no
     run can go on there. Each of them with the message.

@@ -73,7 +73,7 @@ OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
 
 @dataclass(frozen=True)
 class Row:
-    """A case with its standing. places: its value on each axis, an SI number, a text, or None for a single case on an
+    """A case with its state. places: its value on each axis, an SI number, a text, or None for a single case on an
     axis of bundles; measured: numbers by COLUMNS, None where there is none yet. trouble: why the curve of a case that
     has run can't be read."""
 

@@ -96,7 +96,7 @@ def same_on_all(comm, value: object) -> bool:
 
 def row(k: int) -> CurveRow:
     areas = 1e-9 * k, 0.9e-9 * k, 1.1e-9 * k
-    return CurveRow(0.1 * k, -k / 3, k / 3 - 1e-6, 1e-3 / 7 * k, *areas, float("nan"), 0.1, "approach")
+    return CurveRow(0.1 * k, -k / 3, k / 3 - 1e-6, 1e-3 / 7 * k, *areas, float("nan"), 0.1, 1, 1, "approach")
 
 
 # -- agreement, folder, run.json ---------------------------------------------------------------------------------------

@@ -39,7 +39,7 @@ def history(rows: int) -> list[CurveRow]:
         force = 4 / 3 * MODULUS * contact**3 / RADIUS - (pull if contact else 0.0) * (1 + contact / 2e-4)
         area = np.pi * contact**2
         areas = area, OVERLAP * area, NEAR * area
-        found.append(CurveRow(10 * s, -indentation - OFFSET, indentation, force, *areas, 0.0, 10 / rows, phase))
+        found.append(CurveRow(10 * s, -indentation - OFFSET, indentation, force, *areas, 0.0, 10 / rows, 1, 1, phase))
     return found
 
 

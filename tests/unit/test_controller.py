@@ -1,20 +1,24 @@
 """The step controller on surfaces that are written down as formulas, and the quadrature of the punch's work."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pgfmd.solver.preload_search import PRELOAD_TOLERANCE, Bracket
 
 from pgfmd.errors import RunError
-from pgfmd.physics.drive import PRELOAD, Phase
+from pgfmd.physics.drive import FORCE, PRELOAD, Ending, Phase
 from pgfmd.schemes.inertialess.controller import ENERGY_CUT, MOST_REPEATS, Controller, StepLimits
+from pgfmd.solver.ending_search import PRELOAD_TOLERANCE, Bracket, values_of
 from pgfmd.solver.extrapolation import integral
 from pgfmd.solver.state import State
 from pgfmd.solver.trial_step import Change, Trial
 
 TOLERANCE, RANGE, SPEED, SHORTEST = 1e-3, 1e-6, 1e-6, 1e-2
-RETRACT, APPROACH = Phase("retract", SPEED, SPEED), Phase("approach", -SPEED, -SPEED, ends_with=PRELOAD)
+RETRACT, APPROACH = (
+    Phase("retract", SPEED, SPEED),
+    Phase("approach", -SPEED, -SPEED, ends_with=PRELOAD, endings=(Ending(FORCE, 1.0, 1),)),
+)
 
 
 class Surface:
@@ -38,6 +42,11 @@ class Surface:
 
     def machine_share(self, state):
         return 1.0
+
+    points = SimpleNamespace(grid=SimpleNamespace(cell_area=1e-12))
+
+    def values_of(self, state, phase, trial=None):
+        return values_of(phase, state, (trial or state).force, 0.0, lambda: 0.0)
 
     def accept(self, state, trial):
         self.accepted.append(trial)

@@ -68,7 +68,7 @@ def test_a_thinned_line_keeps_its_ends_and_extremes():
 
 
 def test_a_long_table_is_opened_and_cut_back_in_little_memory(tmp_path):
-    path, row = tmp_path / "curve.csv", CurveRow(*[0.1] * 9, "approach")
+    path, row = tmp_path / "curve.csv", CurveRow(*[0.1] * 9, 1, 1, "approach")
     write(path, 30_000)
     size = path.stat().st_size
     with open(path, "a") as file:

@@ -78,7 +78,7 @@ def advance_modes(
 
     v = keep v + kick (G0 f + sum_m kappa_m u_m - kappa_inf u);  u_new = u + step v
     u_m = decay_m u_m + old_gain_m u + new_gain_m u_new        exact for a u that is linear within the step
-    compliance G0 / n^2, (n//2 + 1, 2 columns): even in ky, each column twice. branches (N, n, 2 columns); weights:
+    compliance G0 / n^2, (n//2 + 1, 2 columns): even in ky, each column twice. internal (N, n, 2 columns); weights:
     kappa_m. Where `sums` (3, columns) is not empty, it is given the sums over each column, with k_0 = 1/G0, of
     [0] k_0 (|u|^2 + sum_m kappa_m |u - u_m|^2) / 2,  [1] k_0 |v|^2,  [2] sum_m k_0 kappa_m |u - u_m|^2 rates_m
     after the step; fold (columns,) says how often a column counts, rates are 1/tau_m. Modes without compliance don't

@@ -282,7 +282,8 @@ class Gfmd:
         return stored - state.energies.adhesive - 0.5 * travel * (state.position + before - 2.0 * drive) / self.spring
 
     def _fling(self, state: State, before: float, force: float, adhesive: float) -> None:
-        """Leaves a punch that a dead load has runaway out of reach. The load works on all of its way, and what is left of that work is released."""
+        """Stops a punch that a dead load has torn off just out of reach. The load does work up to there, and what is left of it is
+        released."""
         clear = out_of_reach(self.points, state.surface_displacement, self.height, self.law.reach)
         state.position = min(state.position, max(clear, before))
         state.force = self._touch(state)

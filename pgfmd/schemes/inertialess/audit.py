@@ -135,7 +135,7 @@ def work_of(
     stiffness [N/m]: of the contact, about.
 
     A jump is taken to happen at the new positions, and its released energy is counted from there: up to each of them,
-    the force is that of the old surface. A punch that a dead load flings away feels that load on all its way.
+    the force is that of the old surface. A dead load that has torn off the punch does work over the whole travel.
     """
     h, start, phase = trial.step, state.elapsed, trial.phase
     if trial.runaway:

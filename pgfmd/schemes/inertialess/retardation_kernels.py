@@ -59,7 +59,7 @@ def weights_of(
 # stretch at a time, to keep those in cache, took half as long again.
 @_compile
 def weigh_internal_variables(internal: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
-    """out[i] = sum_m weights[i, m] branches[m], for 1 or 2 stages i in one pass over the branches, four at a time."""
+    """out[i] = sum_m weights[i, m] internal[m], for 1 or 2 stages i in one pass over them, four at a time."""
     elements, size = internal.shape
     last = out.shape[0] - 1
     first_sum, last_sum = out[0], out[last]
@@ -114,7 +114,7 @@ def stage_and_history(
 def advance_internal_variables(
     internal: np.ndarray, decay: np.ndarray, stages: np.ndarray, gain: np.ndarray, count: int
 ) -> None:
-    """branches[m] = decay[m] branches[m] + sum_{j < count} gain[m, j] stages[j], with 1 or 2 stages.
+    """internal[m] = decay[m] internal[m] + sum_{j < count} gain[m, j] stages[j], with 1 or 2 stages.
 
     Two at a time, so that stages are read half as often; four at a time are slower.
     """
@@ -146,7 +146,7 @@ def _images(
     psi: np.ndarray, internal_weight: np.ndarray, stage_weight: float, compliance: np.ndarray, first: np.ndarray,
     last: np.ndarray, begin: int, end: int, g: np.ndarray,
 ) -> None:  # fmt: skip
-    """g[i, p]: the images G0 f_i of the stages at the points from begin to end, by u_i and the images psi of the branches.
+    """g[i, p]: the images G0 f_i of the stages at the points from begin to end, by u_i and the displacements psi of the internal variables.
 
     history_i = sum_m internal_weight[i, m] psi_m;  g_0 = (u_0 - history_0) / J_0;
     g_1 = (u_1 - history_1 - stage_weight g_0) / J_1

@@ -269,8 +269,8 @@ class Inertialess(PathFollowing):
         return machine.dead_load and trial.phase.may_let_go and not machine.interacting(self.solver.curvature)
 
     def _follow_flight(self, machine: Machine, state: State, trial: Trial, jump: bool) -> None:
-        """Leaves a runaway punch out of reach. What it releases is counted up to there, and not what a spring that stands for
-        a load makes of the rest."""
+        """Stops a punch that a dead load has torn off just out of reach. The energy released is counted up to there; the
+        soft spring that represents the load would release more."""
         trial.runaway = True
         if machine.interacting(state.traction):
             # No step is short enough for a punch to come free under a load: it jumps.

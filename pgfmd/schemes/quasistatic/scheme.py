@@ -62,7 +62,7 @@ class Quasistatic(PathFollowing):
     """Quasi-static steps. `try_step` changes nothing in the state except the softest mode, which it only improves;
     `accept` advances the state.
 
-    solver: NewtonSolver, whose convolution includes the machine's spring (`sprung`). compliance: J, 1 for the relaxed
+    solver: NewtonSolver, whose convolution includes the machine's spring (`with_spring`). compliance: J, 1 for the relaxed
     body, E(0)/E(infinity) for the instantaneous one. tolerance: of a step, in ranges of adhesion. springs: compliance
     1/k_M [m/N] by what the machine controls, 0 for a rigid machine. contact_stiffness [N/m]: approximate stiffness of the
     contact of the whole punch. far_weights, near_gap: as in PathFollowing.
