@@ -76,7 +76,7 @@ class Drive(Section):
     def unused(self) -> frozenset[str]:
         """The keys that steps replace; in a resolved scene they have values that stand for the programme."""
         if not self.step:
-            return frozenset()
+            return frozenset({"step", "repeat"})
         return frozenset(REPLACED | ({"preload"} if largest_force(self.step) else set()))
 
     @property
