@@ -59,6 +59,8 @@ class Simulation:
         self.points, self.deepest, self.max_steps = scheme.points, deepest, max_steps
         self.phases = drive.phases
         self.has_cycles = self.phases[-1].cycle > 1
+        # A programme without repeats may get some when it is continued.
+        self._follows_cycles = bool(drive.programme)
         self.observers: list[Observer] = []
         self.state: State = scheme.new_state(drive.clearance)
 
@@ -167,7 +169,7 @@ class Simulation:
         self.state.energies.adhesive_start = self.state.energies.adhesive
         self.state.energies.largest_residual = 0.0
         self._begin_phase()
-        if self.has_cycles:
+        if self._follows_cycles:
             self.state.cycle.begin(self.state, 1)
         self._note(Event("start"))
 
@@ -236,7 +238,7 @@ class Simulation:
             self.scheme.control(self.phase.control, state)
         state.elapsed, state.phase_start, state.step = 0.0, self.scheme.drive_at(state), 0.0
         self._begin_phase()
-        if self.has_cycles and self.phase.cycle != phase.cycle:
+        if self.phase.cycle != phase.cycle:
             state.cycles.append(state.cycle.row(state))
             state.cycle.begin(state, self.phase.cycle)
 
@@ -260,7 +262,7 @@ class Simulation:
         elif recedes:
             state.pull_off_force = min(state.pull_off_force, state.least_force)
             state.pull_off_at_ends = min(state.pull_off_at_ends, state.force)
-        if self.has_cycles:
+        if self._follows_cycles:
             state.cycle.follow(state, approaches, recedes)
 
     def _require_finite(self) -> None:

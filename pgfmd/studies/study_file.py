@@ -17,9 +17,10 @@ from typing import Any
 from pgfmd.errors import PgfmdError, Problem
 from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
-from pgfmd.scene.given import PATHS, parse_toml
+from pgfmd.scene.given import names_file, parse_toml
 from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.partial_scene import MISSING
+from pgfmd.scene.programme_section import ALSO, ProgrammeStep, Repeat
 
 from .values import label_of_value
 
@@ -119,7 +120,12 @@ def study_from_mapping(mapping: Mapping[str, Any], source: str, folder: Path) ->
 
 
 def is_settable(key: str) -> bool:
-    """Whether a study may set a key."""
+    """Whether a study may set a key; steps of a programme are counted from 1."""
+    step, _, name = key.removeprefix("drive.step.").partition(".")
+    if key.startswith("drive.step.") and step.isdecimal():
+        return ALSO.get(name, name) in ProgrammeStep.model_fields
+    if key.startswith("drive.repeat."):
+        return key.removeprefix("drive.repeat.") in Repeat.model_fields
     return key in KEYS and key != OWN
 
 
@@ -174,7 +180,7 @@ class _Reader:
 
     def _at_home(self, name: str, value: Any) -> Any:
         """A value; relative files start at the folder of the study."""
-        named = name in PATHS and isinstance(value, str)
+        named = names_file(name) and isinstance(value, str)
         return os.path.normpath(self.folder / os.path.expanduser(value)) if named else value
 
     def axes(self, table: Any, common: dict[str, Any]) -> tuple[Axis, ...]:
