@@ -19,7 +19,8 @@ from pgfmd.units import DIMENSIONS
 
 from .fields import extra_of, toml_of, written
 from .model import ADHESION, PATTERNS, RHEOLOGIES, SECTIONS
-from .programme_section import ALSO, STEPS, ProgrammeStep
+from .drive_section import REPLACED
+from .programme_section import ALSO, STEPS, ProgrammeStep, names_force
 
 SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES), ("adhesion", "law", ADHESION))
 """Keys that determine which other keys their section may have, with those keys."""
@@ -88,7 +89,8 @@ class Given:
     def changed(self, changes: Mapping[str, Any]) -> Given:
         """The scene with changed keys, by section; None resets a key to its default.
 
-        A new pattern, model or law drops unused keys of its section, unless they are changed as well. Keys such as
+        A new pattern, model or law drops unused keys of its section, unless they are changed as well; new steps of a
+        programme those that they replace. Keys such as
         "step.2.duration" of [drive] change a step, counted from 1, and "repeat.times" its repeats; those of a step that is not
         there are kept as they are, and are wrong keys.
         """
@@ -114,6 +116,10 @@ class Given:
             if isinstance(choice, str) and choice in table and isinstance(mapping[section], dict):
                 unused = set(SECTIONS[section].model_fields).difference(*table[choice], named)
                 mapping[section] = {name: value for name, value in mapping[section].items() if name not in unused}
+        drive = changes.get("drive")
+        if isinstance(drive, dict) and drive.get("step") and isinstance(mapping["drive"], dict):
+            unused = (REPLACED | ({"preload"} if names_force(drive["step"]) else set())) - set(drive)
+            mapping["drive"] = {name: value for name, value in mapping["drive"].items() if name not in unused}
         return Given(mapping, self.source, self.folder)
 
     def to_toml(self) -> str:

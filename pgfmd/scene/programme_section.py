@@ -152,6 +152,14 @@ def largest_force(steps: tuple[ProgrammeStep, ...]) -> float:
     return max(forces, default=0.0)
 
 
+def names_force(steps: object) -> bool:
+    """Whether steps that have not been read yet name a force that ends one; not if they can't be read."""
+    try:
+        return largest_force(read_steps(steps)) > 0.0
+    except PydanticCustomError:
+        return False
+
+
 class Repeat(Section):
     """Which steps of a programme are repeated."""
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
-from pgfmd.physics.drive import COMPLETED, DETACHED, FORCE, PRELOAD, STEP_END, Drive, Phase
+from pgfmd.physics.drive import COMPLETED, DETACHED, FORCE, LOAD, PLACE, PRELOAD, STEP_END, TRAVEL, Drive, Phase
 
 from .ending_search import PRELOAD_TOLERANCE, is_over, signs_at
 from .finite_check import not_finite_on
@@ -45,6 +45,14 @@ class Observer:
 
     def observe(self, simulation: Simulation, event: Event) -> None:
         """Called at the start, after each step or jump, at the preload, at requested times, and at the end."""
+
+
+def _goes_on_when_free(phase: Phase) -> bool:
+    """Whether a phase has an end that a punch out of reach of the surface still comes to: a time, or a place."""
+    if phase.ends_with == DETACHED:
+        return False
+    moves = any(ending.quantity in (PLACE, TRAVEL) for ending in phase.endings)
+    return moves or math.isfinite(phase.duration)
 
 
 class Simulation:
@@ -109,6 +117,9 @@ class Simulation:
             if not state.elapsed and state.phase and self._is_over(phase):
                 # The punch is there already.
                 self._end_phase(phase, True)
+                continue
+            if not state.elapsed and state.phase and self._has_nothing_to_hold(phase):
+                self._end_phase(phase, False)
                 continue
             for observer in self.observers:
                 observer.before_step(self)
@@ -198,7 +209,7 @@ class Simulation:
             # the two don't meet again.
             if phase.final:
                 state.finished = DETACHED
-            elif math.isinf(phase.duration) or phase.holds_load:
+            elif phase.holds_load or not _goes_on_when_free(phase):
                 self._end_phase(phase, False)
         elif phase.velocity_end < 0.0 and not phase.recedes(state.elapsed) and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
@@ -214,6 +225,12 @@ class Simulation:
     def _is_over(self, phase: Phase) -> bool:
         """Whether a phase that begins is over at once."""
         return is_over(phase, self.scheme.values_of(self.state, phase), self.state.phase_signs)
+
+    def _has_nothing_to_hold(self, phase: Phase) -> bool:
+        """Whether a phase that does not press the punch in has a load to keep, and the punch is free: its soft spring would
+        only pull it far away."""
+        pulls = phase.control == LOAD and phase.velocity_end >= 0.0
+        return pulls and self.state.smallest_gap >= self.scheme.law.reach
 
     def _end_phase(self, phase: Phase, met: bool) -> None:
         """Goes to the next phase, or ends the run; met: whether a value has ended the phase."""
