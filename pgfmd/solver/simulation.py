@@ -116,10 +116,10 @@ class Simulation:
             phase = self.phase
             if not state.elapsed and state.phase and self._is_over(phase):
                 # The punch is there already.
-                self._end_phase(phase, True)
+                self._end_phase(phase)
                 continue
             if not state.elapsed and state.phase and self._has_nothing_to_hold(phase):
-                self._end_phase(phase, False)
+                self._end_phase(phase)
                 continue
             for observer in self.observers:
                 observer.before_step(self)
@@ -203,14 +203,14 @@ class Simulation:
         """Ends phases and the run."""
         state = self.state
         if why in ("duration", "ending"):
-            self._end_phase(phase, why == "ending")
+            self._end_phase(phase)
         elif (self.retracting or phase.holds_load) and state.smallest_gap >= self.scheme.law.reach:
             # After its deepest point the punch accelerates, and a surface without force decelerates, so that
             # the two don't meet again.
             if phase.final:
                 state.finished = DETACHED
             elif phase.holds_load or not _goes_on_when_free(phase):
-                self._end_phase(phase, False)
+                self._end_phase(phase)
         elif phase.velocity_end < 0.0 and not phase.recedes(state.elapsed) and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
         if not state.finished and state.counters.steps >= self.max_steps:
@@ -232,10 +232,10 @@ class Simulation:
         pulls = phase.control == LOAD and phase.velocity_end >= 0.0
         return pulls and self.state.smallest_gap >= self.scheme.law.reach
 
-    def _end_phase(self, phase: Phase, met: bool) -> None:
-        """Goes to the next phase, or ends the run; met: whether a value has ended the phase."""
+    def _end_phase(self, phase: Phase) -> None:
+        """Goes to the next phase, or ends the run."""
         state = self.state
-        if met and phase.ends_with == PRELOAD:
+        if phase.ends_with == PRELOAD:
             if state.preload_time is None:
                 state.preload_time, state.preload, state.preload_displacement = (
                     state.time,
