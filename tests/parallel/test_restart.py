@@ -52,8 +52,7 @@ SCENES = {
     "programme": [
         "flat-punch", "grid.n=20", "rheology.relaxation_time=20 ms", "rheology.modulus_ratio=10", "output.every=3",
         'drive.step=[{do="approach",speed="20 um/s",until="1 mN"},{do="hold",of="load",for="20 ms"},'
-        '{do="oscillate",amplitude="10 nm",frequency="50 Hz",cycles=0.5},{do="retract",speed="20 um/s"}]',
-        "drive.repeat.times=2", 'output.snapshots=["every 0.5 um", "every 2 mN", "every 0.5 t_pl", "step ends"]',
+        '{do="retract",speed="20 um/s"}]', "drive.repeat.times=2", 'output.snapshots=["every 3 um", "step ends"]',
     ],
     "quasi-static": [
         "tri-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.05", "drive.preload=0.5 mN",

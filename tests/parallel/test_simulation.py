@@ -45,9 +45,8 @@ SCENES = {
     "programme": (
         "flat-punch",
         ["grid.n=22", "rheology.relaxation_time=20 ms", "rheology.modulus_ratio=10",
-         'drive.step=[{do="approach",speed="20 um/s",until=["2 mN","0.3 mm^2"]},{do="hold",of="load",for="20 ms"},'
-         '{do="hold",for="20 ms"},{do="ramp",rate="-100 mN/s",until="-1 mN"},'
-         '{do="oscillate",amplitude="10 nm",frequency="50 Hz",cycles=0.5},{do="retract",speed="20 um/s"}]',
+         'drive.step=[{do="approach",speed="20 um/s",until=["2 mN","0.5 mm^2"]},{do="hold",of="load",for="20 ms"},'
+         '{do="hold",for="20 ms"},{do="ramp",rate="-100 mN/s",until="-1 mN"},{do="retract",speed="20 um/s"}]',
          "drive.repeat={times=2,first=2,last=4}"],
     ),
     "another grid": ("tri-tack", ["grid.n=72", "drive.preload=1 mN"]),
