@@ -127,8 +127,9 @@ def analyse(
         add_areas(table, results, found)
         _remark_unfinished(table, results)
         _remark_thinned(table, results)
-        places = bulges(loop, resolution)
-        _add_stiffness(table, loop)
+        single_loop = _single_cycle(table, results, loop, resolution)
+        places = bulges(single_loop, resolution)
+        _add_stiffness(table, single_loop)
         _add_bulges(table, places)
         add_sites(table, results, loop)
         cell = fit_cell_compliance(whole)
@@ -146,6 +147,15 @@ def analyse(
         return Analysis(
             results.directory, table, loop, found, places, cell, audit, against, twin_loop, predictions, about(results)
         )  # fmt: skip
+
+
+def _single_cycle(table: Table, results: Results, loop: Loop, resolution: float | None) -> Loop:
+    """The loop where it has one cycle, else its first cycle: slopes and bulges are those of one way out."""
+    if loop.cycle is None or loop.cycle[0] == loop.cycle[-1]:
+        return loop
+    table.remarks.append("stiffness and bulges are those of cycle 1; --cycle chooses another one")
+    first = cycle_of(results, Loop.of(results), 1).loop
+    return first if resolution is None else _filtered(first, resolution)
 
 
 def _filtered(loop: Loop, resolution: float) -> Loop:
