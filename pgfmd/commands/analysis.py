@@ -122,7 +122,10 @@ def compare(
     positive_force: Annotated[
         Pressing, typer.Option("--positive-force", help="Which way measured forces count.")
     ] = Pressing.compression,
-    cycle: Annotated[int | None, typer.Option("--cycle", min=1, help="Which of several measured cycles.")] = None,
+    cycle: Annotated[
+        int | None,
+        typer.Option("--cycle", min=1, help="Which cycle, of measured curves and of programmes with repeats."),
+    ] = None,
     baseline: Baseline = "auto",
     out: Annotated[Path, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = Path(
         "comparison.png"
