@@ -174,7 +174,7 @@ class Quasistatic(PathFollowing):
         trial.change = self._change(state, trial)
         trial.error = trial.change.elastic_error(self.law.attractive)
         gained = self._stored - state.energies.elastic + outcome.adhesive - state.energies.adhesive
-        if trial.flung:
+        if trial.runaway:
             trial.parted = self.spring.parted(state, gained)
         plain = self.spring.work(state, trial)
         trial.potential_drop = plain - gained
@@ -208,9 +208,9 @@ class Quasistatic(PathFollowing):
         state.least_force = min(state.force, trial.force)
         energies.work_of_separation += self.spring.pulled(state, trial)
         energies.elastic = self._stored
-        if trial.flung:
+        if trial.runaway:
             # Later there is no telling it from the state.
-            state.place = self.spring.end(state, trial)
+            state.punch_displacement = self.spring.end(state, trial)
         self._move_on(state, trial)
 
     def _carry(self, trial: Trial, state: State, u: np.ndarray, w: np.ndarray) -> None:
