@@ -17,6 +17,7 @@ from .commands import fit as fit_command
 from .commands import fit_prony as fit_prony_command
 from .commands import plot as plot_command
 from .commands import punch as punch_command
+from .commands import report as report_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
@@ -159,6 +160,7 @@ app.command()(status_command.status)
 app.command()(status_command.verify)
 app.command()(analysis_command.analyse)
 app.command()(analysis_command.compare)
+app.command()(report_command.report)
 app.command()(fit_command.fit)
 app.command()(study_command.study)
 app.command()(study_command.converge)
