@@ -21,6 +21,7 @@ from .commands import report as report_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
+from .commands import watch as watch_command
 from .commands.printing import command
 from .commands.run import Changes, Overrides, SceneName, all_changes
 from .errors import PgfmdError, Problem, ResultError, SceneError
@@ -158,6 +159,7 @@ app.command()(fit_prony_command.fit_prony)
 app.command()(run_command.run)
 app.command()(status_command.status)
 app.command()(status_command.verify)
+app.command()(watch_command.watch)
 app.command()(analysis_command.analyse)
 app.command()(analysis_command.compare)
 app.command()(report_command.report)

@@ -7,6 +7,7 @@ near, ...) that most of its points have.
 from __future__ import annotations
 
 import base64
+import functools
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -130,7 +131,7 @@ class _Scales:
     def images(self, gap: Array, traction: Array, side: int) -> Iterator[NDArray[np.uint8]]:
         """Indices of colours, (rows, columns) with y downward, of the kinds of maps in their order."""
         factor = max(1, -(-len(gap) // side))
-        yield _commonest(class_numbers(gap, self.classes), factor, len(self.classes))[::-1]
+        yield commonest(class_numbers(gap, self.classes), factor, len(self.classes))[::-1]
         yield _indices(_means(np.clip(gap, 0.0, self.gap), factor) / self.gap)[::-1]
         share = np.clip(traction / self.traction, -1.0, 1.0)
         yield _indices(0.5 + 0.5 * _means(share, factor))[::-1]
@@ -195,7 +196,7 @@ def _means(values: Array, factor: int) -> Array:
     return np.where(2 * inside >= factor**2, total / np.maximum(inside, 1), np.nan)
 
 
-def _commonest(numbers: Array, factor: int, count: int) -> NDArray[np.uint8]:
+def commonest(numbers: Array, factor: int, count: int) -> NDArray[np.uint8]:
     """The class that most points of a block are in, the outside being one; of equally many the one of smaller gaps."""
     if factor == 1:
         return np.where(np.isnan(numbers), OUTSIDE, numbers).astype(np.uint8)
@@ -203,6 +204,16 @@ def _commonest(numbers: Array, factor: int, count: int) -> NDArray[np.uint8]:
     votes = np.stack([*((blocks == each).sum(axis=-1) for each in range(count)), np.isnan(blocks).sum(axis=-1)])
     found = votes.argmax(axis=0)
     return np.where(found == count, OUTSIDE, found).astype(np.uint8)
+
+
+def closest(numbers: Array, factor: int) -> NDArray[np.uint8]:
+    """The class of the smallest gap in each block, for maps so coarse that contacts are smaller than a block."""
+    if factor == 1:
+        return np.where(np.isnan(numbers), OUTSIDE, numbers).astype(np.uint8)
+    blocks = _blocks(numbers, factor)
+    inside = np.isfinite(blocks)
+    found = np.where(inside, blocks, OUTSIDE).min(axis=-1)
+    return np.where(2 * inside.sum(axis=-1) >= factor**2, found, OUTSIDE).astype(np.uint8)
 
 
 def _indices(shares: Array) -> NDArray[np.uint8]:
@@ -218,6 +229,7 @@ def _colours(name: str, count: int) -> NDArray[np.uint8]:
     return np.asarray(255 * getattr(cm, name)(np.linspace(0.0, 1.0, count))[:, :3]).round().astype(np.uint8)
 
 
+@functools.cache
 def _palette(name: str) -> list[int]:
     return [int(part) for part in _colours(name, LEVELS).ravel()]
 

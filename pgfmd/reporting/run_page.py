@@ -175,11 +175,20 @@ def _add_charts(
         changes = {name for name in compared.changes if name not in ("as simulated", "as measured")}
         page.charts[0].note = "; ".join([*sorted(changes), page.charts[0].note]).strip("; ")
         page.doubts += compared.table.remarks
+        page.doubts += [text for loop in compared.loops[-measured:] if measured for text in _elsewhere(loop, compared)]
     page.charts += time_charts([loop])
     if loop.areas:
         page.charts.append(area_chart(loop))
     energy = _told(page, "the energy audit", lambda: energy_chart(results))
     page.charts += [energy] if energy else []
+
+
+def _elsewhere(measured: Loop, compared: Comparison) -> list[str]:
+    """What is said of a measured curve that has no indentation in common with the first run."""
+    run = compared.loops[0].indentation
+    if measured.indentation.max() >= run.min() and measured.indentation.min() <= run.max():
+        return []
+    return [f"{measured.name} has no indentation in common with {compared.loops[0].name}: --offset fit brings it there"]
 
 
 def _add_maps(page: Page, results: Results, loop: Loop | None) -> None:

@@ -364,7 +364,9 @@ def _add_downloads(downloads: Downloads, page: Page, directory: Path, cases: Seq
     path = directory / TABLE_FILE
     if path.is_file():
         downloads.add(TABLE_FILE, path.read_bytes(), "text/csv")
-    small, large, size = {}, {}, 0
+    small: dict[str, bytes] = {}
+    large: dict[str, bytes] = {}
+    size = 0
     for case in cases:
         for name, into in ((storage.SCENE_FILE, small), (storage.RUN_FILE, large), (storage.CURVE_FILE, large)):
             path = directory / case.name / name
