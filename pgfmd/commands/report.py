@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .analysis import Baseline, Correct, Inwards, MachineStiffness, Offset, PositiveDisplacement, Pressing
+from .analysis import Baseline, Correct, MachineStiffness, Offset, PositiveDisplacement, Pressing
 from .names import named, path_option
 from .quantities import quantity
 

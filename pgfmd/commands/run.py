@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,6 +22,8 @@ from .printing import command
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
+
+    from pgfmd.output.progress_bar import ProgressBar
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
 Changes = Annotated[
@@ -82,13 +86,23 @@ def run(
         if job_ends is not None and job_ends - LAUNCHER_NEEDS < until:
             until, why = job_ends - LAUNCHER_NEEDS, f"{batch.this_job()}, which ends {_moment(job_ends)}"
         options = Options(fresh, tuple(allow or ()), Timing(every, until, why))
-        record = run_scene(loaded, comm, directory, say, options)
+        with _bar(comm) as bar:
+            if bar is not None:
+                options = replace(options, progress=bar.of)
+            record = run_scene(loaded, comm, directory, bar.say if bar else say, options)
         if comm.rank == 0:
             for line in [*missed_preload(record, loaded.drive.preload), *_summary(record, directory)]:
                 say(line)
 
     with launch.guarded(comm):
         on_cores(comm, work)
+
+
+def _bar(comm: Intracomm) -> AbstractContextManager[ProgressBar | None]:
+    """The bar that a terminal shows; without one, and on several ranks, None: there are lines every few seconds."""
+    from pgfmd.output import progress_bar
+
+    return progress_bar.ProgressBar() if comm.size == 1 and progress_bar.is_wanted() else nullcontext()
 
 
 def all_changes(changes: list[str] | None, overrides: list[str] | None) -> list[str]:

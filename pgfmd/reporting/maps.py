@@ -24,7 +24,7 @@ from pgfmd.results.curve import Loop
 from .wording import entry
 
 Array = NDArray[np.float64]
-MOST_BYTES = 2_400_000
+MOST_BYTES = 2_200_000
 """Of all images of a page as texts (base64)."""
 SIDES = (384, 256, 192, 128, 96)
 """Largest sides of an image [pixels] that are tried until all images fit."""

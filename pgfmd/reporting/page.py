@@ -25,7 +25,7 @@ MOST_BYTES = 5_000_000
 """Of a page: mail takes it."""
 MOST_PLAIN = 400_000
 """A table of more bytes is packed (gzip)."""
-MOST_EMBEDDED = 1_200_000
+MOST_EMBEDDED = 1_000_000
 """Letters (base64) of all files in a page."""
 GOOD, FAIR, BAD = "good", "fair", "bad"
 

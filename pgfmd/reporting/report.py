@@ -10,12 +10,10 @@ from typing import Any
 
 from pgfmd import __version__
 from pgfmd.errors import ResultError
-from pgfmd.files.storage import CURVE_FILE
+from pgfmd.files.storage import CURVE_FILE, REPORT_FILE
 from pgfmd.results.reading import require_folder
 
-from .page import Page, write_page
-
-FILE = "report.html"
+from .page import write_page
 
 
 def report(
@@ -56,13 +54,10 @@ def report(
 
         page = study_page(folder, files, options)
     page.made = f"Made on {made()} by pgfmd {__version__}"
-    return write_page(page, Path(out) if out is not None else folder / FILE)
+    return write_page(page, Path(out) if out is not None else folder / REPORT_FILE)
 
 
 def made() -> str:
     """The date and time on this clock."""
     now = time.localtime()
     return f"{now.tm_mday} {time.strftime('%b %Y, %H:%M', now)}"
-
-
-__all__ = ["Page", "report"]

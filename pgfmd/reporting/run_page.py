@@ -268,7 +268,7 @@ def _add_facts(page: Page, results: Results, status: Status) -> None:
     if links:
         rows = [
             Entry(str(link.get("started", "")), f"{grouped(int(link.get('steps') or 0))} steps",
-                  "", f"{link.get('ranks', '?')} ranks on {link.get('host', '?')}, {seconds(link.get('wall_s'))}")
+                  "", f"on {link.get('host', '?')}, ranks: {link.get('ranks', '?')}, {seconds(link.get('wall_s'))}")
             for link in links
         ]  # fmt: skip
         page.making.append(Block("Processes of the run", rows))

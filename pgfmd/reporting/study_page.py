@@ -191,7 +191,9 @@ def _rows(cases: Sequence[Case], keys: Sequence[str]) -> list[tuple[str, list[st
         for name in SHOWN:
             value, spread = _value(case, name), _spread(case, name)
             factor = units[name][0]
-            shown = entry("", None if value is None else value / factor, "", "", None if spread is None else spread / factor)
+            shown = entry(
+                "", None if value is None else value / factor, "", "", None if spread is None else spread / factor
+            )
             cells.append(shown.value)
         steps, wall = case.record.get("steps"), case.record.get("wall_s")
         cells += [grouped(steps) if isinstance(steps, int) else "–", seconds(wall), case.state]
@@ -337,7 +339,9 @@ def _add_rest(page: Page, directory: Path, cases: Sequence[Case], keys: Sequence
             if content.startswith(b"\x89PNG\r\n"):
                 page.pictures.append((title, "data:image/png;base64," + base64.b64encode(content).decode()))
     out = f"{directory.resolve().name}-again"
-    page.repeat = [f'for scene in */{storage.SCENE_FILE}; do pgfmd run "$scene" --out "{out}/$(dirname "$scene")"; done']
+    page.repeat = [
+        f'for scene in */{storage.SCENE_FILE}; do pgfmd run "$scene" --out "{out}/$(dirname "$scene")"; done'
+    ]
     page.needs = ["the unpacked cases.zip, from below, as the current folder",
                   *(f"pgfmd {text}" for text in sorted(versions.get("pgfmd", ())))]  # fmt: skip
     _add_downloads(page.downloads, page, directory, cases)

@@ -102,6 +102,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 def page_of() -> str:
     """The page, with style and scripts in it."""
+
     def text(name: str, package: str = "reporting") -> str:
         return (files(f"pgfmd.{package}") / "templates" / name).read_text(encoding="utf-8")
 

@@ -198,7 +198,9 @@ def left_of(status: Status) -> list[str]:
     if status.left_s is not None:
         from pgfmd.reporting.wording import seconds
 
-        parts.append(f"about {seconds(status.left_s)} left" + (f" ({status.left_remark})" if status.left_remark else ""))
+        parts.append(
+            f"about {seconds(status.left_s)} left" + (f" ({status.left_remark})" if status.left_remark else "")
+        )
     elif status.left_remark:
         parts.append(status.left_remark)
     return parts

@@ -173,7 +173,9 @@ def study(folder, tmp_path_factory):
     (broken / "run.json").write_text(json.dumps(record))
     shutil.copytree(study / "speed-0", study / "unreadable")
     (study / "unreadable" / "curve.csv").write_text("a,b\n1,2\n")
-    (study / "table.csv").write_text("case,drive.speed [m/s],state\nspeed-0,1e-6,finished\nlater,2,new\n../../x,2,new\n")
+    (study / "table.csv").write_text(
+        "case,drive.speed [m/s],state\nspeed-0,1e-6,finished\nlater,2,new\n../../x,2,new\n"
+    )
     return study
 
 

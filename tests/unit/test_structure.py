@@ -32,7 +32,8 @@ PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (P
 READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
            "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.bearing_area",
            "studies.campaign", "studies.slurm_array", "studies.pictures", "studies.extrapolation", "studies.refinement", "studies.study",
-           "analysis.comparison", "commands.plot",
+           "analysis.comparison", "commands.plot", "commands.report", "commands.watch",
+           "reporting.run_page", "reporting.study_page", "watching.server", "watching.terminal",
            "commands.study"]  # fmt: skip
 HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
 
@@ -156,7 +157,8 @@ def test_no_folder_needs_one_that_needs_it():
 def test_no_module_needs_one_that_needs_it():
     """Nor do the modules that read, measure, draw and compare results, in whichever way they import each other."""
     ours = tuple(
-        f"pgfmd.{name}." for name in ("files", "output", "results", "plots", "analysis", "studies", "benchmark")
+        f"pgfmd.{name}."
+        for name in ("files", "output", "results", "plots", "analysis", "studies", "benchmark", "reporting", "watching")
     )
     modules = {name for name in IMPORTS if name.startswith(ours)}
     graphlib.TopologicalSorter({name: IMPORTS[name] & modules - {name} for name in modules}).prepare()
