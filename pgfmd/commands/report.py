@@ -11,8 +11,14 @@ from .analysis import Baseline, Correct, MachineStiffness, Offset, PositiveDispl
 from .names import named, path_option
 from .quantities import quantity
 
+OF_MEASURED = (
+    "machine_stiffness", "correct", "offset", "positive_displacement", "positive_force", "cycle", "baseline",
+)  # fmt: skip
+"""Options that are of no use without another curve."""
+
 
 def report(
+    context: typer.Context,
     source: Annotated[
         Path,
         typer.Argument(metavar="DIR|STUDY", parser=named, help="A folder that a run wrote to, or that of a study."),
@@ -42,19 +48,19 @@ def report(
 
     The options below --out are those of `pgfmd compare`, for --measured.
     """
+    for name in OF_MEASURED:
+        given = context.get_parameter_source(name)
+        if given is not None and given.name == "COMMANDLINE" and not (measured or twin):
+            raise typer.BadParameter("goes with --measured", param_hint=f"--{name.replace('_', '-')}")
     from pgfmd.reporting.report import report as report_of
 
-    path = report_of(
-        source,
-        twin,
-        measured or (),
-        out,
-        machine_stiffness=quantity(machine_stiffness, "stiffness", "--machine-stiffness", lambda value: value > 0),
-        correct=correct.value,
-        offset="fit" if offset.strip() == "fit" else quantity(offset, "length", "--offset"),
-        positive_displacement=positive_displacement.value if positive_displacement else None,
-        positive_force=positive_force.value,
-        cycle=cycle,
-        baseline=None if baseline.strip() == "auto" else quantity(baseline, "force", "--baseline"),
-    )
-    print(path)
+    options = {
+        "machine_stiffness": quantity(machine_stiffness, "stiffness", "--machine-stiffness", lambda value: value > 0),
+        "correct": correct.value,
+        "offset": "fit" if offset.strip() == "fit" else quantity(offset, "length", "--offset"),
+        "positive_displacement": positive_displacement.value if positive_displacement else None,
+        "positive_force": positive_force.value,
+        "cycle": cycle,
+        "baseline": None if baseline.strip() == "auto" else quantity(baseline, "force", "--baseline"),
+    }
+    print(report_of(source, twin, measured or (), out, **(options if measured or twin else {})))

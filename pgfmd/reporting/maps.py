@@ -30,6 +30,8 @@ SIDES = (384, 256, 192, 128, 96)
 """Largest sides of an image [pixels] that are tried until all images fit."""
 MARGIN = 0.8
 """All snapshots may have this share of the size that one of them foretells."""
+FEW = 8
+"""Snapshots that are all read at once."""
 MOST_FRAMES = 60
 """Snapshots that a slider has; of more, so many evenly chosen ones."""
 OUTSIDE = 255
@@ -83,9 +85,12 @@ def slides(sources: Sequence[Source], loops: dict[int, Loop], total: int = 0) ->
     frames: list[dict[str, Any]] = []
     for side in SIDES:
         last = side == SIDES[-1]
-        # Snapshots of large grids take long to read: one of them tells whether it is worth it.
-        one = _frame(sources[len(sources) // 2], scales, side, loops)
-        if last or MARGIN * len(sources) * _size([one]) <= MOST_BYTES:
+        # Snapshots of large grids take long to read: where there are many, one of them tells whether it is worth it.
+        few = last or len(sources) <= FEW
+        if (
+            few
+            or MARGIN * len(sources) * _size([_frame(sources[len(sources) // 2], scales, side, loops)]) <= MOST_BYTES
+        ):
             frames = [_frame(source, scales, side, loops) for source in sources]
             if last or _size(frames) <= MOST_BYTES:
                 break
@@ -110,10 +115,11 @@ class _Scales:
     def __init__(self, sources: Sequence[Source]):
         first = sources[0].results
         self.classes = gap_classes(first.contact_gap, first.near_gap, first.counts_overlap)
-        self.points = max(source.results.fields["gap"].shape[-1] for source in sources)
+        self.points = max(source.results.fields["x"].shape[0] for source in sources)
         near = max(first.near_gap, first.contact_gap)
         self.gap = FAR_GAP * near if near > 0.0 else 1e-6
         self.traction, self.clipped = robust_limit(_sampled(sources))
+        self.facts = {id(source.results): _facts(source.results) for source in sources}
 
     def kinds(self) -> list[dict[str, Any]]:
         """The kinds of maps, with their legend or their scale, for page.js."""
@@ -142,6 +148,12 @@ class _Scales:
         return [greys, *(_palette(name) for name in ("batlow", "vik"))]
 
 
+def _facts(results: Results) -> tuple[Array, Array, float]:
+    """Times [s] and forces [N] of a run's snapshots, and the side [m] of their maps."""
+    time, force, x = (np.asarray(results.fields[name][:], float) for name in ("time", "force", "x"))
+    return time, force, float(x[-1] - x[0]) * x.size / (x.size - 1) if x.size > 1 else 1e-6
+
+
 def _sampled(sources: Sequence[Source]) -> Iterator[Array]:
     """Tractions, thinned: the end of a scale needs no more."""
     for source in sources:
@@ -153,12 +165,10 @@ def _sampled(sources: Sequence[Source]) -> Iterator[Array]:
 def _frame(source: Source, scales: _Scales, side: int, loops: dict[int, Loop]) -> dict[str, Any]:
     """A snapshot as page.js takes it."""
     results, number = source.results, source.snapshot
-    fields = results.fields
-    time, force = (float(np.asarray(fields[name][number])) for name in ("time", "force"))
+    times, forces, width = scales.facts[id(results)]
+    time, force = float(times[number]), float(forces[number])
     gap, traction = results.frame("gap", number), results.frame("traction", number)
     images = [*scales.images(gap, traction, side)]
-    x = np.asarray(fields["x"])
-    width = float(x[-1] - x[0]) * (1.0 + 1.0 / max(x.size - 1, 1)) if x.size > 1 else 1e-6
     bar = round_length(0.3 * width)
     when, pull = entry("", time, "s"), entry("", force, "N")
     return {

@@ -37,11 +37,13 @@ def report(
 
     Raises:
         ResultError: if it is no such folder, if something asked for can't be had, if the file can't be written, or
-            without jinja2; MeasurementError: if a measured curve can't be read.
+            without jinja2; MeasurementError: if a measured curve can't be read. TypeError: for options without a curve.
     """
     folder = Path(source)
     require_folder(folder)
     files = [Path(measured)] if isinstance(measured, (str, Path)) else [Path(each) for each in measured]
+    if options and not files and twin is None:
+        raise TypeError(f"report: {', '.join(options)} is for measured curves, and there are none")
     # Whatever it is: who reads it refuses what is no file.
     if os.path.lexists(folder / CURVE_FILE):
         from .run_page import run_page

@@ -29,7 +29,7 @@ HOSTILE = "</script><script>alert('1')</script> & <b>"
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A finished run whose title is hostile."""
-    folder = write_results(tmp_path_factory.mktemp("report") / "a run & more", nb=48)
+    folder = write_results(tmp_path_factory.mktemp("report") / "a run & more", rows=120, nb=48, snapshots=3)
     path = folder / "scene.resolved.toml"
     path.write_text(f"title = {json.dumps(HOSTILE)}\n{path.read_text()}")
     return folder
@@ -86,12 +86,12 @@ def test_its_files_are_the_folders(page, folder):
 
 def test_long_tables_are_thinned_and_said_to_be(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(run_page, "MOST_READ", 5000)
-    monkeypatch.setattr(run_page, "THINNED_ROWS", 100)
+    monkeypatch.setattr(run_page, "THINNED_ROWS", 30)
     page = report(folder, out=tmp_path / "r.html").read_text(encoding="utf-8")
     thin = files_of(page)["curve.thinned.csv"].decode().splitlines()
     whole = (folder / "curve.csv").read_text().splitlines()
-    assert "curve.csv" not in files_of(page) and "curve.csv has 400 rows" in page
-    assert thin[0] == whole[0] and thin[-1] == whole[-1] and 90 < len(thin) < 110 and set(thin) < set(whole)
+    assert "curve.csv" not in files_of(page) and "curve.csv has 120 rows" in page
+    assert thin[0] == whole[0] and thin[-1] == whole[-1] and 25 < len(thin) < 35 and set(thin) < set(whole)
     full = Downloads()
     full.add("noise.csv", np.random.default_rng(1).bytes(2_000_000))
     assert full.left_out == ["noise.csv.gz (2 MB)"] and not full.files
@@ -101,10 +101,10 @@ def test_maps_are_the_snapshots(page, folder):
     slides = data_of(page)["slides"]
     assert [kind["name"] for kind in slides["kinds"]] == ["contact", "gap", "traction"]
     with load(folder) as results:
-        gap, count = results.frame("gap", 2), len(results.labels)
+        gap, count = results.frame("gap", 1), len(results.labels)
         level, near = results.contact_gap, results.near_gap
     assert len(slides["frames"]) == count
-    frame = slides["frames"][2]
+    frame = slides["frames"][1]
     image = Image.open(io.BytesIO(base64.b64decode(frame["images"][0].partition(",")[2])))
     shades = np.asarray(image.convert("RGBA"))
     classes = np.where(np.isnan(gap), -1, np.searchsorted([0.0, level, near], gap, side="right"))[::-1]
@@ -134,7 +134,7 @@ def test_maps_get_smaller_until_they_fit(folder, monkeypatch):
         monkeypatch.setattr(maps, "MOST_BYTES", size - 1)
         small = maps.slides(maps.frames_of(results), {}, total=9)
     assert large.note == "" and small.data["frames"][0]["pixels"] < 48
-    assert "snapshots up to 48 points" in small.note and "6 of 9 snapshots" in small.note
+    assert "snapshots up to 48 points" in small.note and "3 of 9 snapshots" in small.note
 
 
 def test_folders_of_all_kinds_give_a_page(folder, tmp_path):
@@ -232,11 +232,11 @@ def test_a_browser_shows_it_without_a_fault(folder, study, tmp_path):
     with Browser(tmp_path / "profile") as browser:
         browser.open(page.as_uri())
         caption = "document.querySelector('.caption').textContent"
-        assert browser.run(caption).startswith("1 of 6")
+        assert browser.run(caption).startswith("1 of 3")
         first = browser.run("document.getElementById('map').src")
         place = browser.run("document.querySelector('#chart-force .slide').getAttribute('cx')")
         browser.click("#slider", 0.99)
-        assert browser.run(caption).startswith("6 of 6: retraction")
+        assert browser.run(caption).startswith("3 of 3: retraction")
         assert browser.run("document.getElementById('map').src") != first
         assert browser.run("document.querySelector('#chart-force .slide').getAttribute('cx')") != place
         browser.click(".kinds button:nth-child(3)")
@@ -267,6 +267,13 @@ def test_a_browser_shows_it_without_a_fault(folder, study, tmp_path):
 def test_it_is_a_command_and_a_function(folder, tmp_path, capsys):
     from pgfmd.cli import main
 
+    for option, value in (("--offset", "1 um"), ("--cycle", "2")):
+        with pytest.raises(SystemExit) as refused:
+            main(["report", str(folder), option, value])
+        told = capsys.readouterr().err
+        assert refused.value.code == 2 and option in told and "goes with --measured" in told
+    with pytest.raises(TypeError, match="offset is for measured curves"):
+        report(folder, offset=1e-6)
     with pytest.raises(SystemExit) as end:
         main(["report", str(folder), "--out", str(tmp_path / "x.html")])
     assert end.value.code == 0 and capsys.readouterr().out.strip() == str(tmp_path / "x.html")

@@ -32,8 +32,7 @@ PLAIN = ["units", "errors", "reference", *(f"physics.{path.stem}" for path in (P
 READERS = ["results", *(f"plots.{path.stem}" for path in (PACKAGE / "plots").glob("[a-z]*.py")),
            "characterisation.rheology_table", "commands.fit_prony", "analysis.summary", "analysis.bearing_area",
            "studies.campaign", "studies.slurm_array", "studies.pictures", "studies.extrapolation", "studies.refinement", "studies.study",
-           "analysis.comparison", "commands.plot", "commands.report", "commands.watch",
-           "reporting.run_page", "reporting.study_page", "watching.server", "watching.terminal",
+           "analysis.comparison", "commands.plot",
            "commands.study"]  # fmt: skip
 HEAVY = ("mpi4py", "mpi4py_fft", "h5py", "numba")
 
@@ -82,6 +81,18 @@ def test_analysis_and_plots_know_no_mpi(module):
     loaded = loaded_by(f"pgfmd.{module}")
     assert not loaded & {"mpi4py", "mpi4py_fft"}
     assert "pgfmd.solver.simulation" not in loaded and "pgfmd.solver.transform" not in loaded
+
+
+def test_reports_and_watching_know_no_mpi():
+    modules = (
+        "commands.report",
+        "commands.watch",
+        "reporting.run_page",
+        "reporting.study_page",
+        "watching.server",
+        "watching.terminal",
+    )
+    assert not loaded_by(", ".join(f"pgfmd.{module}" for module in modules)) & {"mpi4py", "mpi4py_fft"}
 
 
 def test_reading_a_scene_needs_no_mpi():
