@@ -50,7 +50,7 @@ class Chart:
         if parts is not None and len(x):
             rows = seen_rows(x, y, parts=parts)
             if len(rows) < len(x):
-                self.note = "Of long curves, the lowest and highest points are drawn; the tables below have all rows."
+                self.note = "Of long curves, the lowest and highest points are drawn."
             x, y = x[rows], y[rows]
         found: dict[str, Any] = {"name": name, "x": plain(x), "y": plain(y), "colour": colour, "line": line}
         if spread is not None:

@@ -143,7 +143,8 @@ def cards_of(found: Measures, closed: bool = True) -> list[Entry]:
               found.work_of_separation_uncertainty),
         entry("hysteresis", found.hysteresis, "J", "net work of the loop", found.hysteresis_uncertainty) if closed
         else entry("net work so far", found.hysteresis, "J", "the loop is not closed"),
-        entry("snap-in force", snap_in.tension, "N", "largest tension on the way in", snap_in.uncertainty),
+        entry("snap-in force", snap_in.tension, "N", "largest tension on the way in", snap_in.uncertainty)
+        if closed or found.preload is not None else entry("snap-in force", None, "N", "the approach is not over"),
         entry("preload", found.preload, "N", "force at the end of the approach"),
     ]  # fmt: skip
     for kind, areas in list(found.areas.items())[:1]:

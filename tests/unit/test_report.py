@@ -148,7 +148,10 @@ def test_folders_of_all_kinds_give_a_page(folder, tmp_path):
         file.write("1.0,2.0")
     page = report(live).read_text(encoding="utf-8")
     assert "the loop is not closed" in page and "has written no snapshots" in page and "net work so far" in page
-    (live / "curve.csv").write_text((folder / "curve.csv").read_text().splitlines(keepends=True)[0])
+    rows = (folder / "curve.csv").read_text().splitlines(keepends=True)
+    (live / "curve.csv").write_text("".join(rows[:20]))
+    assert "the approach is not over" in report(live).read_text(encoding="utf-8")
+    (live / "curve.csv").write_text(rows[0])
     page = report(live).read_text(encoding="utf-8")
     assert "the numbers can&#39;t be shown" in page and "has no rows" in page and not data_of(page)["charts"]
     (live / "energy.csv").write_text("nothing\n")

@@ -208,12 +208,12 @@ class Chart {
   }
 
   drawMarks(parent) {
-    for (const mark of this.data.marks) {
+    this.data.marks.forEach((mark, number) => {
       const x = this.atX(mark.x), y = this.atY(mark.y), end = x > this.box.x + this.box.w * 0.8;
       node("path", {d: `M${x} ${y - 5}l5 5l-5 5l-5 -5z`, style: "fill:var(--c1)"}, parent);
-      const where = {x: x + (end ? -9 : 9), y: y - 7, "text-anchor": end ? "end" : "start"};
+      const where = {x: x + (end ? -9 : 9), y: y + (number % 2 ? 18 : -7), "text-anchor": end ? "end" : "start"};
       node("text", {...where, style: "fill:var(--ink);paint-order:stroke;stroke:var(--paper);stroke-width:3"}, parent, mark.text);
-    }
+    });
   }
 
   stretch([x0, y0], [x1, y1]) {
