@@ -9,7 +9,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Self
 
 from pgfmd.files.table_reading import RISE
-from pgfmd.forecast.progress import Moment, outlook
+from pgfmd.forecast.progress import Moment, Outlook, outlook
 from pgfmd.host.launchers import is_launched
 from pgfmd.host.streams import say
 from pgfmd.solver.simulation import Observer
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 EVERY = 0.5
 """Least time [s] between two drawings."""
+PATIENCE = 50.0
+"""Least time between two estimates of what is left, in times that one of them takes: so they cost 2 % of the run."""
 SPAN = 10.0
 """Time [s] over which the rate is averaged."""
 ROWS = 512
@@ -55,6 +57,7 @@ class ProgressBar(Observer):
         self.marks: deque[tuple[float, int]] = deque()
         self.approach: deque[tuple[float, float]] = deque(maxlen=ROWS)
         self.dwell_steps = 0
+        self.ahead, self.asked, self.next = Outlook(), 0, 0.0
 
     def __enter__(self) -> Self:
         self.bar.start()
@@ -115,19 +118,13 @@ class ProgressBar(Observer):
         return (steps - before) / (now - since) if steps > before and now > since else None
 
     def _draw(self, simulation: Simulation, rate: float | None) -> None:
-        assert self.scene is not None, "`of` comes first"
-        state = simulation.state
-        met = state.preload_time is not None
-        ahead = outlook(self.scene, Moment(
-            simulation.phase.name, state.time, simulation.punch_position, state.force, state.last_step,
-            state.counters.steps, stiffness=self._stiffness(), dwell_steps=self.dwell_steps,
-            preload_time=state.preload_time, depth=-state.preload_place if met else None,
-        ))  # fmt: skip
+        state, ahead = simulation.state, self._outlook(simulation)
         told = [f"F {1e3 * state.force + 0.0:.3f} mN", f"{state.counters.steps} steps"]
         if rate:
             told.append(f"{rate:.1f}/s")
             if ahead.steps is not None:
-                told.append(f"about {_clock(ahead.steps / rate)} left{f' {ahead.remark}' if ahead.remark else ''}")
+                left = max(ahead.steps - (state.counters.steps - self.asked), 0.0) / rate
+                told.append(f"about {_clock(left)} left{f' {ahead.remark}' if ahead.remark else ''}")
             elif ahead.remark:
                 told.append(ahead.remark)
         fields: dict[str, Any] = {"description": simulation.phase.name, "told": "  ".join(told)}
@@ -137,6 +134,22 @@ class ProgressBar(Observer):
             self.bar.update(self.task, refresh=True, **fields)
         except (OSError, ValueError):
             self.hide()
+
+    def _outlook(self, simulation: Simulation) -> Outlook:
+        """The estimate of what is left, as it was when `asked` steps had been made."""
+        assert self.scene is not None, "`of` comes first"
+        began = time.monotonic()
+        if began < self.next:
+            return self.ahead
+        state, met = simulation.state, simulation.state.preload_time is not None
+        self.ahead = outlook(self.scene, Moment(
+            simulation.phase.name, state.time, simulation.punch_position, state.force, state.last_step,
+            state.counters.steps, stiffness=self._stiffness(), dwell_steps=self.dwell_steps,
+            preload_time=state.preload_time, depth=-state.preload_place if met else None,
+        ))  # fmt: skip
+        self.asked, now = state.counters.steps, time.monotonic()
+        self.next = now + PATIENCE * (now - began)
+        return self.ahead
 
     def _stiffness(self) -> float | None:
         """Slope [N/m] of the force over the indentation at the end of the approach, as `CurveTail.stiffness`."""

@@ -14,14 +14,18 @@ from rich.console import Console
 
 from pgfmd.cli import main
 from pgfmd.errors import ResultError
-from pgfmd.forecast.progress import outlook
+from pgfmd.files.table_reading import CurveTail
+from pgfmd.forecast.progress import Outlook
 from pgfmd.output import progress_bar
+from pgfmd.results import load
 from pgfmd.results.status import FINISHED, RUNNING, Status
 from pgfmd.watching import server, terminal
 from pgfmd.watching.view import Glimpse, GrowingCurve, View, line_of
 from tests.unit.chromium import Browser, executable
 from tests.unit.small_runs import SCENE, run
 from tests.unit.synthetic_results import write_results
+
+COLUMNS = ("time [s]", "displacement [m]", "force [N]", "step [s]")
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +163,7 @@ def test_the_server_shows_one_page_and_no_file(folder):
         headers, page = get(shown.address)
         assert b"new Chart" in page and "connect-src 'self'" in headers["Content-Security-Policy"]
         found = json.loads(get(shown.address + "data")[1])
-        assert found["over"] and found["map"]["image"].startswith("data:image/png") and shown.served.is_set()
+        assert found["over"] and found["map"]["image"].startswith("data:image/png") and shown.served.wait(30)
         assert [chart["key"] for chart in found["charts"]] == ["force", "time"]
         home = shown.address.removesuffix(f"{shown.secret}/")
         for path in ("", "data", f"{shown.secret}/../", f"{shown.secret}/curve.csv", "etc/passwd", f"{shown.secret}x/"):
@@ -240,8 +244,11 @@ def test_a_terminal_has_a_bar_and_the_run_is_the_same(folder, tmp_path, monkeypa
     )
     monkeypatch.setattr(progress_bar, "EVERY", 0.0)
     monkeypatch.setattr(progress_bar, "is_wanted", lambda: True)
-    seen = []
-    monkeypatch.setattr(progress_bar, "outlook", lambda *arguments: seen.append(outlook(*arguments)) or seen[-1])
+    monkeypatch.setattr(progress_bar, "PATIENCE", 0.0)
+    moments = []
+    monkeypatch.setattr(
+        progress_bar, "outlook", lambda _, moment: moments.append(moment) or Outlook(moment.time / 10.0, 60.0, "or so")
+    )
     monkeypatch.setattr(sys, "stdout", said := Terminal())
     with pytest.raises(SystemExit) as end:
         main(["run", *SCENE, "--out", str(tmp_path / "bar")])
@@ -249,9 +256,17 @@ def test_a_terminal_has_a_bar_and_the_run_is_the_same(folder, tmp_path, monkeypa
     assert (tmp_path / "bar" / "curve.csv").read_bytes() == (folder / "curve.csv").read_bytes()
     text = drawn.getvalue()
     assert " detached  t " in text and "  preload  t " in text and "approach" in text and "retract" in text
-    assert "left" in text and "/s" in text and text.count("warning: ") >= 1
-    shares = [each.progress for each in seen]
-    assert len(shares) > 50 and shares[0] < 0.05 and shares[-1] > 0.8
+    assert " left or so" in text and "/s" in text and text.count("warning: ") >= 1
+    rows = set(zip(*(load(folder).curve[name] for name in COLUMNS), strict=True))
+    assert len(moments) > 50
+    assert all((each.time, each.displacement, each.force, each.step) in rows for each in moments)
+    last = moments[-1]
+    assert last.depth == pytest.approx(-load(folder).events["displacement [m]"][0]) and last.preload_time < last.time
+    # What the bar knows of the slope of the force is what `status` reads off the file.
+    approach = max((each for each in moments if each.phase == "approach"), key=lambda each: each.time)
+    lines = (folder / "curve.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "part.csv").write_text("".join(lines[: approach.steps + 2]))
+    assert approach.stiffness == pytest.approx(CurveTail(tmp_path / "part.csv").stiffness, rel=1e-12)
     # Once it is gone, lines are said as ever.
     assert "results: " not in text and "results: " in said.getvalue() and "left" not in said.getvalue()
 
