@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from .plots.rheology import plot_fit, plot_rheology
     from .plots.sites import plot_sites
     from .punch.export import export_punch
+    from .reporting.report import report
     from .results import load
     from .results.status import status_of as status
     from .results.verify import verify
@@ -68,6 +69,7 @@ _HOMES = {
     "analyse": "analysis.summary:analyse",
     "compare": "analysis.comparison:compare",
     "fit_prony": "characterisation.rheology_table:fit_prony",
+    "report": "reporting.report:report",
     "study": "studies.study:study",
     "converge": "studies.study:converge",
     "plot_results": "plots.folder:plot_results",
@@ -131,6 +133,7 @@ __all__ = [
     "plot_study_numbers",
     "plot_time",
     "plot_twin",
+    "report",
     "run",
     "run_scene",
     "shipped_scenes",

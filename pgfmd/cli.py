@@ -17,9 +17,11 @@ from .commands import fit as fit_command
 from .commands import fit_prony as fit_prony_command
 from .commands import plot as plot_command
 from .commands import punch as punch_command
+from .commands import report as report_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
+from .commands import watch as watch_command
 from .commands.printing import command
 from .commands.run import Changes, Overrides, SceneName, all_changes
 from .errors import PgfmdError, Problem, ResultError, SceneError
@@ -166,8 +168,10 @@ app.command()(fit_prony_command.fit_prony)
 app.command()(run_command.run)
 app.command()(status_command.status)
 app.command()(status_command.verify)
+app.command()(watch_command.watch)
 app.command()(analysis_command.analyse)
 app.command()(analysis_command.compare)
+app.command()(report_command.report)
 app.command()(fit_command.fit)
 app.command()(study_command.study)
 app.command()(study_command.converge)

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
     from .scene import Scene
-    from .solver.simulation import Simulation
+    from .solver.simulation import Observer, Simulation
 
 LEAST_STEPS = 2
 """Steps that a process must have made before its limit of time to call that progress."""
@@ -58,12 +58,14 @@ class Options:
     """How a run deals with what is in its folder, and with limits of time.
 
     fresh: begin anew, and keep the old results aside. allow: keys of the scene, or sections, that may have changed
-    since the run began. timing: of checkpoints (restart.checkpoint_policy.Timing).
+    since the run began. timing: of checkpoints (restart.checkpoint_policy.Timing). progress: an observer of a scene that
+    shows how far the run is, on rank 0, instead of the lines that are said every few seconds (output.progress_bar).
     """
 
     fresh: bool = False
     allow: tuple[str, ...] = ()
     timing: Timing = field(default_factory=Timing)
+    progress: Callable[[Scene], Observer] | None = None
 
 
 def run_scene(
@@ -164,7 +166,8 @@ def _run(
     expected = _require_space(simulation, scene, comm, folder)
     text = scene.to_toml().encode()
     history = History(comm.size, versions(), began)
-    outputs = Outputs(simulation, scene, comm, folder, say, guard)
+    progress = options.progress(scene) if options.progress and comm.rank == 0 else None
+    outputs = Outputs(simulation, scene, comm, folder, say, guard, progress)
     try:
         with StopSignals(comm) as signals:
             files = storage.on_root(comm, "the scene's files", lambda: contents_of(scene))

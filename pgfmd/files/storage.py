@@ -32,6 +32,7 @@ SITES_FILE = "sites.csv"
 FIELDS_FILE = "fields.h5"
 RUN_FILE = "run.json"
 ANALYSIS_FILE = "analysis.json"
+REPORT_FILE = "report.html"
 SCENE_FILE = "scene.resolved.toml"
 CHECKPOINT_FILE = "checkpoint.h5"
 PREVIOUS_CHECKPOINT_FILE = "checkpoint.previous.h5"
@@ -122,7 +123,7 @@ def set_aside(directory: Path) -> Path | None:
         return None
     target = next(folder for k in range(1, 10**6) if not os.path.lexists(folder := directory / f"previous-{k}"))
     target.mkdir()
-    for file in (*old, *sorted(directory.glob("*.png"))):
+    for file in (*old, *sorted(directory.glob("*.png")), *directory.glob(REPORT_FILE)):
         file.rename(target / file.name)
     return target
 

@@ -342,14 +342,19 @@ class Progress(Observer):
         if now - self.last < self.every and event.kind not in ("preload", STEP_END, "end"):
             return
         self.last = now
-        state = simulation.state
-        area = state.contact_points * simulation.points.grid.cell_area
-        rate = (state.counters.steps - self.first_step) / max(now - self.began, 1e-9)
-        what = {"end": state.finished, "preload": "preload"}.get(event.kind, simulation.phases[state.stepped].name)
-        if simulation.has_cycles:
-            what = f"{simulation.phases[state.stepped].cycle} {what}"
-        self.say(
-            f"{what:>9}  t {state.time:.4g} s  indentation {-simulation.punch_position * 1e6:.4f} um"
-            f"  force {state.force * 1e3 + 0.0:.4f} mN  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s"
-            f"  {state.counters.steps} steps, {rate:.1f}/s"
-        )
+        rate = (simulation.state.counters.steps - self.first_step) / max(now - self.began, 1e-9)
+        self.say(progress_line(simulation, event, rate))
+
+
+def progress_line(simulation: Simulation, event: Event, rate: float) -> str:
+    """The present state in a line. rate: of steps per second."""
+    state = simulation.state
+    area = state.contact_points * simulation.points.grid.cell_area
+    what = {"end": state.finished, "preload": "preload"}.get(event.kind, simulation.phases[state.stepped].name)
+    if simulation.has_cycles:
+        what = f"{simulation.phases[state.stepped].cycle} {what}"
+    return (
+        f"{what:>9}  t {state.time:.4g} s  indentation {-simulation.punch_position * 1e6:.4f} um"
+        f"  force {state.force * 1e3 + 0.0:.4f} mN  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s"
+        f"  {state.counters.steps} steps, {rate:.1f}/s"
+    )

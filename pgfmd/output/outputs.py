@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pgfmd.scene import Scene
     from pgfmd.scene.output_section import Rhythm
     from pgfmd.solver.interruption import StopCondition
-    from pgfmd.solver.simulation import Simulation
+    from pgfmd.solver.simulation import Observer, Simulation
     from pgfmd.solver.state import State
 
 
@@ -41,9 +41,9 @@ class Outputs:
 
     def __init__(
         self, simulation: Simulation, scene: Scene, comm: Intracomm, folder: Path, say: Callable[[str], None],
-        guard: Callable[[], None] = lambda: None,
+        guard: Callable[[], None] = lambda: None, progress: Observer | None = None,
     ):  # fmt: skip
-        """guard: see FieldsFile."""
+        """guard: see FieldsFile. progress: what shows how far the run is; None for lines that are said."""
         output, points = scene.output, simulation.points.whole
         self.scene, self.comm, self.folder, self.say = scene, comm, folder, say
         self.tables: dict[str, TableFile] = {}
@@ -63,7 +63,7 @@ class Outputs:
             *([watch] if watch else []),
             observers.Events(events, watch),
             self.snapshots,
-            observers.Progress(comm, say),
+            progress or observers.Progress(comm, say),
         ]
 
     def _open(self, table: Table, every: int = 1) -> TableFile:

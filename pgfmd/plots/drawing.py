@@ -217,24 +217,24 @@ def length_unit(size: float) -> tuple[float, str]:
     return 1e-9, "nm"
 
 
-def seen_rows(*curves: np.ndarray) -> np.ndarray:
+def seen_rows(*curves: np.ndarray, parts: int = CURVE_PARTS) -> np.ndarray:
     """Numbers of the rows with which a line looks as with all of them, in their order.
 
-    Of each of `CURVE_PARTS` equal parts the first row, and where each of the curves, (rows,), is lowest and highest.
-    All rows where they are not many.
+    Of each of so many equal parts the first row, and where each of the curves, (rows,), is lowest and highest. All rows
+    where they are not many.
     """
     count = len(curves[0])
-    size = -(-count // CURVE_PARTS)
-    if count <= 2 * CURVE_PARTS * (1 + len(curves)):
+    size = -(-count // parts)
+    if count <= 2 * parts * (1 + len(curves)):
         return np.arange(count)
     starts = np.arange(0, count, size)
     found: list[Any] = [starts, [count - 1]]
     whole = count // size * size
     for curve in curves:
-        parts = np.asarray(curve)[:whole].reshape(-1, size)
+        pieces = np.asarray(curve)[:whole].reshape(-1, size)
         rest = np.asarray(curve)[whole:]
         for place in (np.argmin, np.argmax):
-            found.append(starts[: len(parts)] + place(parts, axis=1))
+            found.append(starts[: len(pieces)] + place(pieces, axis=1))
             if rest.size:
                 found.append([whole + place(rest)])
     return np.unique(np.concatenate(found))

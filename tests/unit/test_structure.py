@@ -83,6 +83,18 @@ def test_analysis_and_plots_know_no_mpi(module):
     assert "pgfmd.solver.simulation" not in loaded and "pgfmd.solver.transform" not in loaded
 
 
+def test_reports_and_watching_know_no_mpi():
+    modules = (
+        "commands.report",
+        "commands.watch",
+        "reporting.run_page",
+        "reporting.study_page",
+        "watching.server",
+        "watching.terminal",
+    )
+    assert not loaded_by(", ".join(f"pgfmd.{module}" for module in modules)) & {"mpi4py", "mpi4py_fft"}
+
+
 def test_reading_a_scene_needs_no_mpi():
     assert not loaded_by("pgfmd.scene") & set(HEAVY)
 
@@ -156,7 +168,8 @@ def test_no_folder_needs_one_that_needs_it():
 def test_no_module_needs_one_that_needs_it():
     """Nor do the modules that read, measure, draw and compare results, in whichever way they import each other."""
     ours = tuple(
-        f"pgfmd.{name}." for name in ("files", "output", "results", "plots", "analysis", "studies", "benchmark")
+        f"pgfmd.{name}."
+        for name in ("files", "output", "results", "plots", "analysis", "studies", "benchmark", "reporting", "watching")
     )
     modules = {name for name in IMPORTS if name.startswith(ours)}
     graphlib.TopologicalSorter({name: IMPORTS[name] & modules - {name} for name in modules}).prepare()
