@@ -127,7 +127,7 @@ class ProgressBar(Observer):
                 told.append(f"about {_clock(left)} left{f' {ahead.remark}' if ahead.remark else ''}")
             elif ahead.remark:
                 told.append(ahead.remark)
-        fields: dict[str, Any] = {"description": simulation.phase.name, "told": "  ".join(told)}
+        fields: dict[str, Any] = {"description": _where(simulation), "told": "  ".join(told)}
         if ahead.progress is not None:
             fields |= {"total": 1.0, "completed": ahead.progress}
         try:
@@ -146,6 +146,7 @@ class ProgressBar(Observer):
             simulation.phase.name, state.time, simulation.punch_position, state.force, state.last_step,
             state.counters.steps, stiffness=self._stiffness(), dwell_steps=self.dwell_steps,
             preload_time=state.preload_time, depth=-state.preload_displacement if met else None,
+            cycle=simulation.phase.cycle, stage=simulation.phase.stage,
         ))  # fmt: skip
         self.asked, now = state.counters.steps, time.monotonic()
         self.next = now + PATIENCE * (now - began)
@@ -159,6 +160,12 @@ class ProgressBar(Observer):
         before = next((row for row in reversed(self.approach) if row[1] <= RISE * force), self.approach[0])
         way = before[0] - place
         return (force - before[1]) / way if way > 0.0 and force > before[1] else None
+
+
+def _where(simulation: Simulation) -> str:
+    """The phase, and in a programme with repeats the cycle."""
+    phase = simulation.phase
+    return f"{phase.cycle} {phase.name}" if simulation.has_cycles else phase.name
 
 
 def _clock(seconds: float) -> str:
