@@ -211,9 +211,9 @@ def asperity_remarks(asperity: Results, scene: dict, summits: Summits, preload: 
 
 def machine_remarks(scene: Any) -> list[str]:
     """In what the model's machine is not that of a scene: it is rigid, and drives the punch itself."""
-    if not machine_compliance(scene):
+    if not (machine_compliance(scene) or scene.drive.controls_load):
         return []
-    here = "controls the force" if scene.drive.control == "load" else "has a spring"
+    here = "controls the force" if scene.drive.controls_load else "has a spring"
     return [
         f"bearing area: its asperities are on a rigid machine, and let go at drive.speed; the run's machine {here}, so "
         "compare forces, but not the work or the hysteresis"

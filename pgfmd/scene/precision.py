@@ -45,7 +45,7 @@ def best_precision(scene: Scene) -> Choice:
     Depends only on the resolved scene, not on its own precision.
     """
     solver, side, scheme = scene.solver, transform_side_about(scene), registry.scheme_of(scene)
-    if scene.drive.control == "load":
+    if scene.drive.controls_load:
         return Choice("double", "load control has no other")
     if is_soft(scene.drive.machine_stiffness, scene.substrate.contact_modulus, scene.punch.radius, scene.grid.length):
         return Choice("double", "the machine's spring is so soft that it nearly controls the load")
