@@ -165,6 +165,7 @@ def _summary(record: dict, directory: Path) -> list[str]:
     lines = []
     if record["finished"] not in ENDED_WELL:
         lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
+    lines += [f"{text}." for text in record.get("unmet_ends", [])]
     if record["pull_off_force_N"] is None:
         measured = "no pull-off force, the run ended before the retraction"
     else:

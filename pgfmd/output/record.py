@@ -107,12 +107,13 @@ def _works(simulation: Simulation, scene: Scene) -> dict:
 
 
 def _cycles(simulation: Simulation) -> dict:
-    """The numbers of each cycle of a programme with repeats, the present one included; nothing of another programme."""
-    if not simulation.has_cycles:
-        return {}
+    """Of a programme: the numbers of each cycle, the present one included, if it has repeats; and steps that ended early."""
     state = simulation.state
+    unmet = {"unmet_ends": state.unmet} if state.unmet else {}
+    if not simulation.has_cycles:
+        return unmet
     rows = [*state.cycles, state.cycle.row(state)]
-    return {"cycles": [numbers_in_record(row) for row in rows]}
+    return unmet | {"cycles": [numbers_in_record(row) for row in rows]}
 
 
 def _has_retracted(simulation: Simulation) -> bool:

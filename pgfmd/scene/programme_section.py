@@ -26,7 +26,7 @@ STEPS: dict[str, tuple[frozenset[str], frozenset[str]]] = {
     "hold": (frozenset(), frozenset({"of", "until", "duration", "turn_time"})),
     "ramp": (frozenset({"rate"}), frozenset({"until", "to", "duration", "turn_time"})),
     "oscillate": (frozenset({"amplitude", "frequency", "cycles"}), frozenset({"turn_time"})),
-    "follow": (frozenset({"file", "of"}), frozenset({"turn_time"})),
+    "follow": (frozenset({"file", "of"}), frozenset()),
 }
 """For every kind of step the keys that it needs and those that it may have."""
 ALSO = {"for": "duration"}
