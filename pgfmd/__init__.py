@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .plots.curves import plot_curve, plot_energy, plot_force, plot_time
     from .plots.cycles import plot_cycles
     from .plots.folder import plot_results
+    from .plots.live import LivePlot
     from .plots.maps import plot_contact_maps, plot_stress_maps
     from .plots.numbers import plot_numbers
     from .plots.punch import plot_punch
@@ -95,11 +96,13 @@ _HOMES = {
     "plot_convergence": "studies.extrapolation:plot_convergence",
     "plot_rheology": "plots.rheology:plot_rheology",
     "plot_fit": "plots.rheology:plot_fit",
+    "LivePlot": "plots.live:LivePlot",
     "PgfmdError": "errors:PgfmdError",
 }
 """Where each name of the interface is defined: module and name."""
 
 __all__ = [
+    "LivePlot",
     "PgfmdError",
     "Scene",
     "__version__",
