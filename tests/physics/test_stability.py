@@ -37,7 +37,7 @@ CLOSING = {
     "elastic, flat": ("flat-punch", 16, ELASTIC),
     "nearly elastic": ("tri-tack", 24, ratio(1.000001)),
     "half as stiff again": ("tri-tack", 23, ratio(1.5)),
-    "8": ("tri-tack", 47, ratio(8)),
+    "8": ("tri-tack", 31, ratio(8)),
     "1000": ("tri-tack", 37, ratio(1000)),
     "1e6": ("flat-punch", 48, ratio(1e6)),
     "two elements twelve decades apart": ("tri-tack", 23, *decades(2)),
