@@ -30,12 +30,12 @@ def decades(elements):
 
 
 CLOSING = {
-    "elastic": ("tri-tack", 31, ELASTIC),
-    "elastic, heights jittered": ("hex-tack", 32, ELASTIC, JITTER),
+    "elastic": ("tri-tack", 23, ELASTIC),
+    "elastic, heights jittered": ("hex-tack", 24, ELASTIC, JITTER),
     "elastic, deep": ("hex-tack", 24, ELASTIC, "drive.preload=1 N"),
     "elastic, short range": ("hex-tack", 24, ELASTIC, SHORT),
     "elastic, flat": ("flat-punch", 16, ELASTIC),
-    "nearly elastic": ("tri-tack", 24, ratio(1.000001)),
+    "nearly elastic": ("tri-tack", 19, ratio(1.000001)),
     "half as stiff again": ("tri-tack", 23, ratio(1.5)),
     "8": ("tri-tack", 31, ratio(8)),
     "1000": ("tri-tack", 37, ratio(1000)),
@@ -43,7 +43,7 @@ CLOSING = {
     "two elements twelve decades apart": ("tri-tack", 23, *decades(2)),
     "forty elements": ("tri-tack", 41, *decades(40)),
     "forty elements, held": ("hex-tack", 32, *decades(40), FAST, "drive.dwell=1e4 s"),
-    "slow": ("tri-tack", 32, SLOW),
+    "slow": ("tri-tack", 24, SLOW),
     "fast": ("tri-tack", 48, FAST),
     "fast, hexagonal": ("hex-tack", 43, FAST),
     "fast, flat": ("flat-punch", 48, FAST),
