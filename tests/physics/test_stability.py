@@ -35,7 +35,7 @@ CLOSING = {
     "elastic, deep": ("hex-tack", 24, ELASTIC, "drive.preload=1 N"),
     "elastic, short range": ("hex-tack", 24, ELASTIC, SHORT),
     "elastic, flat": ("flat-punch", 16, ELASTIC),
-    "nearly elastic": ("tri-tack", 19, ratio(1.000001)),
+    "nearly elastic": ("tri-tack", 24, ratio(1.000001)),
     "half as stiff again": ("tri-tack", 23, ratio(1.5)),
     "8": ("tri-tack", 31, ratio(8)),
     "1000": ("tri-tack", 37, ratio(1000)),
