@@ -190,8 +190,9 @@ def test_plot_rheology_draws_a_scene_and_refuses_an_elastic_one(call, tmp_path):
 @pytest.mark.parametrize(
     "arguments", [["run"], ["rnu", "tri-tack"], ["check", "tri-tack", "--ranks", "0"], ["bench", "all"]]
 )
-def test_usage_errors(call, arguments):
-    done = call(*arguments)
+def test_usage_errors(arguments, tmp_path):
+    # In a process of its own: `run` listens to signals from its very start.
+    done = pgfmd_command(arguments, tmp_path)
     assert done.returncode == 2 and "Usage: pgfmd" in done.stderr and "Traceback" not in done.stderr
 
 
