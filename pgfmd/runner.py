@@ -29,7 +29,6 @@ from .physics.heightfile import forget
 from .restart import resume
 from .restart.checkpoint_policy import CheckpointPolicy, Timing
 from .restart.checkpoints import Checkpoints
-from .restart.disk_space import require_space
 from .restart.history import History
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
@@ -298,7 +297,7 @@ def _require_space(simulation: Simulation, scene: Scene, comm: Intracomm, folder
         count = 2 + snapshot_count(scene)
     checkpoint = comm.allreduce(arrays + later) + (8 * grid.n**2 if scene.output.surface else 0)
     frame = Layout(grid.n, grid.length, points.block_start, points.nb, scene.output.surface).frame_bytes
-    storage.on_root(comm, f"{folder}", lambda: require_space(folder, checkpoint, count * frame))
+    storage.on_root(comm, f"{folder}", lambda: storage.require_space(folder, checkpoint, count * frame))
     return checkpoint
 
 

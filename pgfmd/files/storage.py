@@ -10,6 +10,7 @@ import errno
 import json
 import math
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -43,6 +44,9 @@ RESULTS = (*CHECKPOINT_FILES, RUN_FILE, ANALYSIS_FILE, ENERGY_FILE, EVENTS_FILE,
            FIELDS_FILE + UNDO_SUFFIX, FIELDS_FILE, SCENE_FILE, CURVE_FILE)  # fmt: skip
 """The files of a run, in the order in which they are moved away: if this is interrupted, the rest must not look like a
 run that can be continued, nor, as long as there is a curve, like an empty folder."""
+
+CHECKPOINT_COPIES = 3
+"""Number of checkpoints that exist at the same time: the newest, the one before, and the one being written."""
 
 Value = TypeVar("Value")
 
@@ -126,6 +130,23 @@ def set_aside(directory: Path) -> Path | None:
     for file in (*old, *sorted(directory.glob("*.png")), *directory.glob(REPORT_FILE)):
         file.rename(target / file.name)
     return target
+
+
+def require_space(folder: Path, checkpoint_bytes: int, snapshot_bytes: int) -> None:
+    """Raises ResultError if there is not enough space for checkpoints (of this size each) and snapshots (in total).
+    Files that already exist in the folder of a continued run count as space."""
+    about = shutil.disk_usage(folder)
+    if about.total == 0:
+        # Some file systems in user space do not report their free space. A full disk is then detected when it is full.
+        return
+    free = about.free + sum(file.stat().st_size for file in folder.iterdir() if file.suffix == ".h5")
+    needed = CHECKPOINT_COPIES * checkpoint_bytes + snapshot_bytes
+    if needed > free:
+        raise ResultError(
+            f"{folder}: the run needs {needed / 1e9:.3g} GB of disk space ({CHECKPOINT_COPIES} checkpoints of "
+            f"{checkpoint_bytes / 1e9:.3g} GB, and snapshots), but only {free / 1e9:.3g} GB are free. Make room, choose "
+            "another --out, or take fewer output.snapshots"
+        )
 
 
 def secure_space(path: Path, start: int, size: int) -> None:
