@@ -43,6 +43,9 @@ RESULTS = (*CHECKPOINT_FILES, RUN_FILE, ANALYSIS_FILE, ENERGY_FILE, EVENTS_FILE,
 """The files of a run, in the order in which they are moved away: if this is interrupted, the rest must not look like a
 run that can be continued, nor, as long as there is a curve, like an empty folder."""
 
+PICTURES = ("png", "pdf", "svg", "mp4", "gif")
+"""Suffixes of pictures and movies, which are drawn into the folder of a run."""
+
 Value = TypeVar("Value")
 
 
@@ -122,7 +125,8 @@ def set_aside(directory: Path) -> Path | None:
         return None
     target = next(folder for k in range(1, 10**6) if not os.path.lexists(folder := directory / f"previous-{k}"))
     target.mkdir()
-    for file in (*old, *sorted(directory.glob("*.png"))):
+    pictures = [path for path in sorted(directory.iterdir()) if path.suffix.removeprefix(".") in PICTURES]
+    for file in (*old, *pictures):
         file.rename(target / file.name)
     return target
 

@@ -105,7 +105,9 @@ def test_the_group_for_vtk_shows_the_same_values_without_a_copy(cut_and_grown):
         assert group["Steps"].attrs["NSteps"] == 3 and list(group["Steps/Values"]) == [0.0, 0.5, 1.0]
         assert list(group.attrs["WholeExtent"]) == [0, side - 1, 0, side - 1, 0, 0]
         x = file["x_cell" if surface else "x"]
-        np.testing.assert_allclose(group.attrs["Origin"][0] + group.attrs["Spacing"][0] * np.arange(side), x, rtol=1e-13)
+        np.testing.assert_allclose(
+            group.attrs["Origin"][0] + group.attrs["Spacing"][0] * np.arange(side), x, rtol=1e-13
+        )
         for name in ("gap", "traction", "displacement"):
             shown = group["PointData"][name]
             assert shown.is_virtual == surface and shown.shape == (3, side, side)
