@@ -121,7 +121,7 @@ def create(path: Path, layout: Layout, told: Mapping[str, float] = MappingProxyT
             file[name].dims[0].attach_scale(file["snapshot"])
         for name in layout.arrays:
             _create_array(file, name, layout)
-        vtk_group.add(file, layout, 0)
+        vtk_group.add(file, layout)
 
 
 def _create_labels(file: h5py.File) -> None:
@@ -188,7 +188,7 @@ def resize(path: Path, layout: Layout, frames: int) -> None:
         for name in ("snapshot", *SNAPSHOT_NUMBERS, "label", *layout.arrays, *sums):
             file[name].resize(frames, axis=0)
         file["snapshot"][:] = np.arange(frames)
-        vtk_group.count_steps(file, frames)
+        vtk_group.update(file)
 
 
 def checksum_of(name: str) -> str:
@@ -230,9 +230,11 @@ def describe(
             file[name][frame] = numbers[name]
         for name, total in sums.items():
             file[checksum_of(name)][frame] = total
-        if vtk_group.GROUP not in file:
-            # A file that an earlier version began.
-            vtk_group.add(file, layout, len(file["snapshot"]))
+        if vtk_group.GROUP in file:
+            vtk_group.update(file)
+        else:
+            # An earlier version began it.
+            vtk_group.add(file, layout)
 
 
 def reserve(path: Path, size: int) -> int:

@@ -1,7 +1,8 @@
 """The group `/VTKHDF` of `fields.h5`, by which ParaView and VTK (from 9.4 on) read its snapshots as images over time.
 
-Format: https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format. The group holds no values of its own, only
-links to the variables at the root, so it grows and is cut back with them. All that changes is the number of steps. No MPI.
+Format: https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format. The group has no arrays of its own, only links to
+those at the root, so it grows and is cut back with them. Its own are the number of steps, their times, and which snapshot each
+is: VTK needs them in the order of time, and the snapshot of the largest tension is written last. No MPI.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ if TYPE_CHECKING:
 GROUP = "VTKHDF"
 NUMBERS_SHOWN = ("force", "punch_position")
 """Numbers of a snapshot that are shown with it, as data of the field."""
+CHUNK = 64
+"""Steps for which room is made at once."""
 
 
-def add(file: h5py.File, layout: Layout, frames: int) -> None:
-    """Adds the group to a file with `frames` snapshots.
+def add(file: h5py.File, layout: Layout) -> None:
+    """Adds the group to a file, with the snapshots that are in it.
 
     VTK has one grid for all arrays. If the file holds the surface of the whole cell, this is the cell's, and the arrays of
     the punch's block are virtual: their values stay where they are, and all around is NaN.
@@ -37,25 +40,40 @@ def add(file: h5py.File, layout: Layout, frames: int) -> None:
     group.attrs["Spacing"] = np.full(3, spacing)
     group.attrs["Direction"] = np.eye(3).ravel()
     points, numbers = group.create_group("PointData"), group.create_group("FieldData")
+    for name in NUMBERS_SHOWN:
+        numbers[name] = _link(name)
     for name, (_, _, points_a_side, _) in layout.arrays.items():
         if points_a_side == count:
             points[name] = _link(name)
         else:
             _add_virtual(file, points, name, layout)
     steps = group.create_group("Steps")
-    steps.attrs["NSteps"] = frames
-    steps["Values"] = _link("time")
-    offsets = steps.create_group("FieldDataOffsets")
-    for name in NUMBERS_SHOWN:
-        numbers[name] = _link(name)
-        # The place of each step's number among all of them, which is the number of the snapshot.
-        offsets[name] = _link("snapshot")
+    steps.attrs["NSteps"] = 0
+    order = _growing(steps, "Order", "i8")
+    # A dimension of its own, for readers of netCDF.
+    order.make_scale("Order")
+    _growing(steps, "Values", "f8").dims[0].attach_scale(order)
+    for shown, offsets in ((points, "PointDataOffsets"), (numbers, "FieldDataOffsets")):
+        places = steps.create_group(offsets)
+        for name in shown:
+            places[name] = h5py.SoftLink(order.name)
+    update(file)
 
 
-def count_steps(file: h5py.File, frames: int) -> None:
-    """Tells the group, if the file has one, how many snapshots there are now."""
-    if GROUP in file:
-        file[GROUP]["Steps"].attrs.modify("NSteps", frames)
+def update(file: h5py.File) -> None:
+    """Brings the steps to the snapshots that there are, if the file has the group."""
+    if GROUP not in file:
+        return
+    steps, times = file[GROUP]["Steps"], file["time"][:]
+    order = np.argsort(times, kind="stable")
+    for name, values in (("Order", order), ("Values", times[order])):
+        steps[name].resize(len(times), axis=0)
+        steps[name][:] = values
+    steps.attrs.modify("NSteps", len(times))
+
+
+def _growing(group: h5py.Group, name: str, dtype: str) -> h5py.Dataset:
+    return group.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(CHUNK,))
 
 
 def _link(name: str) -> h5py.SoftLink:

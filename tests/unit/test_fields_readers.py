@@ -22,13 +22,18 @@ def open_file(path, surface: bool = False) -> FieldsFile:
     return FieldsFile(path, MPI.COMM_SELF, 2 * NB, 1e-3, 3, NB, 0, NB, np.ones((NB, NB), dtype=bool), surface)
 
 
+LATE = "largest tension"
+"""Is written after snapshots that were taken after it."""
+
+
 def add(file: FieldsFile, labels: list[str], surface: bool = False) -> None:
     for label in labels:
         arrays = [np.full((NB, NB), k + file.frames) for k in (0.1, 0.2, 0.3)]
         # Every row is another one, and every column.
         arrays[0] += np.arange(NB) / 16 + np.arange(NB)[:, None] / 1024
         whole = (np.arange((2 * NB) ** 2).reshape(2 * NB, 2 * NB) + 1000.0 * file.frames, 0) if surface else None
-        file.append(label, 0.5 * file.frames, -1e-6 * file.frames, 1e-3, *arrays, surface=whole)
+        time = 0.5 * file.frames - (0.75 if label == LATE else 0.0)
+        file.append(label, time, -1e-6 * file.frames, 1e-3 * file.frames, *arrays, surface=whole)
 
 
 def make_old(path) -> None:
@@ -89,12 +94,12 @@ def test_files_of_either_kind_grow_are_cut_back_and_verified(tmp_path, old):
 
 @pytest.fixture(params=[False, True], ids=["punch", "surface"])
 def cut_and_grown(request, tmp_path):
-    """A file of three snapshots, one of them written after it was cut back; and whether it holds the whole surface."""
+    """A file of four snapshots, two of them written after it was cut back, the last taken before the third; and whether it holds the whole surface."""
     path, surface = tmp_path / "fields.h5", request.param
     add(open_file(path, surface), LABELS, surface)
     file = open_file(path, surface)
     file.truncate(2)
-    add(file, ["another"], surface)
+    add(file, ["another", LATE], surface)
     return path, surface
 
 
@@ -102,7 +107,7 @@ def test_the_group_for_vtk_shows_the_same_values_without_a_copy(cut_and_grown):
     path, surface = cut_and_grown
     with h5py.File(path) as file:
         group, side = file["VTKHDF"], 2 * NB if surface else NB
-        assert group["Steps"].attrs["NSteps"] == 3 and list(group["Steps/Values"]) == [0.0, 0.5, 1.0]
+        assert group["Steps"].attrs["NSteps"] == 4 and list(group["Steps/Values"]) == [0.0, 0.5, 0.75, 1.0]
         assert list(group.attrs["WholeExtent"]) == [0, side - 1, 0, side - 1, 0, 0]
         x = file["x_cell" if surface else "x"]
         np.testing.assert_allclose(
@@ -110,13 +115,14 @@ def test_the_group_for_vtk_shows_the_same_values_without_a_copy(cut_and_grown):
         )
         for name in ("gap", "traction", "displacement"):
             shown = group["PointData"][name]
-            assert shown.is_virtual == surface and shown.shape == (3, side, side)
+            assert shown.is_virtual == surface and shown.shape == (4, side, side)
             inside = shown[:, 3 : 3 + NB, 3 : 3 + NB] if surface else shown[:]
             np.testing.assert_array_equal(inside, file[name])
-            assert np.isnan(shown[:]).sum() == 3 * (side**2 - NB**2)
+            assert np.isnan(shown[:]).sum() == 4 * (side**2 - NB**2)
         if surface:
             assert group["PointData/surface_displacement"] == file["surface_displacement"]
-        assert group["FieldData/force"] == file["force"] and list(group["Steps/FieldDataOffsets/force"]) == [0, 1, 2]
+        assert group["FieldData/force"] == file["force"]
+        assert list(group["Steps/FieldDataOffsets/force"]) == list(group["Steps/PointDataOffsets/gap"]) == [0, 1, 3, 2]
 
 
 def test_a_file_of_an_earlier_version_gets_the_group_when_it_grows(tmp_path):
@@ -134,7 +140,7 @@ def test_vtk_reads_each_snapshot_at_its_time(cut_and_grown):
     reader = reading.vtkHDFReader()
     reader.SetFileName(str(path))
     reader.UpdateInformation()
-    assert reader.GetNumberOfSteps() == 3
+    assert reader.GetNumberOfSteps() == 4
     with h5py.File(path) as file:
         for frame, time in enumerate(file["time"]):
             reader.UpdateTimeStep(time)
