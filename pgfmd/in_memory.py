@@ -235,7 +235,7 @@ def simulate(
     history = History(comm.size, versions(), began)
     with _heeding_ctrl_c() as asked:
         keeper = _Keeper(simulation, asked, each)
-        snapshots = Snapshots(fields, [], [])
+        snapshots = Snapshots(fields, [], [], intervals=scene.output.snapshot_intervals)
         simulation.observers += [recorder, snapshots, keeper]
         try:
             snapshots.replan(simulation.state, *snapshots_wanted(scene, simulation.state, comm, _say_nothing, keeper))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -203,15 +203,15 @@ class Snapshots(Observer):
 
     wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface: how
     to have the whole cell's surface, or None. follow: called with number, time [s], gap [m] and traction [Pa] of each snapshot
-    written, of the whole punch.
+    written, of the whole punch. intervals: times [s] of whose multiples each has a snapshot.
     The largest tension is known only when it is over: the surface is kept back until then.
     """
 
     def __init__(
         self, file: SnapshotFile, wanted: list[tuple[float, str]], fractions: list[float], surface: Surface | None = None,
-        follow: Callable[[int, float, np.ndarray, np.ndarray], None] | None = None,
+        follow: Callable[[int, float, np.ndarray, np.ndarray], None] | None = None, intervals: Sequence[float] = (),
     ):  # fmt: skip
-        self.file, self.surface, self.follow = file, surface, follow
+        self.file, self.surface, self.follow, self.intervals = file, surface, follow, intervals
         self.agenda = Agenda(sorted(wanted), fractions)
 
     def replan(self, state: State, wanted: list[tuple[float, str]], fractions: list[float]) -> None:
@@ -229,7 +229,9 @@ class Snapshots(Observer):
         self.agenda.wanted = [(time, label) for time, label in self.agenda.wanted]
 
     def next_time(self, simulation: Simulation) -> float:
-        return self.agenda.wanted[0][0] if self.agenda.wanted else math.inf
+        time = simulation.state.time
+        coming = [(_multiples(time, interval) + 1) * interval for interval in self.intervals]
+        return min([entry[0] for entry in self.agenda.wanted[:1]] + coming, default=math.inf)
 
     def observe(self, simulation: Simulation, event: Event) -> None:
         state, tension = simulation.state, self.agenda.tension
@@ -243,15 +245,19 @@ class Snapshots(Observer):
         elif event.kind == "end" and tension.held:
             self._write(simulation, "largest tension", tension)
         if event.kind != "end":
-            self._write_due(simulation)
+            self._write_due(simulation, event.kind in ("step", "jump"))
 
-    def _write_due(self, simulation: Simulation) -> None:
+    def _write_due(self, simulation: Simulation, stepped: bool) -> None:
         """Writes what is wanted by now; twice the same time, or one that has passed, would ask for a step of no
-        length."""
-        state, wanted = simulation.state, self.agenda.wanted
+        length. stepped: whether time has gone on since the last call."""
+        state, wanted, before = simulation.state, self.agenda.wanted, self.file.frames
         while wanted and not _is_to_come(wanted[0], state):
             _, label = wanted.pop(0)
             self._write_present(simulation, label)
+        began = state.time - state.last_step
+        passed = any(_multiples(state.time, each) > _multiples(began, each) for each in self.intervals)
+        if stepped and passed and self.file.frames == before:
+            self._write_present(simulation, f"t = {state.time:g} s")
 
     def _schedule(self, state: State) -> None:
         """Turns fractions of the time to the preload into times."""
@@ -285,6 +291,11 @@ class Snapshots(Observer):
         )  # fmt: skip
         if self.follow:
             self.follow(self.file.frames - 1, frame.time, gap(), traction())
+
+
+def _multiples(time: float, interval: float) -> int:
+    """How many multiples of an interval [s] there are up to a time [s], but for rounding."""
+    return math.floor(time / interval + 1e-9)
 
 
 def _is_to_come(entry: tuple[float, str], state: State) -> bool:

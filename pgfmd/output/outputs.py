@@ -56,7 +56,8 @@ class Outputs:
         )  # fmt: skip
         surface = _surface(simulation, scene) if output.surface else None
         watch, table = self._contact_observers(simulation) if output.patches else (None, None)
-        self.snapshots = observers.Snapshots(self.fields, [], [], surface, table)
+        intervals = scene.output.snapshot_intervals
+        self.snapshots = observers.Snapshots(self.fields, [], [], surface, table, intervals)
         simulation.observers += [
             observers.Curve(curve, energy),
             *([watch] if watch else []),

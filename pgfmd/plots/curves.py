@@ -166,6 +166,8 @@ def plot_force(*runs: Run) -> Figure:
             for text, marker, x, y in _marks(loops[0], measure(loops[0]), along):
                 place: dict[str, Any] = {"color": RED, "markersize": 5, "linestyle": "none", "label": text}
                 upper.plot(x / across[0], y / along[0], marker, **place)
+                if close is not None:
+                    close.plot(x / across[0], y / along[0], marker, **place)
         else:
             _thin_is_approach(upper)
         upper.margins(y=0.08)

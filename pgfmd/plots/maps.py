@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pgfmd.errors import ResultError
 from pgfmd.results import Results
 from pgfmd.results.reading import Run, opened
-from pgfmd.units import handy_quantity, parse_quantity
+from pgfmd.units import UnitError, handy_quantity, parse_quantity
 
 from .curves import at_foot
 from .drawing import literal, new_figure, picture, room, signed
@@ -148,10 +148,19 @@ class Maps:
 
     def _frame(self, axis: Axes, snapshot: int) -> None:
         fields, label = self.results.fields, self.results.labels[snapshot]
-        label = label if len(label) <= 30 else label[:29] + "…"
+        label = told(label, 30)
         time, force = float(fields["time"][snapshot]), 1e3 * float(fields["force"][snapshot])
         axis.set_title(f"{literal(label)}\n{time:.4g} s,  {signed(force)} mN", linespacing=1.3)
         bare(axis)
+
+
+def told(label: str, most: int) -> str:
+    """What is shown of the label of a snapshot beside its time: nothing if that is all it says; at most so many letters."""
+    try:
+        parse_quantity(label.removeprefix("t = "), "time")
+    except UnitError:
+        return label if len(label) <= most else label[: most - 1] + "…"
+    return ""
 
 
 def half_side(results: Results) -> float:

@@ -15,12 +15,12 @@ from pgfmd.errors import ResultError
 from pgfmd.results import Results
 from pgfmd.results.curve import Loop
 from pgfmd.results.reading import Run, opened
-from pgfmd.units import UnitError, handy, parse_quantity
+from pgfmd.units import handy, handy_quantity
 
 from .curves import ZOOM_BELOW, at_foot, axis_unit, draw_branches, labelled, zoom_on_tension
 from .drawing import RED, drawing, literal, new_figure, picture
 from .field_colours import COLOURINGS
-from .maps import bare, draw_image, draw_outline, draw_scale_bar, half_side, thinned
+from .maps import bare, draw_image, draw_outline, draw_scale_bar, half_side, thinned, told
 from .video_files import Film, Picture, write_video
 
 if TYPE_CHECKING:
@@ -83,8 +83,7 @@ def movie(
         film = Film(lambda dpi: stage.film(shots, dpi), DPI, rate, stage.colours)
         written, remarks = write_video(path, film)
         if len(shots) < frames:
-            few = f"{len(shots)} snapshots for {frames} frames, so some are shown for several; output.snapshots asks for more"
-            remarks = (few, *remarks)
+            remarks = (_few(results, len(shots), frames), *remarks)
         return Made(written, frames, len(shots), remarks)
 
 
@@ -106,7 +105,9 @@ def chosen(results: Results, even: str, frames: int) -> list[int]:
     """The snapshot of each frame, in the order of time: that nearest to each of evenly spaced moments, from the first
     snapshot to the last. ResultError without snapshots."""
     if not results.labels:
-        raise ResultError(f"{results.directory}: has no snapshots to be shown; output.snapshots asks for them")
+        raise ResultError(
+            f'{results.directory}: has no snapshots to be shown; output.snapshots asks for them, such as "every 1 s"'
+        )
     times = np.asarray(results.fields["time"][:], dtype=float)
     order = np.argsort(times, kind="stable")
     place = times[order]
@@ -116,6 +117,14 @@ def chosen(results: Results, even: str, frames: int) -> list[int]:
         place = np.interp(place, loop.time, way)
     wanted = np.linspace(place[0], place[-1], frames)
     return [int(order[np.argmin(np.abs(place - each))]) for each in wanted]
+
+
+def _few(results: Results, snapshots: int, frames: int) -> str:
+    """What is said where there are fewer snapshots than frames, and how a run gets as many."""
+    time = Loop.of(results).time
+    apart = handy_quantity(float(time[-1] - time[0]) / frames, "time", 2)
+    cure = f'a run with output.snapshots = ["every {apart}"] has as many'
+    return f"{snapshots} snapshots for {frames} frames, so some are shown for several; {cure}"
 
 
 @picture
@@ -222,8 +231,7 @@ class Stage:
             f"indentation {_text(indentation, *self.across, 2)}",
             f"force {_text(force, *self._force)}",
         ]
-        said = "" if _is_time(label.removeprefix("t = ")) else label if len(label) <= 40 else label[:39] + "…"
-        self.title.set_text(f"{literal(said)}\n{',  '.join(texts)}")
+        self.title.set_text(f"{literal(told(label, 40))}\n{',  '.join(texts)}")
 
     def film(self, shots: Sequence[tuple[int, int]], dpi: int) -> Iterator[Picture]:
         """Pictures of snapshots, each with the number of frames for which it is shown.
@@ -262,12 +270,3 @@ def _steady(largest: float, unit: str) -> tuple[float, str, int]:
 def _text(value: float, factor: float, unit: str, decimals: int) -> str:
     # Without the sign of a zero.
     return f"{round(value / factor, decimals) + 0.0:.{decimals}f} {unit}".replace("-", "\N{MINUS SIGN}")
-
-
-def _is_time(label: str) -> bool:
-    """Whether a label says nothing but when the snapshot was taken."""
-    try:
-        parse_quantity(label, "time")
-    except UnitError:
-        return False
-    return True

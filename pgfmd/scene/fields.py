@@ -203,6 +203,7 @@ class Section(BaseModel):
 
 
 _FRACTION = re.compile(r"\s*(?P<factor>\d*\.?\d+(?:[eE][+-]?\d+)?)\s*t_pl\s*")
+_EVERY = re.compile(r"\s*every\s+(?P<time>.+)")
 
 
 def snapshot_time(text: str) -> tuple[float, bool]:
@@ -210,7 +211,7 @@ def snapshot_time(text: str) -> tuple[float, bool]:
 
     Raises UnitError for anything else.
     """
-    expected = 'a time such as "3 s", or a fraction of the time to the preload such as "1.125 t_pl"'
+    expected = 'a time such as "3 s", a fraction of the time to the preload such as "1.125 t_pl", or "every 0.5 s"'
     match = _FRACTION.fullmatch(text) if isinstance(text, str) else None
     try:
         value = float(match["factor"]) if match else parse_quantity(text, "time")
@@ -219,6 +220,21 @@ def snapshot_time(text: str) -> tuple[float, bool]:
     if not (math.isfinite(value) and value >= 0):
         raise UnitError(expected, "it must be finite and not negative")
     return value, match is not None
+
+
+def snapshot_interval(text: str) -> float | None:
+    """0.5 of "every 0.5 s", a time [s] above zero; None of what does not begin like that. Raises UnitError."""
+    match = _EVERY.fullmatch(text) if isinstance(text, str) else None
+    if match is None:
+        return None
+    expected = 'a time after which another snapshot follows, such as "every 0.5 s"'
+    try:
+        value = parse_quantity(match["time"], "time")
+    except UnitError as error:
+        raise UnitError(expected, error.cure) from None
+    if not (math.isfinite(value) and value > 0.0):
+        raise UnitError(expected, "it must be finite and above zero")
+    return value
 
 
 def written(value: object, extra: dict[str, Any] | None) -> object:

@@ -7,7 +7,7 @@ from pydantic_core import PydanticCustomError
 
 from pgfmd.units import UnitError, format_quantity
 
-from .fields import Section, key, quantity, refuse, snapshot_time
+from .fields import Section, key, quantity, refuse, snapshot_interval, snapshot_time
 
 NEAR_GAP = 500e-9
 """Gap [m] below which a point looks closed in an optical image: about the wavelength of light."""
@@ -18,7 +18,9 @@ class Output(Section):
 
     directory: str | None = key("folder of the results; `out/<scene name>` unless said otherwise", None, min_length=1)
     snapshots: tuple[str, ...] = key(
-        'when fields are written: times ("3 s") or fractions of the time to the preload ("1.125 t_pl")', ()
+        'when fields are written: times ("3 s"), fractions of the time to the preload ("1.125 t_pl"), or again and again '
+        '("every 0.5 s")',
+        (),
     )
     every: int = key("a row of the curve is written every so many steps", 1, ge=1)
     surface: bool = key("whether snapshots hold the surface of the whole cell", False)
@@ -38,6 +40,10 @@ class Output(Section):
         texts, problems = [], []
         for entry in value:
             try:
+                interval = snapshot_interval(entry)
+                if interval is not None:
+                    texts.append(f"every {format_quantity(interval, 'time')}")
+                    continue
                 time, relative = snapshot_time(entry)
                 texts.append(f"{time!r} t_pl" if relative else format_quantity(time, "time"))
             except UnitError as error:
@@ -48,5 +54,11 @@ class Output(Section):
 
     @property
     def snapshot_times(self) -> list[tuple[float, bool]]:
-        """Every snapshot as (value, relative): a time [s], or a fraction of the time to the preload where relative."""
-        return [snapshot_time(text) for text in self.snapshots]
+        """Each single snapshot as (value, relative): a time [s], or a fraction of the time to the preload where
+        relative."""
+        return [snapshot_time(text) for text in self.snapshots if snapshot_interval(text) is None]
+
+    @property
+    def snapshot_intervals(self) -> list[float]:
+        """Times [s] after which another snapshot follows, from the start on."""
+        return [interval for text in self.snapshots if (interval := snapshot_interval(text)) is not None]

@@ -94,7 +94,8 @@ def test_files_of_either_kind_grow_are_cut_back_and_verified(tmp_path, old):
 
 @pytest.fixture(params=[False, True], ids=["punch", "surface"])
 def cut_and_grown(request, tmp_path):
-    """A file of four snapshots, two of them written after it was cut back, the last taken before the third; and whether it holds the whole surface."""
+    """A file of four snapshots, the last two written after it was cut back, the last taken before the third; and whether
+    it holds the whole surface."""
     path, surface = tmp_path / "fields.h5", request.param
     add(open_file(path, surface), LABELS, surface)
     file = open_file(path, surface)
