@@ -61,6 +61,9 @@ def write_video(path: Path, film: Film) -> tuple[Path, tuple[str, ...]]:
     form = path.suffix.lower()
     if form not in FORMATS:
         raise ValueError(f"{path}: expected a name that ends in {' or '.join(FORMATS)}")
+    if not path.parent.is_dir():
+        # Before the pictures are made, which takes its time.
+        raise ResultError(f"{path}: could not be written: no folder {path.parent}")
     remarks: tuple[str, ...] = ()
     ffmpeg = find_ffmpeg() if form == ".mp4" else None
     if form == ".mp4" and ffmpeg is None:
