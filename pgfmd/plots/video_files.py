@@ -63,7 +63,7 @@ def write_video(path: Path, film: Film) -> tuple[Path, tuple[str, ...]]:
         raise ValueError(f"{path}: expected a name that ends in {' or '.join(FORMATS)}")
     if not path.parent.is_dir():
         # Before the pictures are made, which takes its time.
-        raise ResultError(f"{path}: could not be written: no folder {path.parent}")
+        raise ResultError(f"{path}: could not be written: there is no folder {path.parent}; name a file in one")
     remarks: tuple[str, ...] = ()
     ffmpeg = find_ffmpeg() if form == ".mp4" else None
     if form == ".mp4" and ffmpeg is None:
