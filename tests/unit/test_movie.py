@@ -133,7 +133,7 @@ def test_without_ffmpeg_it_is_a_gif_and_says_so_and_a_failure_leaves_nothing(fol
     monkeypatch.setattr(video_files, "find_ffmpeg", lambda: str(program))
     with pytest.raises(ResultError, match=r"n\.mp4: could not be written: .*no such luck"):
         pgfmd.movie(folder, tmp_path / "n.mp4", frames=1)
-    with pytest.raises(ResultError, match="no folder .*nowhere"):
+    with pytest.raises(ResultError, match=r"no folder .*nowhere"):
         pgfmd.movie(folder, tmp_path / "nowhere" / "m.gif", frames=1)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["ffmpeg", "m.gif"]
 
