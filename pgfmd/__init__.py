@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .plots.folder import plot_results
     from .plots.live import LivePlot
     from .plots.maps import plot_contact_maps, plot_stress_maps
+    from .plots.movie import movie, plot_frame
     from .plots.numbers import plot_numbers
     from .plots.punch import plot_punch
     from .plots.rheology import plot_fit, plot_rheology
@@ -85,6 +86,8 @@ _HOMES = {
     "plot_contact_maps": "plots.maps:plot_contact_maps",
     "plot_stress_maps": "plots.maps:plot_stress_maps",
     "plot_sites": "plots.sites:plot_sites",
+    "plot_frame": "plots.movie:plot_frame",
+    "movie": "plots.movie:movie",
     "plot_comparison": "analysis.pictures:plot_comparison",
     "plot_bulges": "analysis.pictures:plot_bulges",
     "plot_compliance": "analysis.pictures:plot_compliance",
@@ -114,6 +117,7 @@ __all__ = [
     "fit_prony",
     "load",
     "load_scene",
+    "movie",
     "plot_bearing_area",
     "plot_bulges",
     "plot_comparison",
@@ -125,6 +129,7 @@ __all__ = [
     "plot_energy",
     "plot_fit",
     "plot_force",
+    "plot_frame",
     "plot_hysteresis",
     "plot_numbers",
     "plot_punch",

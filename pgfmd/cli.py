@@ -15,6 +15,7 @@ from .commands import analysis as analysis_command
 from .commands import bench as bench_command
 from .commands import fit as fit_command
 from .commands import fit_prony as fit_prony_command
+from .commands import movie as movie_command
 from .commands import plot as plot_command
 from .commands import punch as punch_command
 from .commands import report as report_command
@@ -161,6 +162,7 @@ def check(
 
 
 app.command()(plot_command.plot)
+app.command()(movie_command.movie)
 app.command()(plot_command.plot_rheology)
 app.command()(punch_command.show)
 app.command()(punch_command.export)

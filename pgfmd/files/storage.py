@@ -47,6 +47,8 @@ run that can be continued, nor, as long as there is a curve, like an empty folde
 
 CHECKPOINT_COPIES = 3
 """Number of checkpoints that exist at the same time: the newest, the one before, and the one being written."""
+PICTURES = ("png", "pdf", "svg", "mp4", "gif")
+"""Suffixes of pictures and movies, which are drawn into the folder of a run."""
 
 Value = TypeVar("Value")
 
@@ -127,7 +129,8 @@ def set_aside(directory: Path) -> Path | None:
         return None
     target = next(folder for k in range(1, 10**6) if not os.path.lexists(folder := directory / f"previous-{k}"))
     target.mkdir()
-    for file in (*old, *sorted(directory.glob("*.png")), *directory.glob(REPORT_FILE)):
+    pictures = [path for path in sorted(directory.iterdir()) if path.suffix.removeprefix(".") in PICTURES]
+    for file in (*old, *pictures, *directory.glob(REPORT_FILE)):
         file.rename(target / file.name)
     return target
 

@@ -158,7 +158,7 @@ def plot_force(*runs: Run) -> Figure:
             shown.append((close, along, [loop.force for loop in loops]))
         for axis, unit, values in shown:
             for number, (loop, rows, name) in enumerate(zip(loops, values, names_of(results), strict=True)):
-                _branches(axis, loop, loop.indentation / across[0], rows / unit[0], number, len(loops), name)
+                draw_branches(axis, loop, loop.indentation / across[0], rows / unit[0], number, len(loops), name)
         for axis in [upper] if close is None else [upper, close]:
             axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
             axis.set_ylabel(labelled("force", along[1]))
@@ -166,11 +166,13 @@ def plot_force(*runs: Run) -> Figure:
             for text, marker, x, y in _marks(loops[0], measure(loops[0]), along):
                 place: dict[str, Any] = {"color": RED, "markersize": 5, "linestyle": "none", "label": text}
                 upper.plot(x / across[0], y / along[0], marker, **place)
+                if close is not None:
+                    close.plot(x / across[0], y / along[0], marker, **place)
         else:
             _thin_is_approach(upper)
         upper.margins(y=0.08)
         if close is not None:
-            _zoom(close, loops, across[0], along[0], float(-lowest))
+            zoom_on_tension(close, loops, across[0], along[0], float(-lowest))
             close.set_xlabel(labelled("indentation", across[1]))
         kinds = " or ".join(dict.fromkeys(next(iter(loop.areas)) for loop in loops))
         lower.set(xlabel=labelled("indentation", across[1]), ylabel=labelled(kinds, area_axis[1]))
@@ -201,7 +203,7 @@ def _panels(zoomed: bool) -> tuple[Figure, Axes, Axes, Axes | None]:
     return figure, upper, lower, figure.add_subplot(places[2])
 
 
-def _branches(axis: Axes, loop: Loop, x: Array, y: Array, number: int, of: int, name: str) -> None:
+def draw_branches(axis: Axes, loop: Loop, x: Array, y: Array, number: int, of: int, name: str) -> None:
     """The way in, dashed and grey, or thin where there are several runs, and the way out."""
     colour, line = PALETTE[number % len(PALETTE)], LINES[number % len(LINES)]
     alone: dict[str, dict[str, Any]] = {
@@ -240,7 +242,7 @@ def _marks(loop: Loop, found: Measures, unit: tuple[float, str]) -> Iterator[tup
         yield f"{mark}  {signed(-dip.tension / factor)}{spread} {name}", markers[mark], place, -dip.tension
 
 
-def _zoom(axis: Axes, loops: Sequence[Loop], across: float, along: float, tension: float) -> None:
+def zoom_on_tension(axis: Axes, loops: Sequence[Loop], across: float, along: float, tension: float) -> None:
     """Shows the forces from the largest tension to twice as much compression, and where the punch meets them."""
     most = 2.0 * tension
     places = np.concatenate([loop.indentation[loop.force <= most] for loop in loops]) / across
@@ -311,7 +313,7 @@ def plot_curve(*runs: Run, x: str = "indentation", y: str = "force", log: str = 
                     raise ResultError(
                         f"{loop.name}: its {called} is nowhere above zero, as a logarithmic axis needs it"
                     )
-            _branches(axis, loop, across, along, number, len(loops), name)
+            draw_branches(axis, loop, across, along, number, len(loops), name)
         for letter, name, (_, unit) in zip("xy", (x, y), units, strict=True):
             axis.set(**{f"{letter}label": labelled(QUANTITIES[name].name, unit)})
             if letter in log:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -53,6 +53,8 @@ FORMATS = ("png", "pdf", "svg")
 FOOTER = 0.17
 """Height [inch] of the line below a picture."""
 FOOTER_FONT = 6.5
+MOST_TICKS = 6
+"""Places on a logarithmic axis up to which each has its number."""
 _width: ContextVar[str | None] = ContextVar("width", default=None)
 CURVE_PARTS = 2000
 """Parts of a curve of which the lowest and highest points are drawn: more than a picture has columns of pixels."""
@@ -194,6 +196,16 @@ def footer(figure: Figure, text: str) -> None:
     most = int(width * 72 / (0.5 * FOOTER_FONT))
     text = text if len(text) <= most else text[: most - 1] + "…"
     figure.text(0.05 / width, 0.3 * share, literal(text), fontsize=FOOTER_FONT, color="0.45", va="bottom")
+
+
+def place_ticks(axis: Any, places: Iterable[float]) -> bool:
+    """Has a logarithmic x axis show its places as ticks, if they are MOST_TICKS at most, and no others; returns whether."""
+    few = sorted(set(places))
+    if len(few) > MOST_TICKS:
+        return False
+    axis.set_xticks(few)
+    axis.set_xticks([], minor=True)
+    return True
 
 
 def signed(value: float) -> str:

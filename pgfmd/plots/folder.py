@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Draw = Callable[[], "Figure"]
+PAGED = ("contact-maps", "stress-maps")
+"""Pictures with several pages."""
 
 
 def plot_results(
@@ -39,9 +41,9 @@ def plot_results(
     """Makes every picture that the folder has data for; returns the files written, in it or in the folder `out`.
 
     `force-displacement.png` and `time.png` always; `contact-maps.png`, `stress-maps.png` with snapshots, more than
-    twelve on further pages, `contact-maps-2.png` and so on; `cycles.png` of a programme with repeats;
-    `energy.png` with an audit; `sites.png` where summits,
-    saddles or valleys have met the elastomer.
+    twelve on further pages, `contact-maps-2.png` and so on; `cycles.png` of a programme with repeats; `energy.png` with
+    an audit; `sites.png` where summits, saddles or valleys have met the elastomer. Further pages of an earlier plot are
+    removed.
 
     Args:
         greys, contact_gap, near_gap: of the maps of contact (`plot_contact_maps`).
@@ -61,7 +63,22 @@ def plot_results(
         for name, draw in pictures_of(results, contact, limit):
             path = folder / f"{name}.{form}"
             written.append(write_picture(draw(), path, elsewhere(path, results.directory)))
+        for kind in PAGED:
+            _remove_pages(folder, kind, form, len(pages_of(results)))
         return written
+
+
+def _remove_pages(folder: Path, kind: str, form: str, last: int) -> None:
+    """Removes pages of maps after the last, which are of an earlier run, or of this one before it was cut back."""
+    page = max(last, 1) + 1
+    while (path := folder / f"{_paged(kind, page)}.{form}").is_file():
+        try:
+            path.unlink()
+        except OSError as problem:
+            raise ResultError(
+                f"{path}: is of an earlier plot, and could not be removed: {problem.strerror}"
+            ) from problem
+        page += 1
 
 
 def pictures_of(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pgfmd.errors import ResultError
 from pgfmd.results import Results
 from pgfmd.results.reading import Run, opened
-from pgfmd.units import handy_quantity, parse_quantity
+from pgfmd.units import UnitError, handy_quantity, parse_quantity
 
 from .curves import at_foot
 from .drawing import literal, new_figure, picture, room, signed
@@ -119,11 +119,8 @@ class Maps:
         if not 1 <= page <= len(pages):
             there = f"{len(pages)} pages of maps" if pages else "no snapshots"
             raise ResultError(f"{results.directory}: has {there}, so no page {page}")
-        fields = results.fields
         self.results, self.snapshots = results, pages[page - 1]
-        x = np.asarray(fields["x"])
-        half = 0.5 * (x[-1] - x[0]) * (1 + 1 / max(x.size - 1, 1))
-        self.half = 1e6 * (half if x.size > 1 else 1e-6)
+        self.half = half_side(results)
         rows = -(-len(self.snapshots) // room(1.7, 4))
         self.rows, self.columns = rows, -(-len(self.snapshots) // rows)
         # A single map needs room for its colour bar and legend.
@@ -136,7 +133,7 @@ class Maps:
         self.axes = list(axes[: len(self.snapshots)])
         for axis, snapshot in zip(self.axes, self.snapshots, strict=True):
             self._frame(axis, snapshot)
-        self._scale_bar(self.axes[(rows - 1) * self.columns])
+        draw_scale_bar(self.axes[(rows - 1) * self.columns], self.half)
         if len(pages) > 1:
             self.figure.suptitle(f"page {page} of {len(pages)}", fontsize=8.5, color="0.4")
 
@@ -146,38 +143,70 @@ class Maps:
 
     def draw(self, axis: Axes, values: np.ndarray, **options: Any) -> AxesImage:
         """Show an array with y upward, and the outline of the punch where it does not fill the block."""
-        extent = (-self.half, self.half, -self.half, self.half)
-        outside = np.isnan(values)
-        if outside.any() and not outside.all():
-            middle = (np.arange(len(values)) + 0.5) / len(values) * 2 * self.half - self.half
-            # Padded, so that the outline closes where the punch touches the edge of the block.
-            step = middle[1] - middle[0] if len(middle) > 1 else self.half
-            wide = np.concatenate(([middle[0] - step], middle, [middle[-1] + step]))
-            axis.contour(wide, wide, np.pad(outside, 1, constant_values=True), [0.5], colors="0.25", linewidths=0.7)
-        options |= {"origin": "lower", "extent": extent, "interpolation": "nearest"}
-        image = axis.imshow(np.ma.masked_invalid(values), **options)
-        margin = 1.03 * self.half
-        axis.set(xlim=(-margin, margin), ylim=(-margin, margin))
-        return image
+        draw_outline(axis, values, self.half)
+        return draw_image(axis, np.ma.masked_invalid(values), self.half, **options)
 
     def _frame(self, axis: Axes, snapshot: int) -> None:
         fields, label = self.results.fields, self.results.labels[snapshot]
-        label = label if len(label) <= 30 else label[:29] + "…"
+        label = shortened(label, 30)
         time, force = float(fields["time"][snapshot]), 1e3 * float(fields["force"][snapshot])
         axis.set_title(f"{literal(label)}\n{time:.4g} s,  {signed(force)} mN", linespacing=1.3)
-        axis.set_aspect("equal")
-        axis.set_xticks([])
-        axis.set_yticks([])
-        for spine in axis.spines.values():
-            spine.set_visible(False)
+        bare(axis)
 
-    def _scale_bar(self, axis: Axes) -> None:
-        length = round_length(0.6 * self.half)
-        start, height = -self.half, -1.12 * self.half
-        line: dict[str, Any] = {"color": "black", "linewidth": 2, "solid_capstyle": "butt", "clip_on": False}
-        axis.plot([start, start + length], [height, height], **line)
-        text = f"{length:g} µm" if length < 1000 else f"{length / 1000:g} mm"
-        axis.text(start + length / 2, height - 0.06 * self.half, text, ha="center", va="top", fontsize=8)
+
+def shortened(label: str, most: int) -> str:
+    """What is shown of the label of a snapshot beside its time: nothing if that is all it says; at most so many letters."""
+    try:
+        parse_quantity(label.removeprefix("t = "), "time")
+    except UnitError:
+        return label if len(label) <= most else label[: most - 1] + "…"
+    return ""
+
+
+def half_side(results: Results) -> float:
+    """Half the side [µm] of the square of grid points that holds the punch."""
+    x = np.asarray(results.fields["x"])
+    return 1e6 * (0.5 * (x[-1] - x[0]) * (1 + 1 / (x.size - 1)) if x.size > 1 else 1e-6)
+
+
+def bare(axis: Axes) -> None:
+    """Leaves out the frame of a map, and its ticks: a bar shows the scale."""
+    axis.set_aspect("equal")
+    axis.set_xticks([])
+    axis.set_yticks([])
+    for spine in axis.spines.values():
+        spine.set_visible(False)
+
+
+def draw_image(axis: Axes, image: np.ndarray, half: float, **options: Any) -> AxesImage:
+    """Shows values, or colours, of the square of half side `half`, with y upward."""
+    options |= {"origin": "lower", "extent": (-half, half, -half, half), "interpolation": "nearest"}
+    shown = axis.imshow(image, **options)
+    margin = 1.03 * half
+    axis.set(xlim=(-margin, margin), ylim=(-margin, margin))
+    return shown
+
+
+def draw_outline(axis: Axes, values: np.ndarray, half: float) -> Any:
+    """Draws the outline of the punch, beyond which values are NaN; returns it, or None where it fills the square."""
+    outside = np.isnan(values)
+    if outside.all() or not outside.any():
+        return None
+    middle = (np.arange(len(values)) + 0.5) / len(values) * 2 * half - half
+    # Padded, so that the outline closes where the punch touches the edge of the block.
+    step = middle[1] - middle[0] if len(middle) > 1 else half
+    wide = np.concatenate(([middle[0] - step], middle, [middle[-1] + step]))
+    return axis.contour(wide, wide, np.pad(outside, 1, constant_values=True), [0.5], colors="0.25", linewidths=0.7)
+
+
+def draw_scale_bar(axis: Axes, half: float) -> None:
+    """Draws a bar of a round length below a map of half side `half` [µm]."""
+    length = round_length(0.6 * half)
+    start, height = -half, -1.12 * half
+    line: dict[str, Any] = {"color": "black", "linewidth": 2, "solid_capstyle": "butt", "clip_on": False}
+    axis.plot([start, start + length], [height, height], **line)
+    text = f"{length:g} µm" if length < 1000 else f"{length / 1000:g} mm"
+    axis.text(start + length / 2, height - 0.06 * half, text, ha="center", va="top", fontsize=8)
 
 
 def round_length(largest: float) -> float:
@@ -263,12 +292,12 @@ def plot_stress_maps(run: Run, page: int = 1, limit: float | None = None) -> Fig
         own, _ = robust_limit(frames.values())
         limit = own if limit is None else limit
         clipped = any(np.nanmax(np.abs(each), initial=0.0) > 1.001 * limit for each in frames.values())
-        factor, unit = (1e6, "MPa") if limit >= 1e6 else (1e3, "kPa") if limit >= 1e3 else (1.0, "Pa")
+        factor, unit = stress_unit(limit)
         image: Any = None
         any_open = False
         for axis, (snapshot, traction) in zip(maps.axes, frames.items(), strict=True):
             image = maps.draw(axis, traction / factor, cmap=cm.vik, vmin=-limit / factor, vmax=limit / factor)
-            is_open = (maps.values("gap", snapshot) > 0.0) & (np.abs(traction) <= NO_TRACTION * limit)
+            is_open = nothing_pulls(maps.values("gap", snapshot), traction, limit)
             if is_open.any():
                 any_open = True
                 extent = {"origin": "lower", "extent": image.get_extent(), "interpolation": "nearest"}
@@ -285,6 +314,16 @@ def plot_stress_maps(run: Run, page: int = 1, limit: float | None = None) -> Fig
             _legend_below(maps, [Patch(facecolor=OPEN, edgecolor="0.25", linewidth=0.5, label="open, no traction")])
         at_foot(maps.figure, [results])
     return maps.figure
+
+
+def stress_unit(limit: float) -> tuple[float, str]:
+    """Factor [Pa] and name of the unit of a scale that ends at `limit` [Pa]."""
+    return (1e6, "MPa") if limit >= 1e6 else (1e3, "kPa") if limit >= 1e3 else (1.0, "Pa")
+
+
+def nothing_pulls(gap: NDArray[np.float64], traction: NDArray[np.float64], limit: float) -> NDArray[np.bool_]:
+    """Where a gap [m] is open and the traction [Pa] no noticeable part of the scale's end."""
+    return (gap > 0.0) & (np.abs(traction) <= NO_TRACTION * limit)
 
 
 def stress_limit(run: Run) -> float:

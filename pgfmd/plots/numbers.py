@@ -17,14 +17,12 @@ from pgfmd.results.reading import Results, Run
 from pgfmd.units import handy
 
 from .curves import at_foot, labelled, opened_together
-from .drawing import LINES, PALETTE, literal, new_figure, picture
+from .drawing import LINES, PALETTE, literal, new_figure, picture, place_ticks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKERS = "osD^vP"
-MOST_TICKS = 6
-"""Places on a logarithmic axis up to which each has its number."""
 FOLLOW = ("adhesion.q_ref", "adhesion.range", "drive.turn_time", "drive.clearance", "drive.retract_speed",
           "punch.file", "solver.precision")  # fmt: skip
 """Keys whose values mostly follow from others: they part runs only where nothing else does."""
@@ -123,10 +121,8 @@ def plot_numbers(*runs: Run, x: str = "", y: str = "pull-off", log: str = "") ->
             xlabel=labelled(NUMBERS[x].name if x in NUMBERS else x, wide[1]), ylabel=labelled(NUMBERS[y].name, along[1])
         )
         _scale(axis, log if not texts else log.replace("x", ""))
-        if "x" in log and not texts and len({at[k] for k in kept}) <= MOST_TICKS:
-            axis.set_xticks(sorted({at[k] / wide[0] for k in kept}), minor=False)
+        if "x" in log and not texts and place_ticks(axis, [at[k] / wide[0] for k in kept]):
             axis.xaxis.set_major_formatter("{x:.4g}")
-            axis.set_xticks([], minor=True)
         at_foot(figure, [results[k] for k in kept])
     return figure
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.plots.drawing import LINES, drawing, footer, literal, new_figure, picture, seen, write_picture
+from pgfmd.plots.drawing import LINES, drawing, footer, literal, new_figure, picture, place_ticks, seen, write_picture
 from pgfmd.results import load
 from pgfmd.results.curve import Loop
 from pgfmd.units import handy
@@ -293,5 +293,8 @@ def _x_axis(panel: Axes, plan: Plan, axis: Axis, numeric: bool, done: Sequence[R
     factor, unit = handy(values, unit_of(axis.name))
     if min(values) > 0.0 and max(values) / min(values) >= WIDE:
         panel.set_xscale("log")
+        place_ticks(panel, values)
+        # Between the decades there would be powers of ten in SI units, and over each other.
+        panel.xaxis.set_minor_formatter("")
     panel.xaxis.set_major_formatter(lambda value, position: f"{value / factor:g}")
     panel.set_xlabel(f"{name} ({unit})" if unit else name)

@@ -29,7 +29,7 @@ from tests.stopper import StopAfter
 
 pytestmark = pytest.mark.mpi
 
-SNAPSHOTS = 'output.snapshots=["0.5 s", "0.5 t_pl", "1.1 t_pl"]'
+SNAPSHOTS = 'output.snapshots=["0.5 s", "0.5 t_pl", "1.1 t_pl", "every 5 s"]'
 SCENES = {
     "one element": ["tri-tack", "grid.n=24", "drive.preload=1 mN", SNAPSHOTS, "output.surface=true"],
     "five elements, mixed": [

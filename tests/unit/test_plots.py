@@ -44,7 +44,12 @@ def test_every_picture_is_written_and_not_blank(tmp_path, monkeypatch, snapshots
     for library in missing:
         monkeypatch.setitem(sys.modules, library, None)
     folder = write_results(tmp_path / "out", rows=80, nb=nb, snapshots=snapshots)
+    left = [folder / f"contact-maps-{page}.png" for page in (2, 3, 4)]
+    for path in left:
+        path.touch()
     paths = plots.plot_results(folder)
+    # Pages of an earlier plot of more snapshots.
+    assert [path in paths for path in left] == [path.exists() for path in left]
     assert [path.name for path in paths] == names(-(-snapshots // 12))
     for path in paths:
         picture = imread(path)
