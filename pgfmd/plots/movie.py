@@ -20,7 +20,7 @@ from pgfmd.units import handy, handy_quantity
 from .curves import ZOOM_BELOW, at_foot, axis_unit, draw_branches, labelled, zoom_on_tension
 from .drawing import RED, drawing, literal, new_figure, picture
 from .field_colours import COLOURINGS
-from .maps import bare, draw_image, draw_outline, draw_scale_bar, half_side, thinned, shortened
+from .maps import bare, draw_image, draw_outline, draw_scale_bar, half_side, shortened, thinned
 from .video_files import Film, Picture, write_video
 
 if TYPE_CHECKING:
