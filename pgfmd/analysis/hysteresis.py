@@ -17,13 +17,11 @@ import numpy as np
 
 from pgfmd.results import Results
 from pgfmd.results.curve import Loop, column, net_work
+from pgfmd.scene.quasistatic_twin import NO_TIME, SAME_SECTIONS
 from pgfmd.schemes import registry
 
 from .scene_differences import differences
 
-SAME_SECTIONS = ("punch", "substrate", "adhesion", "drive", "grid")
-NO_TIME = ("speed", "retract_speed", "turn_time", "dwell")
-"""Keys that mean nothing to a quasi-static run."""
 SAME_LOOP = 0.02
 """Preloads of a run and its twin may differ by this share."""
 
