@@ -33,14 +33,14 @@ LONGEST = 10.0
 
 def column(elements: int, accuracy: float = 0.005, **drive) -> pgfmd.Scene:
     """A bonded film of 0.1 mm under a flat face of 1 mm^2, whose overlaps are about as stiff as the film relaxed."""
-    short = {} if "step" in drive else {"speed": "100 um/s"}
+    short = {} if "step" in drive else {"speed": "100 um/s", "preload": "0.3 N"}
     return pgfmd.Scene(
         {
             "punch": {"pattern": "sinusoid", "wavelength": "1 mm", "amplitude": "1e-6 pm"},
             "substrate": {"youngs_modulus": "2 MPa", "poisson_ratio": 0.4, "thickness": "0.1 mm", "base": "bonded"},
             "rheology": RHEOLOGIES[elements],
             "adhesion": {"law": "repulsive", "work_of_adhesion": "50 mJ/m^2", "range": "1 um"},
-            "drive": {"clearance": "0 m", "preload": "0.3 N", **short, **drive},
+            "drive": {"clearance": "0 m", **short, **drive},
             "grid": {"n": 8, "length": "1 mm"},
             "solver": {"accuracy": accuracy},
         }
