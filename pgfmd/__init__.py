@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .errors import PgfmdError
     from .in_memory import simulate
     from .plots.curves import plot_curve, plot_energy, plot_force, plot_time
+    from .plots.cycles import plot_cycles
     from .plots.folder import plot_results
     from .plots.maps import plot_contact_maps, plot_stress_maps
     from .plots.numbers import plot_numbers
@@ -76,6 +77,7 @@ _HOMES = {
     "plot_time": "plots.curves:plot_time",
     "plot_curve": "plots.curves:plot_curve",
     "plot_numbers": "plots.numbers:plot_numbers",
+    "plot_cycles": "plots.cycles:plot_cycles",
     "plot_energy": "plots.curves:plot_energy",
     "plot_contact_maps": "plots.maps:plot_contact_maps",
     "plot_stress_maps": "plots.maps:plot_stress_maps",
@@ -114,6 +116,7 @@ __all__ = [
     "plot_contact_maps",
     "plot_convergence",
     "plot_curve",
+    "plot_cycles",
     "plot_energy",
     "plot_fit",
     "plot_force",

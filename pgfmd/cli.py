@@ -28,7 +28,6 @@ from .host import faults, launch, streams
 app = typer.Typer(
     help="Tack tests of a corrugated punch on a viscoelastic, adhesive substrate. Start with: pgfmd init tri-tack",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -130,6 +129,16 @@ def init(
     except OSError as error:
         raise ResultError(f"{path}: could not be written: {error.strerror}") from None
     print(f"{path} written. Next: {command('pgfmd', 'check', path)}, then {command('pgfmd', 'run', path)}")
+
+
+@app.command()
+def examples() -> None:
+    """List the shipped scenes, which `init` writes and every command takes by name."""
+    from .scene import shipped_scenes, shipped_text
+    from .scene.given import parse_toml
+
+    for name in shipped_scenes():
+        print(f"{name:<12} {parse_toml(shipped_text(name)).get('title', '')}")
 
 
 @app.command()

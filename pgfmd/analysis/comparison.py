@@ -15,6 +15,7 @@ import numpy as np
 from pgfmd.errors import ResultError
 from pgfmd.results.about import about
 from pgfmd.results.curve import Loop, Measures, measure
+from pgfmd.results.cycles import count_of, cycle_of
 from pgfmd.results.reading import Results, Run, opened
 from pgfmd.units import in_si
 
@@ -99,7 +100,8 @@ def compare(
         correct: what takes up the compliance of the periodic cell: "experiment", "simulation" or "none" (`overlay`).
         low_pass: resolution [m] of a filter for all curves.
         offset: [m] by which the experiments are pushed in, or "fit".
-        positive_displacement, positive_force, cycle: of measured curves, as for `experiment.read_experiment`.
+        positive_displacement, positive_force, cycle: of measured curves, as for `experiment.read_experiment`; the cycle
+            also of runs of programmes with repeats.
         baseline: measured force far away [N] that is taken off; None for what the rows show.
 
     Quantities are SI numbers, or texts with units.
@@ -255,7 +257,9 @@ def load_loops(sources: Sequence[Run], **reading: Any) -> tuple[list[Loop], list
     runs = []
     for folder in folders:
         with opened(folder) as results:
-            runs.append(Loop.of(results))
+            loop = Loop.of(results)
+            cycle = reading.get("cycle")
+            runs.append(loop if cycle is None or count_of(loop) == 1 else cycle_of(results, loop, cycle).loop)
     loops = renamed([*runs, *(read_experiment(path, **reading) for path in files)])
     return loops[: len(runs)], loops[len(runs) :]
 

@@ -101,7 +101,8 @@ def analyse(
     """Analyse a results folder. Reads files only; works while the run goes on, as far as it has come.
 
     Args:
-        directory: of the run. twin: of its quasi-static twin.
+        directory: of the run. twin: of its quasi-static twin; "auto" runs it first, beside the run
+        (quasistatic_twin.py).
         bearing_area: whether a bearing-area model is laid beside it. asperity: results of a run of one isolated
             asperity, for that model; implies it.
         resolution: [m] of a low-pass filter for the curve, None for none. Energies of the audit are never filtered.
@@ -112,6 +113,10 @@ def analyse(
         ResultError: if a folder can't be read, or what is asked for can't be had from it; SceneError if its scene
         can't.
     """
+    if twin == "auto":
+        from .quasistatic_twin import run_twin
+
+        twin = run_twin(directory)
     with ExitStack() as stack:
         results = stack.enter_context(load(directory))
         other = stack.enter_context(load(twin)) if twin is not None else None

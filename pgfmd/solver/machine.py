@@ -140,6 +140,11 @@ class Machine:
         self.solver.hold_up(self.compliance)
         self.solver.stiffen(self.compliance, 1.0)
 
+    @property
+    def is_soft(self) -> bool:
+        """Whether the spring is softer than the contact."""
+        return self.compliance * self.stiffness > 1.0
+
     def place(self, drive: float, force: float) -> float:
         """Position d of the punch [m], with the machine at `drive` [m] and this force [N]."""
         return drive + self.compliance * force

@@ -232,7 +232,7 @@ class Simulation:
             return
         state.phase += 1
         state.forget_history()
-        if self.phase.control != phase.control:
+        if self.drive.programme:
             self.scheme.control(self.phase.control, state)
         state.elapsed, state.phase_start, state.step = 0.0, self.scheme.drive_at(state), 0.0
         self._begin_phase()

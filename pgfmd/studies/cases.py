@@ -26,13 +26,15 @@ _SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+_-]*")
 @dataclass(frozen=True)
 class Case:
     """One run of a study. name: of its folder; places: label of its place on each axis, by the axis's name, empty for a
-    single case; source and overrides: what `pgfmd run` is given; scene: what that means."""
+    single case; twin: name of the case that is its quasi-static twin, if it has one (twins.py); source and overrides: what
+    `pgfmd run` is given; scene: what that means."""
 
     name: str
     source: str
     overrides: tuple[str, ...]
     scene: Scene = field(repr=False)
     places: dict[str, str] = field(default_factory=dict)
+    twin: str = ""
 
 
 def cases_of(study: Study) -> list[Case]:

@@ -50,9 +50,11 @@ class Plan:
     """
 
     def __init__(self, rows: Sequence[Row], axes: Sequence[Axis]):
-        self.rows, self.axes = rows, list(axes)
-        self.grid = [row for row in rows if row.case.places]
-        self.singles = [row for row in rows if not row.case.places]
+        # Twins are no places on the axes.
+        twins = {row.case.twin for row in rows}
+        self.rows, self.axes = [row for row in rows if row.case.name not in twins], list(axes)
+        self.grid = [row for row in self.rows if row.case.places]
+        self.singles = [row for row in self.rows if not row.case.places]
         self.colour_axis = self.axes[0] if self.axes else None
         self.panel_axis = self.axes[1] if len(self.axes) > 1 else None
         self.names = short_names([axis for axis in axes if not axis.bundles])

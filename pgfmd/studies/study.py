@@ -17,6 +17,7 @@ from pgfmd.host import launch
 from pgfmd.host.walltime import seconds_of
 from pgfmd.restart.scene_changes import require_known
 from pgfmd.scene import Scene
+from pgfmd.scene.dotted_keys import field_of
 from pgfmd.scene.fields import extra_of, written
 from pgfmd.scene.given import plain
 from pgfmd.scene.model import SECTIONS
@@ -85,6 +86,7 @@ def study(
     fresh: bool = False,
     allow: Sequence[str] = (),
     checkpoint_every: str | None = None,
+    twins: bool = False,
     run: bool = True,
     say: Callable[[str], None] = print,
 ) -> StudyTable:
@@ -100,6 +102,8 @@ def study(
         only: names of the cases that are run, * stands for anything; the table has all.
         retry, fresh, allow: go on with failed cases; begin changed and damaged ones anew; keys that may have changed.
         checkpoint_every: time between checkpoints, such as "10min", or "off".
+        twins: run the quasi-static twins of the cases too, one for all that share it; the table then has the share of
+            multistability in the hysteresis.
         run: False starts nothing: the table of what there is.
         say: called with lines of progress.
 
@@ -108,7 +112,7 @@ def study(
         `table` is the table; ResultError: if the folder can't be used.
     """
     options = {"retry": retry, "fresh": fresh, "allow": allow, "say": say}
-    plan = planned(source, axes, cases, out, ranks, jobs, checkpoint_every, **options)
+    plan = planned(source, axes, cases, out, ranks, jobs, checkpoint_every, twins, **options)
     if not run:
         return plan.table()
     table, problem = plan.run(only)
@@ -127,6 +131,7 @@ def planned(
     ranks: int | None = None,
     jobs: int | None = None,
     checkpoint_every: str | None = None,
+    twins: bool = False,
     **options: Any,
 ) -> Plan:
     """A study as it is going to be run. Arguments as of `study`. Raises StudyError, SceneError."""
@@ -146,7 +151,12 @@ def planned(
     if out is None:
         raise ValueError("study: out names the folder that the cases go to; only a study in a file has one of its own")
     found = replace(found, ranks=ranks or found.ranks, checkpoint_every=checkpoint_every or found.checkpoint_every)
-    campaign = campaign_of(cases_of(found), Path(out), found.checkpoint_every, **options)
+    listed = cases_of(found)
+    if twins or found.twins:
+        from .twins import with_twins
+
+        listed = with_twins(listed)
+    campaign = campaign_of(listed, Path(out), found.checkpoint_every, **options)
     return Plan(campaign, found.axes, found.title or found.name, found.ranks, jobs or found.jobs)
 
 
@@ -208,8 +218,7 @@ def _keys(keys: Keys) -> dict[str, Any]:
 
 def _value(key: str, value: Any) -> Any:
     """A value of Python as a file has it: a number of a quantity, which is in SI units, as a text with a handy one."""
-    section, _, name = key.rpartition(".")
-    field = SECTIONS[section].model_fields.get(name) if section in SECTIONS else None
+    field = field_of(key)
     extra = extra_of(field) if field else {}
     value = plain(value)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or extra.get("dimension") not in DIMENSIONS:

@@ -17,6 +17,7 @@ from typing import Any
 from pgfmd.errors import PgfmdError, Problem
 from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
+from pgfmd.scene.dotted_keys import field_of
 from pgfmd.scene.given import PATHS, parse_toml
 from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.partial_scene import MISSING
@@ -62,7 +63,8 @@ class Axis:
 @dataclass(frozen=True)
 class Study:
     """A study as its file has it. scene: a shipped name or an absolute path; common: changes for every case; singles:
-    further cases, their changes by name; ranks of each job, jobs side by side, time between checkpoints.
+    further cases, their changes by name; ranks of each job, jobs side by side, time between checkpoints;
+    twins: whether the quasi-static twins of the cases are run too.
 
     problems: what is wrong with the file, which `cases_of` raises with what is wrong with its cases. A wrong scene is
     empty; changes keep keys that are wrong.
@@ -77,6 +79,7 @@ class Study:
     ranks: int = 1
     jobs: int = 1
     checkpoint_every: str = "10min"
+    twins: bool = False
     problems: tuple[str, ...] = ()
 
     @property
@@ -120,7 +123,7 @@ def study_from_mapping(mapping: Mapping[str, Any], source: str, folder: Path) ->
 
 def is_settable(key: str) -> bool:
     """Whether a study may set a key."""
-    return key in KEYS and key != OWN
+    return key != OWN and (key in KEYS or field_of(key) is not None)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -142,8 +145,14 @@ class _Reader:
         self.problems.append(str(Problem(key, value, expected, cure)))
 
     def typed(self, value: Any, name: str, kind: type[Any], instead: Any) -> Any:
-        words = {str: "a text in quotes", dict: "a table", list: "a list", int: "a whole number above 0"}
-        if isinstance(value, bool) or not isinstance(value, kind) or (kind is int and value < 1):
+        words = {
+            str: "a text in quotes",
+            dict: "a table",
+            list: "a list",
+            int: "a whole number above 0",
+            bool: "true or false",
+        }
+        if (isinstance(value, bool) and kind is not bool) or not isinstance(value, kind) or (kind is int and value < 1):
             self.wrong(name, value, words[kind])
             return instead
         return value
@@ -242,7 +251,7 @@ class _Reader:
 
     def run(self, table: Any) -> dict[str, Any]:
         found = {}
-        kinds = {"ranks": int, "jobs": int, "checkpoint_every": str}
+        kinds = {"ranks": int, "jobs": int, "checkpoint_every": str, "twins": bool}
         for name, value in self.typed(table, "run", dict, {}).items():
             if name not in kinds:
                 self.wrong(f"run: {name}", value, "one of " + ", ".join(kinds), did_you_mean(name, kinds))

@@ -20,6 +20,7 @@ from pgfmd.files.regular_files import write_atomically
 from pgfmd.physics.drive import DETACHED, ENDED_WELL
 from pgfmd.results import load
 from pgfmd.results.curve import KINDS_OF_AREA, Loop, measure
+from pgfmd.scene.dotted_keys import value_of
 
 from .case_state import CaseState
 from .cases import Case
@@ -103,6 +104,11 @@ def rows_of(
             except ResultError as error:
                 trouble = str(error)
         rows.append(Row(case, state, {axis.name: place_of(case, axis) for axis in axes}, measured, trouble))
+    if any(case.twin for case in cases):
+        # Not at the top: few studies have twins.
+        from .twins import add_shares
+
+        add_shares(rows)
     return rows
 
 
@@ -119,8 +125,7 @@ def place_of(case: Case, axis: Axis) -> Any:
     """Where a case is on an axis: the key's value in its scene, SI, or the name of its bundle."""
     if axis.bundles:
         return case.places.get(axis.name)
-    section, _, name = axis.name.rpartition(".")
-    value = getattr(case.scene.section(section), name)
+    value = value_of(case.scene, axis.name)
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
     return value if number or value is None else label_of_value(value)
 
@@ -129,7 +134,7 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
     """Write the table as CSV. Raises ResultError if that can't be done."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["case", *map(_head, axes), "state", *COLUMNS])
+    writer.writerow(["case", *map(_head, axes), "state", *_columns(rows)])
     for row in rows:
         cells = [*row.places.values(), str(row.state).splitlines()[0], *row.measured.values()]
         writer.writerow([row.case.name, *("" if cell is None else _plain(cell) for cell in cells)])
@@ -137,6 +142,11 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
         write_atomically(path, text.getvalue().encode())
     except OSError as error:
         raise ResultError(f"{path}: could not be written: {storage.reason(error)}") from error
+
+
+def _columns(rows: Sequence[Row]) -> Sequence[str]:
+    """The columns after the state."""
+    return list(rows[0].measured) if rows else COLUMNS
 
 
 def _plain(cell: Any) -> Any:
@@ -159,8 +169,8 @@ class StudyTable:
 
     @property
     def columns(self) -> list[str]:
-        """What the header calls them: "case", the axes, "state", and COLUMNS."""
-        return ["case", *map(_head, self.axes), "state", *COLUMNS]
+        """What the header calls them: "case", the axes, "state", COLUMNS, and `twins.SHARE` where there are twins."""
+        return ["case", *map(_head, self.axes), "state", *_columns(self.rows)]
 
     def __getitem__(self, name: str) -> list[Any]:
         """A column, an entry a case: numbers, texts, or None where there is nothing yet. KeyError if there is none."""

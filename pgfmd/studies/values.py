@@ -7,8 +7,8 @@ import tomllib
 import unicodedata
 from typing import Any
 
+from pgfmd.scene.dotted_keys import field_of
 from pgfmd.scene.fields import extra_of, toml_text
-from pgfmd.scene.model import SECTIONS
 from pgfmd.units import DIMENSIONS
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9.+_-]+")
@@ -45,9 +45,8 @@ def slug(text: str) -> str:
 
 def unit_of(key: str) -> str:
     """The SI unit of a key of the scene; empty where it has none."""
-    section, _, name = key.rpartition(".")
-    extra = extra_of(SECTIONS[section].model_fields[name])
-    kind = DIMENSIONS.get(extra.get("dimension", ""))
+    field = field_of(key)
+    kind = DIMENSIONS.get(extra_of(field).get("dimension", "")) if field else None
     return kind.unit if kind else ""
 
 

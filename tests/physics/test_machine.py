@@ -135,16 +135,6 @@ def test_energies_add_up_ever_better_with_a_spring(drive):
     assert shares[1] < min(0.005, 0.6 * shares[0])
 
 
-def test_a_slow_soft_machine_follows_the_quasistatic_path():
-    scene = TACK.replace(drive=SPRUNG, grid={"n": 24})
-    slow, still = (
-        final(scene.replace(drive={"speed": "0.1 um/s"})),
-        final(scene.replace(solver={"scheme": "quasistatic"})),
-    )
-    assert slow.pull_off_force == pytest.approx(still.pull_off_force, rel=0.015)
-    assert slow.largest_force == pytest.approx(still.largest_force, rel=2e-3)
-
-
 @pytest.mark.parametrize("drive", [SPRUNG, LOADED], ids=["spring", "load"])
 def test_explicit_steps_of_a_small_mass_see_the_same_machine(drive):
     scene = TACK.replace(grid={"n": 24}, drive={"speed": "1 mm/s", **drive}, solver={"accuracy": 1e-3})

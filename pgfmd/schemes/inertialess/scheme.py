@@ -39,12 +39,13 @@ allowed error of the preload."""
 JUMP_SHARPNESS = 1e-3
 """Tolerance of solves in a jump, as a fraction of the usual one: just after the loss of stability the residual on the
 unstable branch is tiny, and a solve with a large tolerance would stay on it."""
-DEAD_LOAD_SHARPNESS = 0.25
-"""Under force control the place of the punch has the error of a solve, and is not given: tolerance, as a fraction."""
 NEARLY_ELASTIC = 0.5
 """An elastomer is nearly elastic if more than this fraction of its compliance is instantaneous."""
 ELASTIC_PATIENCE = 2
-"""Patience of the conjugate gradients (newton.py) for elastic and nearly elastic elastomers."""
+"""Patience of the conjugate gradients (newton.py) for elastic and nearly elastic elastomers, and for machines softer than
+the contact. Such a machine has one direction in which the surface is far softer than in all others. The first update is
+along it, and small: with a patience of one, solves ended there, steps were limited by what these had left, and a sphere
+with a stiff overlap took 25 times as many steps."""
 ELASTIC_SHARPNESS = 0.25
 """Tolerance of the solves in elastic scenes, as a fraction of that of the step: they are the only source of error."""
 
@@ -214,6 +215,8 @@ class Inertialess(PathFollowing):
             self._machine.control(control)
             self.spring_compliance = self._machine.compliance
             self.machine = self._machine if self.spring_compliance else None
+            slow = self._machine.is_soft or self.creep.J_inf > NEARLY_ELASTIC
+            self.solver.cg.patience = ELASTIC_PATIENCE if slow else 1
             if self._audit:
                 self._audit.spring = self.spring_compliance
 
@@ -284,8 +287,6 @@ class Inertialess(PathFollowing):
         if jump:
             return JUMP_SHARPNESS * self.tolerance
         share = 1.0 if self.creep.elements else ELASTIC_SHARPNESS
-        if self.machine and self.machine.dead_load:
-            share *= DEAD_LOAD_SHARPNESS
         if self._audit:
             share = min(share, self._audit.sharpness(state.energies))
         usual = share * self.tolerance

@@ -103,8 +103,10 @@ class Quasistatic(PathFollowing):
         if self._has_spring:
             self.solver.hold_up(spring)
             self.solver.stiffen(spring, self.compliance)
-        if state is not None and changes:
+        if state is not None:
+            # A punch that a load has torn off is where it was stopped, and so is the machine.
             state.position = place - spring * state.force
+        if state is not None and changes:
             self.solver.convolve(state.effective_traction, state.surface_displacement)
             drift = Drift(state.drift, self._rounding).renewed(self._extent(state.position))
             state.drift = np.ascontiguousarray(drift.kept([0]).factor)
@@ -172,6 +174,8 @@ class Quasistatic(PathFollowing):
         trial.change = self._change(state, trial)
         trial.error = trial.change.elastic_error(self.law.attractive)
         gained = self._stored - state.energies.elastic + outcome.adhesive - state.energies.adhesive
+        if trial.runaway:
+            trial.parted = self.spring.parted(state, gained)
         plain = self.spring.work(state, trial)
         trial.potential_drop = plain - gained
         # What the spring stores is known, wherever the jump was: of the machine's way, the jump's part of the force
@@ -186,7 +190,8 @@ class Quasistatic(PathFollowing):
         noise = self._noise(state, trial, tolerance)
         # A step without instability may have passed over a jump as well: a path of equilibria loses no energy.
         suspected = left or trial.error > self.tolerance or self._shows_jump(state, trial)
-        trial.is_jump = bool(self.softest_mode) and suspected and min(smooth, plain) - gained > bend + noise
+        lost = suspected and min(smooth, plain) - gained > bend + noise
+        trial.is_jump = bool(self.softest_mode) and (lost or trial.runaway)
         return trial
 
     def _shows_jump(self, state: State, trial: Trial) -> bool:
@@ -203,6 +208,9 @@ class Quasistatic(PathFollowing):
         state.least_force = min(state.force, trial.force)
         energies.work_of_separation += self.spring.pulled(state, trial)
         energies.elastic = self._stored
+        if trial.runaway:
+            # Later there is no telling it from the state.
+            state.punch_displacement = self.spring.end(state, trial)
         self._move_on(state, trial)
 
     def _carry(self, trial: Trial, state: State, u: np.ndarray, w: np.ndarray) -> None:
