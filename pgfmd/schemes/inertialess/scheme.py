@@ -154,7 +154,7 @@ class Inertialess(PathFollowing):
                 expected = self._expected(state, trial, extrapolation)
                 # Of a stage that follows a jump in this step, points interact that did not before.
                 interacting = self.solver.traction if i else state.traction
-                trial.position = self._begin(drive, surface, history, compliance, expected, interacting)
+                trial.position = self._begin(drive, surface, history, compliance, expected, interacting, jump)
             outcome = self.solver.solve(
                 trial.position, history, compliance, *surface,
                 self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
@@ -240,12 +240,13 @@ class Inertialess(PathFollowing):
         compliance: float,
         expected: float,
         traction: np.ndarray,
+        jump: bool = False,
     ) -> float:
         """Before a solve, with the machine at `drive` [m]: the position of the punch [m]; traction [Pa]: before it."""
         if not self.machine:
             return drive
         u, w = surface
-        place, corrected = self.machine.begin(drive, u, w, history, compliance, expected, traction)
+        place, corrected = self.machine.begin(drive, u, w, history, compliance, expected, traction, jump)
         if corrected:
             self._drift = self._drift.renewed(self._extent(place))
         return place
