@@ -1,8 +1,8 @@
 """Programmes of any steps: approach, hold, retract, ramp, oscillate, follow, and repeats of them. Plain NumPy.
 
 `phases_of` turns the steps into phases (drive.py), with smooth turns between steps whose velocities differ. Where the
-machine changes from displacement to load or back, the punch stays where it is, and its velocity is not given: there is
-no turn from what was before.
+machine changes from displacement to load or back, or a load has torn off the punch, the punch stays where it is, and its
+velocity is not given: there is no turn from what was before.
 
 Under load control the drive is the far end of a soft spring of compliance c, so a load rate R is a velocity of the
 drive,  -R (c + 1/k)  with the stiffness k of the contact: 1/(c k) is the small share of R that this depends on k.
@@ -248,6 +248,9 @@ def phases_of(
                 found.append(_turn(before, phase, step, machine))
         found.append(phase)
         velocity, control = phase.velocity_end, step.control
+        if control == LOAD and step.is_free:
+            # The load that has torn off the punch is gone: going on with its rate would fling the punch away.
+            velocity = 0.0
     return tuple(replace(phase, final=_only_out(found[k:])) for k, phase in enumerate(found))
 
 

@@ -113,7 +113,7 @@ class Inertialess(PathFollowing):
         surface = state.surface_displacement, state.effective_traction
         for jump in (False, True):
             # If the punch starts in contact, the equilibrium may be far from the surface at rest.
-            place = self._begin(state, state.phase_start, surface, history, self.creep.J_inf, state.position)
+            place = self._begin(state.phase_start, surface, history, self.creep.J_inf, state.position, state.traction)
             outcome = solve(
                 place, history, self.creep.J_inf, *surface, 0.1 * self.tolerance, jump, largest_force=solver.force_scale
             )
@@ -152,7 +152,9 @@ class Inertialess(PathFollowing):
             extrapolation = self._predict(state, trial, i, node * step)
             if self.machine:
                 expected = self._expected(state, trial, extrapolation)
-                trial.position = self._begin(state, drive, surface, history, compliance, expected)
+                # Of a stage that follows a jump in this step, points interact that did not before.
+                interacting = self.solver.traction if i else state.traction
+                trial.position = self._begin(drive, surface, history, compliance, expected, interacting, jump)
             outcome = self.solver.solve(
                 trial.position, history, compliance, *surface,
                 self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
@@ -232,18 +234,19 @@ class Inertialess(PathFollowing):
 
     def _begin(
         self,
-        state: State,
         drive: float,
         surface: tuple[np.ndarray, np.ndarray],
         history: np.ndarray,
         compliance: float,
         expected: float,
+        traction: np.ndarray,
+        jump: bool = False,
     ) -> float:
-        """Before a solve, with the machine at `drive` [m]: the position of the punch [m]."""
+        """Before a solve, with the machine at `drive` [m]: the position of the punch [m]; traction [Pa]: before it."""
         if not self.machine:
             return drive
         u, w = surface
-        place, corrected = self.machine.begin(drive, u, w, history, compliance, expected, state.traction)
+        place, corrected = self.machine.begin(drive, u, w, history, compliance, expected, traction, jump)
         if corrected:
             self._drift = self._drift.renewed(self._extent(place))
         return place

@@ -108,6 +108,9 @@ class Quasistatic(PathFollowing):
             state.position = place - spring * state.force
         if state is not None and changes:
             self.solver.convolve(state.effective_traction, state.surface_displacement)
+            if state.softest_mode is not None and state.softest_mode_dual is not None:
+                # A mode that is not A of its dual would take the surface away from G0 w with it.
+                self.solver.rough(state.softest_mode_dual, state.softest_mode, self.compliance)
             drift = Drift(state.drift, self._rounding).renewed(self._extent(state.position))
             state.drift = np.ascontiguousarray(drift.kept([0]).factor)
 
