@@ -128,12 +128,7 @@ def analyse(
         found = measure(loop)
         _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.recorded else WITHIN_STEPS)
         _add_works(table, found)
-        if results.scene.get("drive", {}).get("step"):
-            # Not at the top: few runs have a programme.
-            from .programme import add_cycles, add_oscillations
-
-            add_cycles(table, results, whole)
-            add_oscillations(table, results, whole)
+        _add_programme(table, results, whole)
         add_areas(table, results, found)
         _remark_unfinished(table, results)
         _remark_thinned(table, results)
@@ -191,6 +186,16 @@ def _add_works(table: Table, found: Measures) -> None:
     table.add("Work", "work_of_separation", "work of separation", found.work_of_separation, "J", note, spread)
     note = "net work of the loop"
     table.add("Work", "hysteresis", "hysteresis", found.hysteresis, "J", note, found.hysteresis_uncertainty)
+
+
+def _add_programme(table: Table, results: Results, whole: Loop) -> None:
+    """Cycles and oscillations of a programme of steps."""
+    if results.scene.get("drive", {}).get("step"):
+        # Not at the top: few runs have a programme.
+        from .programme import add_cycles, add_oscillations
+
+        add_cycles(table, results, whole)
+        add_oscillations(table, results, whole)
 
 
 def _remark_unfinished(table: Table, results: Results) -> None:

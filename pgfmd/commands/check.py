@@ -20,7 +20,7 @@ from pgfmd.forecast.run_times import run_times
 from pgfmd.physics.adhesion.registry import law_of
 from pgfmd.reference import corrugation, maugis, tabor
 from pgfmd.scene import Scene
-from pgfmd.scene.fields import extra_of
+from pgfmd.scene.fields import extra_of, written
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
 from pgfmd.scene_objects import automatic_range, confirm, machine_compliance, series_of, topography_of
@@ -102,8 +102,20 @@ def _values(scene: Scene) -> Iterator[Line]:
             if value is None or value == () or field in unused_keys(scene, name):
                 continue
             extra = extra_of(info)
+            if field in ("step", "repeat"):
+                yield from _programme(f"{name}.{field}", written(value, extra))
+                continue
             note = f"because {best_precision(scene).reason}" if _is_chosen(scene, field) else ""
             yield Line(f"{name}.{field}", _plain(value), _unit(extra.get("dimension", "")), note)
+
+
+def _programme(name: str, found: Any) -> Iterator[Line]:
+    """The steps of a programme, a line for each, or its repeats."""
+    for number, table in enumerate(found if isinstance(found, list) else [found], 1):
+        texts = {key: ", ".join(value) if isinstance(value, list) else str(value) for key, value in table.items()}
+        what = texts.pop("do", "") or texts.pop("times")
+        note = ", ".join(f"{key} {text}" for key, text in texts.items())
+        yield Line(f"{name}.{number}" if isinstance(found, list) else f"{name}.times", what, "", note)
 
 
 def _is_chosen(scene: Scene, field: str) -> bool:

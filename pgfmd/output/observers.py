@@ -249,7 +249,8 @@ class Snapshots(Observer):
 
     def observe(self, simulation: Simulation, event: Event) -> None:
         state, tension = simulation.state, self.agenda.tension
-        if event.kind == "preload":
+        first = event.kind == "preload" and state.preload_time == state.time
+        if first:
             self._write_present(simulation, "preload")
             self._schedule(state)
         elif event.kind in ("step", "jump"):
@@ -261,7 +262,7 @@ class Snapshots(Observer):
         if event.kind in ("step", "jump"):
             for label in self.agenda.regular.take(state):
                 self._write_present(simulation, label)
-        elif event.kind == STEP_END and self.agenda.regular.step_ends:
+        elif event.kind in ("preload", STEP_END) and not first and self.agenda.regular.step_ends:
             phase = simulation.phases[state.stepped]
             self._write_present(simulation, f"end of step {phase.stage}, cycle {phase.cycle}")
         if event.kind != "end":

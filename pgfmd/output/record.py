@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from pgfmd import __version__
 from pgfmd.files.storage import plain
+from pgfmd.physics.drive import PRELOAD
 from pgfmd.restart.history import History
 from pgfmd.results import uncertainty
 from pgfmd.schemes import registry
@@ -117,9 +118,12 @@ def _cycles(simulation: Simulation) -> dict:
 
 
 def _has_retracted(simulation: Simulation) -> bool:
-    """Whether the punch has gone up again since the preload."""
+    """Whether the punch has gone up again since the preload; in a programme that has none, as where a file is followed,
+    whether it has gone up at all."""
     state, phases = simulation.state, simulation.phases
     before = any(phase.may_let_go and not phase.holds_load for phase in phases[: state.phase])
+    if simulation.drive.programme and all(phase.ends_with != PRELOAD for phase in phases):
+        return simulation.retracting or before or state.pull_off_at_ends < 0.0
     return state.preload_time is not None and (simulation.retracting or before)
 
 

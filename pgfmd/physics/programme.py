@@ -302,8 +302,8 @@ def _phase_of(step: Step, machine: Machine, cycle: int, number: int) -> Phase:
     name, velocity = step.do, machine.drive_velocity(control, step.rate)
     if step.do == "hold":
         name, velocity = "dwell" if control == DISPLACEMENT else "hold", 0.0
-    pressed = step.rate > 0.0 and any(quantity == FORCE for quantity, _ in step.until)
-    ends_with = PRELOAD if pressed else DETACHED if step.is_free else ""
+    # Where a step stops pressing the punch in is the preload, whatever ends it.
+    ends_with = PRELOAD if step.rate > 0.0 else DETACHED if step.is_free else ""
     return Phase(name, velocity, velocity, step.duration, ends_with, endings, control, cycle=cycle, stage=number)
 
 

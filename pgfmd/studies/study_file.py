@@ -18,7 +18,7 @@ from pgfmd.errors import PgfmdError, Problem
 from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene.dotted_keys import field_of
-from pgfmd.scene.given import PATHS, parse_toml
+from pgfmd.scene.given import names_file, parse_toml
 from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.partial_scene import MISSING
 
@@ -183,7 +183,7 @@ class _Reader:
 
     def _at_home(self, name: str, value: Any) -> Any:
         """A value; relative files start at the folder of the study."""
-        named = name in PATHS and isinstance(value, str)
+        named = names_file(name) and isinstance(value, str)
         return os.path.normpath(self.folder / os.path.expanduser(value)) if named else value
 
     def axes(self, table: Any, common: dict[str, Any]) -> tuple[Axis, ...]:

@@ -49,6 +49,11 @@ SCENES = {
         "drive.machine_stiffness=2 kN/m", "solver.precision=mixed",
     ],
     "under load": ["tri-tack", "grid.n=20", "drive.control=load", "drive.preload=0.5 mN", "drive.speed=20 um/s"],
+    "programme": [
+        "flat-punch", "grid.n=20", "rheology.relaxation_time=20 ms", "rheology.modulus_ratio=10", "output.every=3",
+        'drive.step=[{do="approach",speed="20 um/s",until="1 mN"},{do="hold",of="load",for="20 ms"},'
+        '{do="retract",speed="20 um/s"}]', "drive.repeat.times=2", 'output.snapshots=["every 3 um", "step ends"]',
+    ],
     "quasi-static": [
         "tri-tack", "grid.n=20", "solver.scheme=quasistatic", "solver.accuracy=0.05", "drive.preload=0.5 mN",
     ],

@@ -42,6 +42,13 @@ SCENES = {
     "whole plane, quasi-static": (PLANE, ["solver.scheme=quasistatic", "solver.accuracy=0.03"]),
     "without symmetry": ("tri-tack", ["grid.n=24", "drive.preload=2 mN", "solver.symmetry=none"]),
     "quarter, free": ("flat-punch", ["grid.n=26", "substrate.boundary=free"]),
+    "programme": (
+        "flat-punch",
+        ["grid.n=22", "rheology.relaxation_time=20 ms", "rheology.modulus_ratio=10",
+         'drive.step=[{do="approach",speed="20 um/s",until=["2 mN","0.5 mm^2"]},{do="hold",of="load",for="20 ms"},'
+         '{do="hold",for="20 ms"},{do="ramp",rate="-100 mN/s",until="-1 mN"},{do="retract",speed="20 um/s"}]',
+         "drive.repeat={times=2,first=2,last=4}"],
+    ),
     "another grid": ("tri-tack", ["grid.n=72", "drive.preload=1 mN"]),
 }  # fmt: skip
 

@@ -507,8 +507,8 @@ def test_missing_keys_and_sections_are_reported_key_by_key():
     found = problems({})
     fields = {f"{name}.{key}": field for name, model in SECTIONS.items() for key, field in model.model_fields.items()}
     required = {key for key, field in fields.items() if field.is_required()}
-    # That of the law that a scene has without a word.
-    assert found.keys() == required | {"adhesion.work_of_adhesion"}
+    # That of the law, and those of the programme, that a scene has without a word.
+    assert found.keys() == required | {"adhesion.work_of_adhesion", "drive.speed", "drive.preload"}
     assert all(problem.value is MISSING for (problem,) in found.values())
     assert found["drive.preload"][0].cure == 'add preload = "40 mN" to [drive]'
 
@@ -671,7 +671,7 @@ def test_the_reference_page_has_every_key_with_a_meaning():
         table = page.split(f"## [{name}]")[1].split("\n## ")[0]
         for key, field in model.model_fields.items():
             assert f"| `{key}` |" in table and field.description.replace("|", "\\|") in table
-    assert "| `speed` | speed [m/s], above 0 | required | speed of the approach |" in page
+    assert "| `speed` | speed [m/s], above 0 | - | speed of the approach; required without steps |" in page
     assert '"quasistatic"' in page and "## [solver.gfmd]" in page
 
 
