@@ -19,9 +19,9 @@ from pgfmd.schemes import registry
 from pgfmd.solver.sites import SitePoints
 
 from . import observers
-from .ahead import run_ahead
 from .fields_file import FieldsFile
 from .patch_observer import ContactWatch, PatchTable
+from .snapshot_times import run_ahead
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
@@ -130,8 +130,8 @@ def _surface(simulation: Simulation, scene: Scene) -> observers.Surface:
     if scene.substrate.boundary == "periodic" and not points.mirror:
         return observers.Surface(scheme.surface_of, scheme.whole_cell)
 
-    def whole_cell(load: np.ndarray) -> tuple[np.ndarray, int]:
+    def whole_cell(effective_traction: np.ndarray) -> tuple[np.ndarray, int]:
         # A free surface needs a larger transform of its own, and mirror images one that knows of none.
-        return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(load))
+        return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(effective_traction))
 
     return observers.Surface(scheme.surface_of, whole_cell)

@@ -19,11 +19,11 @@ from pgfmd.files.table_reading import count_ends
 from pgfmd.files.tables import CURVE, ENERGY, EVENTS, PATCHES, SITES
 from pgfmd.physics.drive import DETACHED
 from pgfmd.results import Results, load
-from pgfmd.results.about import SEPARATOR, about
+from pgfmd.results.caption import SEPARATOR, about
 from pgfmd.results.curve import Loop, Measures
 from pgfmd.results.doubts import missed_preload, unbalanced
 from pgfmd.results.status import DAMAGED, FINISHED, RUNNING, Status, status_of
-from pgfmd.scene.given import PATHS
+from pgfmd.scene.unresolved_scene import PATHS
 from pgfmd.units import UnitError, parse_quantity
 
 from .charts import area_chart, energy_chart, force_chart, time_charts

@@ -17,8 +17,8 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import PRELOAD, Drive, Phase, automatic_turn
 from pgfmd.scene import parse_scene
-from pgfmd.scene.given import PATHS, Given
 from pgfmd.scene.model import SECTIONS
+from pgfmd.scene.unresolved_scene import PATHS, Given
 from pgfmd.scene_objects import drive_of
 
 if TYPE_CHECKING:

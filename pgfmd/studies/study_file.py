@@ -18,9 +18,9 @@ from pgfmd.errors import PgfmdError, Problem
 from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene.dotted_keys import field_of
-from pgfmd.scene.given import names_file, parse_toml
 from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.partial_scene import MISSING
+from pgfmd.scene.unresolved_scene import names_file, parse_toml
 
 from .values import label_of_value
 
