@@ -133,7 +133,7 @@ def _punch(scene: Scene) -> Iterator[Line]:
     yield from (Line(*line) for line in map_advice.facts_of(scene))
 
 
-def _roughness(punch) -> Iterator[Line]:
+def _roughness(punch: Punch) -> Iterator[Line]:
     """What was asked of a random face, and what of it lies below the punch, without curvature and layers."""
     surface = topography_of(punch).random
     period, here = surface.expected, surface.realised(punch.radius)

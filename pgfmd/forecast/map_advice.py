@@ -6,6 +6,7 @@ import functools
 import math
 import os
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from pgfmd.maps.preparing import MapFacts
 from pgfmd.maps.raw import unit_of
@@ -13,6 +14,10 @@ from pgfmd.physics.map_survey import Place, Survey, survey
 from pgfmd.physics.topography import Topography
 from pgfmd.scene_objects import topography_of
 from pgfmd.units import handy_quantity as shown
+
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
+    from pgfmd.scene.model import Punch
 
 ATOM = 1e-10
 """Rise [m] of a tilt that is none."""
@@ -34,8 +39,9 @@ Fact = tuple[str, float | int | str, str, str]
 """A line of a report: name, value, SI unit, and what it says."""
 
 
-def seen(scene) -> tuple[Topography, Survey]:
+def seen(scene: Scene) -> tuple[Topography, Survey]:
     """The face of a scene with the pattern "file", and what it is like. Raises ValueError, OSError."""
+    assert scene.punch.file is not None, 'the pattern is "file"'
     found = os.stat(scene.punch.file)
     return _seen(
         scene.punch, scene.grid.length / scene.grid.n, scene.adhesion.range, (found.st_mtime_ns, found.st_size)
@@ -43,13 +49,13 @@ def seen(scene) -> tuple[Topography, Survey]:
 
 
 @functools.lru_cache(maxsize=1)
-def _seen(punch, spacing: float, reach: float, stamp: tuple[int, int]) -> tuple[Topography, Survey]:
+def _seen(punch: Punch, spacing: float, reach: float, stamp: tuple[int, int]) -> tuple[Topography, Survey]:
     """stamp: what tells that a map has been written anew."""
     face = topography_of(punch)
     return face, survey(face, spacing, reach)
 
 
-def facts_of(scene) -> Iterator[Fact]:
+def facts_of(scene: Scene) -> Iterator[Fact]:
     """Lines about the map of a scene, none for another punch; its height range and slope are told of any face."""
     if scene.punch.pattern != "file":
         return
@@ -82,7 +88,7 @@ def facts_of(scene) -> Iterator[Fact]:
         yield "next places", len(found.others), "", "; ".join(map(_next, found.others))
 
 
-def head(scene) -> list[str]:
+def head(scene: Scene) -> list[str]:
     """The same as lines for the head of a run."""
     if scene.punch.pattern != "file":
         return []
@@ -117,7 +123,7 @@ def _codes(facts: MapFacts) -> str:
     return f"; {numbers} taken for missing" if numbers else ""
 
 
-def _tilt(scene, facts: MapFacts) -> str:
+def _tilt(scene: Scene, facts: MapFacts) -> str:
     degrees = math.degrees(math.atan(math.hypot(*facts.tilt)))
     rise = math.hypot(*facts.tilt) * (2.0 * scene.punch.radius if scene.punch.radius else min(facts.size))
     if rise < ATOM:
@@ -136,7 +142,7 @@ def _next(place: Place) -> str:
     return f"{shown(place.height, 'length')} higher, {shown(place.distance, 'length')} away{rim}"
 
 
-def warnings(scene) -> Iterator[str]:
+def warnings(scene: Scene) -> Iterator[str]:
     """What may not be meant in the map of a scene."""
     if scene.punch.pattern != "file":
         return
@@ -147,7 +153,7 @@ def warnings(scene) -> Iterator[str]:
     yield from _numbers(face.map.facts, found)
 
 
-def _contradictions(scene, facts: MapFacts) -> Iterator[str]:
+def _contradictions(scene: Scene, facts: MapFacts) -> Iterator[str]:
     """Keys that say another thing than the file."""
     if facts.file_size is not None and any(
         abs(own - used) > SAME_SIZE * used for own, used in zip(facts.file_size, facts.size, strict=True)
@@ -173,7 +179,7 @@ def _contradictions(scene, facts: MapFacts) -> Iterator[str]:
         yield f"punch.file: {note}"
 
 
-def _pixels(scene, face: Topography, found: Survey) -> Iterator[str]:
+def _pixels(scene: Scene, face: Topography, found: Survey) -> Iterator[str]:
     spacing, reach, pixel = scene.grid.length / scene.grid.n, scene.adhesion.range, face.map.pixel
     if abs(pixel[0] / pixel[1] - 1.0) > SQUARE:
         yield (
@@ -198,7 +204,7 @@ def _pixels(scene, face: Topography, found: Survey) -> Iterator[str]:
         )
 
 
-def _first_contact(scene, found: Survey) -> Iterator[str]:
+def _first_contact(scene: Scene, found: Survey) -> Iterator[str]:
     reach = scene.adhesion.range
     if found.lift > LIFTED * reach:
         slope = math.hypot(*found.tilt)

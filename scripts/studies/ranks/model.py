@@ -138,8 +138,9 @@ def _costs(profile) -> str:
     ]  # fmt: skip
     any_kind = next(iter(profile.costs.values()))
     rest = (
-        f"Further costs: {shown(1e9 * any_kind.adding)} ns for each row and sum, {shown(1e6 * any_kind.meeting)} µs for a synchronisation of two ranks. "
-        f"A run starts in {', '.join(f'{s:.2g} s on {k}' for k, s in profile.start.items())}. The next table has the work "
+        f"Further costs: {shown(1e9 * any_kind.adding)} ns for each row and sum, "
+        f"{shown(1e6 * any_kind.meeting)} µs for a synchronisation of two ranks. A run starts in "
+        f"{', '.join(f'{s:.2g} s on {k}' for k, s in profile.start.items())}. The next table has the work "
         "that every rank does itself, the access to a byte in the memory of another rank, and the slowdown of ranks that work at the same time:"
     )
     return "\n\n".join((
