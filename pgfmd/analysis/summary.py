@@ -101,7 +101,7 @@ def analyse(
     Args:
         directory: of the run. twin: of its quasi-static twin.
         bearing_area: whether to compare with a bearing-area model. asperity: results of a run of one isolated asperity
-        for this model; implies it.
+            for this model; implies it.
         resolution: [m] of a low-pass filter for the curve, None for none. Energies of the audit are never filtered.
 
     Raises:

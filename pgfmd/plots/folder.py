@@ -33,11 +33,11 @@ def plot_results(
     width: str | None = None,
     limit: float | None = None,
 ) -> list[Path]:
-    """Makes every picture that the folder has data for; returns the files written, in it or in the folder `out`.
+    """Makes every picture for which the folder has data, in this folder or in `out`. Returns the files.
 
     `force-displacement.png` and `time.png` always; `contact-maps.png`, `stress-maps.png` with snapshots, more than
-    twelve on further pages, `contact-maps-2.png` and so on; `energy.png` with an audit; `sites.png` where summits,
-    saddles or valleys have met the elastomer.
+    twelve on further pages, `contact-maps-2.png` and so on; `energy.png` with an audit; `sites.png` if summits, saddles
+    or valleys have been in contact.
 
     Args:
         greys, contact_gap, near_gap: of the maps of contact (`plot_contact_maps`).
@@ -63,9 +63,10 @@ def plot_results(
 def pictures_of(
     results: Results, contact: Callable[..., Figure] | None = None, limit: float | None = None
 ) -> Iterator[tuple[str, Draw]]:
-    """Name, and what draws it, of each picture that a run has data for.
+    """Name of each picture for which a run has data, and the function that draws it.
 
-    contact: what draws a page of maps of contact; `plot_contact_maps` of the run unless said. limit: of the stress [Pa].
+    contact: function that draws a page of maps of contact; by default `plot_contact_maps` of the run. limit: of the
+    stress [Pa].
     """
     yield "force-displacement", partial(plot_force, results)
     yield "time", partial(plot_time, results)
@@ -95,7 +96,7 @@ def plot_against(
     Without x and y, `curves` (forces and contact against indentation) and `time`. Else one against the other: columns of
     the curves (`plot_curve`), or numbers of the runs (`plot_numbers`).
 
-    directories: results folders, and folders of studies, whose cases they stand for. Raises ResultError if one is
+    directories: results folders, and folders of studies, which stand for their cases. Raises ResultError if one is
     neither, can't be read, or a picture can't be written; ValueError for an unknown name.
     """
     runs = [run for directory in directories for run in runs_in(directory)]
