@@ -14,7 +14,7 @@ from pgfmd.files.regular_files import write_atomically
 from pgfmd.physics.drive import DETACHED
 from pgfmd.plots.drawing import drawing, elsewhere, target_folder, write_picture
 from pgfmd.results import Results, load
-from pgfmd.results.about import about
+from pgfmd.results.caption import about
 from pgfmd.results.curve import Loop, Measures, measure
 from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
 

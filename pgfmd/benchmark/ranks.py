@@ -26,7 +26,7 @@ from pgfmd.forecast.scaling import KINDS, Costs, Problem, nodes_of, pair_seconds
 from pgfmd.host.processes import cores
 from pgfmd.host.ranks import launcher, on_ranks
 
-from .watch import Watch
+from .timing import Watch
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm

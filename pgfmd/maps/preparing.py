@@ -17,7 +17,7 @@ from pgfmd.errors import MISSING, Problem
 from pgfmd.units import handy_quantity as shown
 
 from . import raw as limits
-from .oddities import Code, farthest, missing_codes, suspect_number
+from .bad_pixels import Code, farthest, missing_codes, suspect_number
 from .raw import METRE, Array, MapError, MapKeys, Peaks, RawMap, Unit, unit_of
 
 FEWEST_ACROSS = 4

@@ -19,9 +19,9 @@ from pgfmd.schemes import registry
 from pgfmd.solver.sites import SitePoints
 
 from . import observers
-from .ahead import run_ahead
 from .fields_file import FieldsFile
 from .patch_observer import ContactWatch, PatchTable
+from .snapshot_times import run_ahead
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm

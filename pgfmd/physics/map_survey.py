@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgfmd.maps import raw as limits
-from pgfmd.maps.oddities import Code, Spike, extremes, lone_spikes
+from pgfmd.maps.bad_pixels import Code, Spike, extremes, lone_spikes
 
 from .heightfile import HeightMap
 from .persistence import critical_points

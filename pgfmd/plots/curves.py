@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.results.about import about
+from pgfmd.results.caption import about
 from pgfmd.results.curve import Array, Loop, Measures, column, measure
 from pgfmd.results.reading import Results, Run, opened
 from pgfmd.units import handy

@@ -17,8 +17,8 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import PRELOAD, automatic_turn
 from pgfmd.scene import parse_scene
-from pgfmd.scene.given import PATHS
 from pgfmd.scene.model import SECTIONS
+from pgfmd.scene.unresolved_scene import PATHS
 from pgfmd.scene_objects import drive_of
 
 if TYPE_CHECKING:

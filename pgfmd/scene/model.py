@@ -26,7 +26,7 @@ from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys, Solver
 if TYPE_CHECKING:
     from pgfmd.commands.check import Report
 
-    from .given import Given
+    from .unresolved_scene import Given
 
 Keywords = Mapping[str, Any] | None
 """Keys of a section by name, with SI numbers or texts with units."""
@@ -359,8 +359,8 @@ class Scene(Section):
         solver: Keywords = None,
         output: Keywords = None,
     ):
-        from .given import Given, with_units
         from .reading import scene_of
+        from .unresolved_scene import Given, with_units
 
         if isinstance(source, Scene):
             given = source.given
@@ -380,8 +380,8 @@ class Scene(Section):
 
     @property
     def given(self) -> Given:
-        """The scene as given, before it was resolved (given.py); the complete scene if that is unknown."""
-        from .given import Given, parse_toml
+        """The scene as given, before it was resolved (unresolved_scene.py); the complete scene if that is unknown."""
+        from .unresolved_scene import Given, parse_toml
 
         return self._given or Given.of(parse_toml(self.to_toml()))
 

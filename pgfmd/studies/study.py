@@ -19,8 +19,8 @@ from pgfmd.host.walltime import seconds_of
 from pgfmd.restart.scene_changes import require_known
 from pgfmd.scene import Scene
 from pgfmd.scene.fields import extra_of, written
-from pgfmd.scene.given import plain
 from pgfmd.scene.model import SECTIONS
+from pgfmd.scene.unresolved_scene import plain
 from pgfmd.units import DIMENSIONS, UnitError, handy_quantity, parse_quantity
 
 from .campaign import Campaign, Unfinished, Wishes, make_folder

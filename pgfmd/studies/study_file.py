@@ -17,9 +17,9 @@ from typing import Any
 from pgfmd.errors import PgfmdError, Problem
 from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
-from pgfmd.scene.given import PATHS, parse_toml
 from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.partial_scene import MISSING
+from pgfmd.scene.unresolved_scene import PATHS, parse_toml
 
 from .values import label_of_value
 

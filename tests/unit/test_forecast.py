@@ -10,9 +10,9 @@ from pgfmd.assemble import assemble
 from pgfmd.commands import check
 from pgfmd.forecast import effort as effort_module
 from pgfmd.forecast.effort import UNLIKE, ahead_summary, counts_of, effort_of, jump_threshold, kind_of, strokes_of
-from pgfmd.forecast.fitted import FITTED
+from pgfmd.forecast.effort_constants import FITTED
 from pgfmd.forecast.indentation import MADELUNG, SECOND, depth_at_preload, images_share, punch_speeds, travels_of
-from pgfmd.output.ahead import met, run_ahead
+from pgfmd.output.snapshot_times import met, run_ahead
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.scene import load_scene

@@ -31,7 +31,7 @@ def main() -> None:
 def profile(comm, scene: list[str], folder: str, began: float) -> dict[str, float]:
     """Seconds of this rank's run, by PARTS, and its counts. Collective."""
     from pgfmd import runner
-    from pgfmd.benchmark.watch import Watch
+    from pgfmd.benchmark.timing import Watch
     from pgfmd.restart.checkpoint_policy import CheckpointPolicy
     from pgfmd.scene import load_scene
     from pgfmd.solver.simulation import Simulation
