@@ -289,7 +289,7 @@ def comparison_table(
         section = f"Curve {number + 1}, {loop.name}"
         _add_measures(table, section, measures, loop.closed)
         if number:
-            note = f"rms on the way out, against {found.loops[0].name}"
+            note = f"rms in the retraction, against {found.loops[0].name}"
             table.add(section, "difference", "difference of forces", found.differences[number - 1], "N", note)
     table.remarks += [text for loop in found.loops for text in loop.remarks]
     table.remarks += _remarks(found)

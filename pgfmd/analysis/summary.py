@@ -156,14 +156,14 @@ def _add_forces(table: Table, found: Measures, resolution: float | None, source:
     table.add("Forces", "largest_force", "largest force", found.largest_force, "N", "what the turn adds included")
     if found.pull_off:
         tension, place = found.pull_off.tension, found.pull_off.displacement
-        note = source if tension > 0.0 else "no tension on the way out"
+        note = source if tension > 0.0 else "no tension in the retraction"
         table.add("Forces", "pull_off_force", "pull-off force", tension, "N", note, found.pull_off.uncertainty)
         if tension > 0.0:
             note = "negative when pushed in"
             table.add("Forces", "pull_off_displacement", "at the displacement", place, "m", note)
     else:
         table.add("Forces", "pull_off_force", "pull-off force", None, "N", "the punch has not turned round yet")
-    note = "largest tension on the way in"
+    note = "largest tension in the approach"
     table.add("Forces", "snap_in_force", "snap-in force", found.snap_in.tension, "N", note, found.snap_in.uncertainty)
     if found.time_to_preload is not None:
         note = "from the first contact" if "contact" in found.areas else "from the first overlap"
@@ -171,7 +171,7 @@ def _add_forces(table: Table, found: Measures, resolution: float | None, source:
 
 
 def _add_works(table: Table, found: Measures) -> None:
-    note, spread = "work against a tensile force on the way out", found.work_of_separation_uncertainty
+    note, spread = "work against a tensile force in the retraction", found.work_of_separation_uncertainty
     table.add("Work", "work_of_separation", "work of separation", found.work_of_separation, "J", note, spread)
     note = "net work of the loop"
     table.add("Work", "hysteresis", "hysteresis", found.hysteresis, "J", note, found.hysteresis_uncertainty)
@@ -182,7 +182,7 @@ def _remark_unfinished(table: Table, results: Results) -> None:
     finished = results.run.get("finished")
     if finished != DETACHED:
         how = f"the run has ended early ({finished})" if finished else "the run has not ended yet"
-        table.remarks.append(f"{how}: pull-off force, works and shares are those of the way that it has come")
+        table.remarks.append(f"{how}: pull-off force, works and shares are those up to there")
 
 
 def _remark_thinned(table: Table, results: Results) -> None:

@@ -48,7 +48,7 @@ class Material:
 
     @property
     def unit(self) -> str:
-        """In which temperatures are said, "C" or "K", as in the file."""
+        """Unit of temperatures for messages, "C" or "K", as in the file."""
         known = bool(self.sweeps) and self.sweeps[0].temperature is not None
         return self.sweeps[0].unit if known else "C"
 

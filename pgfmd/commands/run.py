@@ -66,7 +66,7 @@ def run(
     ] = None,
 ) -> None:
     """Run a scene, or go on with the run in DIR; on several ranks: mpirun -n 4 pgfmd run SCENE."""
-    # Before MPI: what is wrong with an option is found, and told, by every rank alike.
+    # Before MPI starts, so that every rank reports wrong options in the same way.
     every = math.inf if checkpoint_every == OFF else _time("--checkpoint-every", checkpoint_every)
     limit = math.inf if walltime is None else _BEGAN + _time("--walltime", walltime)
     whose = "" if walltime is None else f"--walltime {walltime}"
@@ -93,7 +93,7 @@ def run(
 
 
 def all_changes(changes: list[str] | None, overrides: list[str] | None) -> list[str]:
-    """The changes of a scene's keys that a command was given, in either way."""
+    """The changes of a scene's keys on the command line, in both forms."""
     return [*(overrides or []), *(changes or [])]
 
 
@@ -134,7 +134,7 @@ def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -
 
 
 def _missed_preload(record: dict, asked: float) -> list[str]:
-    """What is said of a preload [N] that the run could not meet."""
+    """The message about a preload [N] that the run could not reach."""
     met = record["preload_N"]
     if met is None or abs(met - asked) <= MISSED * asked:
         return []
@@ -172,7 +172,7 @@ def _number(record: dict, name: str, key: str, suffix: str, factor: float, unit:
 
 
 def _unbalanced(record: dict, directory: Path) -> list[str]:
-    """What is said of an energy audit that does not close, in any scheme; nothing of one that does."""
+    """The warning about an energy audit with a large residual, in any scheme; empty for a small one."""
     from pgfmd.errors import ResultError
     from pgfmd.results import load
     from pgfmd.results.uncertainty import LEAST_LOOP, UNBALANCED, at_stake
@@ -197,5 +197,5 @@ def _unbalanced(record: dict, directory: Path) -> list[str]:
         return [f"The energy audit closes to {100 * residual / scale:.2g} % of the loop's work: {cure}."]
     return [
         f"The energy audit closes to {residual * 1e9:.2g} nJ, and the loop's work is {work * 1e9:.2g} nJ, "
-        f"little beside {scale / LEAST_LOOP * 1e9:.2g} nJ on the way in: {cure}."
+        f"little compared with {scale / LEAST_LOOP * 1e9:.2g} nJ in the approach: {cure}."
     ]

@@ -1,4 +1,4 @@
-"""What a height map is like, in words, and what to warn of in it before it is run. No MPI."""
+"""Description of a height map, and warnings about it before a run. No MPI."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
     from pgfmd.scene.model import Punch
 
 ATOM = 1e-10
-"""Rise [m] of a tilt that is none."""
+"""Rise [m] of a tilt that is negligible."""
 SQUARE = 0.01
-"""Relative difference of the sides of a pixel that is no matter."""
+"""Relative difference of the sides of a pixel that is negligible."""
 SAME_SIZE = 0.005
-"""Relative difference of two sizes of a map that is no matter."""
+"""Relative difference of two sizes of a map that is negligible."""
 SAME_UNIT = 1e-6
-"""Relative difference of two units that is no matter."""
+"""Relative difference of two units that is negligible."""
 LIFTED = 0.25
 """Lift of a place by the tilt, in ranges of adhesion, from which on the tilt decides where contact begins."""
 BENT, TERRACE = 0.05, 0.1
-"""What heights may bend within a pixel, and the steps between their levels, in ranges of adhesion."""
+"""Largest bending of heights within a pixel, and largest step between levels, in ranges of adhesion, without a warning."""
 MANY_FILLED = 0.05
 """Share of the pixels under the punch that may be filled without a warning."""
-WHO = {"key": "by the scene", "file": "by the file", "": "as nothing else is said"}
+WHO = {"key": "by the scene", "file": "by the file", "": "by default"}
 
 Fact = tuple[str, float | int | str, str, str]
-"""A line of a report: name, value, SI unit, and what it says."""
+"""A line of a report: name, value, SI unit, and note."""
 
 
 def seen(scene: Scene) -> tuple[Topography, Survey]:
@@ -50,13 +50,13 @@ def seen(scene: Scene) -> tuple[Topography, Survey]:
 
 @functools.lru_cache(maxsize=1)
 def _seen(punch: Punch, spacing: float, reach: float, stamp: tuple[int, int]) -> tuple[Topography, Survey]:
-    """stamp: what tells that a map has been written anew."""
+    """stamp: time and size of the file, which show that it was rewritten."""
     face = topography_of(punch)
     return face, survey(face, spacing, reach)
 
 
 def facts_of(scene: Scene) -> Iterator[Fact]:
-    """Lines about the map of a scene, none for another punch; its height range and slope are told of any face."""
+    """Lines about the map of a scene, none for another punch. Height range and slope are printed for any face."""
     if scene.punch.pattern != "file":
         return
     face, found = seen(scene)

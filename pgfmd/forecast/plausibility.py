@@ -72,7 +72,7 @@ def face_of(scene: Scene) -> Face:
 
 @functools.lru_cache(maxsize=1)
 def _face_of(punch: Punch, grid: Grid, stamp: tuple[int, int] | None) -> Face:
-    """stamp: what tells that a map has been written anew."""
+    """stamp: time and size of the file, which show that it was rewritten."""
     return _map_face(punch, grid) if punch.pattern == "file" else _pattern_face(punch, grid)
 
 

@@ -98,8 +98,13 @@ class Table(CohesiveLaw):
 
     def facts(self) -> Iterator[tuple[str, float, str, str]]:
         gaps, tractions = self.range / self.gaps[-1], self.strength / max(self.tractions)
-        yield "gaps beside those of the file", gaps, "", "1 where range is left out"
-        yield "tractions beside those of the file", tractions, "", "1 where range and work_of_adhesion are left out"
+        yield "gaps relative to those of the file", gaps, "", "1 where range is left out"
+        yield (
+            "tractions relative to those of the file",
+            tractions,
+            "",
+            "1 where range and work_of_adhesion are left out",
+        )
 
 
 def attraction(gap: Any, law: Any) -> Any:
