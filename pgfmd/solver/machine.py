@@ -5,7 +5,7 @@ end, the surface u' = u - (d - D) = G0 w - (1/k_M) F is that of a body with one 
 
     u' = G0' w,   G0' = G0 + 1 1^T h^2 / (J k_M),   w = J f
 
-so all that is said of equilibria with G0 holds for G0'. Load control is the limit of a soft spring.
+so everything about equilibria with G0 holds for G0'. Load control is the limit of a soft spring.
 
 In a step of a viscoelastic body J is that of a stage, w = J f + w_hist, and the spring knows f alone. What a solve
 changes is then the same: a change of w by J df moves u' by G0' of it. So a solve starts with the true surface and the
@@ -170,11 +170,11 @@ class Machine:
         return self.place(drive, force), force
 
     def surface_of(self, w: np.ndarray, u: np.ndarray) -> None:
-        """u = G0 w [m] of a load w [Pa], without the spring. Collective."""
+        """u = G0 w [m] of an effective traction w [Pa], without the spring. Collective."""
         self._convolve.convolve(w, u)
 
     def _force(self, load: float, compliance: float) -> float:
-        """Force on the punch [N] that a load w asks for, by its sum over the points."""
+        """Force on the punch [N] that belongs to an effective traction w, by its sum over the points."""
         return -(load - self._given) / compliance * self.points.grid.cell_area
 
     def _correct(self, misplaced: float, u: np.ndarray, w: np.ndarray, compliance: float, traction: np.ndarray) -> bool:
