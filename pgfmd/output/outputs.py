@@ -129,8 +129,8 @@ def _surface(simulation: Simulation, scene: Scene) -> observers.Surface:
     if scene.substrate.boundary == "periodic" and not points.mirror:
         return observers.Surface(scheme.surface_of, scheme.whole_cell)
 
-    def whole_cell(load: np.ndarray) -> tuple[np.ndarray, int]:
+    def whole_cell(effective_traction: np.ndarray) -> tuple[np.ndarray, int]:
         # A free surface needs a larger transform, and a symmetric scene needs one of the whole plane.
-        return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(load))
+        return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(effective_traction))
 
     return observers.Surface(scheme.surface_of, whole_cell)
