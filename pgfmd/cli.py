@@ -138,7 +138,7 @@ def init(
 def examples() -> None:
     """List the shipped scenes, which `init` writes and every command takes by name."""
     from .scene import shipped_scenes, shipped_text
-    from .scene.given import parse_toml
+    from .scene.unresolved_scene import parse_toml
 
     for name in shipped_scenes():
         print(f"{name:<12} {parse_toml(shipped_text(name)).get('title', '')}")

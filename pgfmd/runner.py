@@ -266,7 +266,7 @@ def _restore(
 
 
 def _restart_messages(simulation: Simulation, path: Path, changed: list[str], history: History) -> list[str]:
-    """What is said when a run goes on."""
+    """The messages when a run is continued."""
     state = simulation.state
     lines = [f"going on from {path.name}: step {state.counters.steps}, t = {state.time:.6g} s"]
     if changed:

@@ -69,7 +69,7 @@ def run(
     ] = None,
 ) -> None:
     """Run a scene, or go on with the run in DIR; on several ranks: mpirun -n 4 pgfmd run SCENE."""
-    # Before MPI: what is wrong with an option is found, and told, by every rank alike.
+    # Before MPI starts, so that every rank reports wrong options in the same way.
     every = math.inf if checkpoint_every == OFF else _time("--checkpoint-every", checkpoint_every)
     limit = math.inf if walltime is None else _BEGAN + _time("--walltime", walltime)
     whose = "" if walltime is None else f"--walltime {walltime}"
@@ -107,7 +107,7 @@ def _bar(comm: Intracomm) -> AbstractContextManager[ProgressBar | None]:
 
 
 def all_changes(changes: list[str] | None, overrides: list[str] | None) -> list[str]:
-    """The changes of a scene's keys that a command was given, in either way."""
+    """The changes of a scene's keys on the command line, in both forms."""
     return [*(overrides or []), *(changes or [])]
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SECTIONS_TO_FIT = ("punch", "substrate", "rheology", "adhesion", "drive")
 FACTOR = 100.0
-"""Bounds of a number that has none of its own: so many times smaller and larger than at the start."""
+"""Default bounds of a number: factors relative to its start value."""
 
 
 class FitError(PgfmdError):

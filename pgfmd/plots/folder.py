@@ -38,7 +38,7 @@ def plot_results(
     width: str | None = None,
     limit: float | None = None,
 ) -> list[Path]:
-    """Makes every picture that the folder has data for; returns the files written, in it or in the folder `out`.
+    """Makes every picture for which the folder has data, in this folder or in `out`. Returns the files.
 
     `force-displacement.png` and `time.png` always; `contact-maps.png`, `stress-maps.png` with snapshots, more than
     twelve on further pages, `contact-maps-2.png` and so on; `cycles.png` of a programme with repeats; `energy.png` with
@@ -84,9 +84,10 @@ def _remove_pages(folder: Path, kind: str, form: str, last: int) -> None:
 def pictures_of(
     results: Results, contact: Callable[..., Figure] | None = None, limit: float | None = None
 ) -> Iterator[tuple[str, Draw]]:
-    """Name, and what draws it, of each picture that a run has data for.
+    """Name of each picture for which a run has data, and the function that draws it.
 
-    contact: what draws a page of maps of contact; `plot_contact_maps` of the run unless said. limit: of the stress [Pa].
+    contact: function that draws a page of maps of contact; by default `plot_contact_maps` of the run. limit: of the
+    stress [Pa].
     """
     yield "force-displacement", partial(plot_force, results)
     yield "time", partial(plot_time, results)
@@ -118,7 +119,7 @@ def plot_against(
     Without x and y, `curves` (forces and contact against indentation) and `time`. Else one against the other: columns of
     the curves (`plot_curve`), or numbers of the runs (`plot_numbers`).
 
-    directories: results folders, and folders of studies, whose cases they stand for. Raises ResultError if one is
+    directories: results folders, and folders of studies, which stand for their cases. Raises ResultError if one is
     neither, can't be read, or a picture can't be written; ValueError for an unknown name.
     """
     runs = [run for directory in directories for run in runs_in(directory)]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
 UNIMPORTANT = ("title", "output.directory", "rheology.reference")
-"""Keys that change nothing of a run; weights of a resolved scene are shares of the relaxed modulus, said or not."""
+"""Keys without effect on a run. Weights of a resolved scene always refer to the relaxed modulus, with or without the key."""
 PRECISION = "solver.precision"
 """The key that a scene may leave open ("auto"). A continued run then keeps the precision that it began with."""
 PEAKS = "punch.file_peaks"

@@ -21,7 +21,7 @@ at 512, and a quarter at 1024; between 128 and 192 both cost the same."""
 
 
 SOFTEST = 1e-2
-"""Stiffness of a machine's spring beside that of the punch in contact, below which single corrections lose too much of the
+"""Stiffness of a machine's spring relative to that of the punch in contact, below which single corrections lose too much of the
 surface in the elongation of the spring."""
 
 

@@ -1,6 +1,6 @@
-"""Compiled kernels of the law of adhesion: what a surface does to the punch (kernels.py).
+"""Compiled kernels of the law of adhesion: traction and energy between surface and punch (kernels.py).
 
-Each stands beside the line of mathematics it evaluates.
+Each is documented by the mathematics it evaluates.
 """
 
 from __future__ import annotations

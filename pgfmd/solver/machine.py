@@ -203,8 +203,7 @@ class Machine:
         self, misplaced: float, u: np.ndarray, w: np.ndarray, history: np.ndarray, compliance: float, traction: np.ndarray,
         count: int,
     ) -> None:  # fmt: skip
-        """Changes the load until spring and elastomer give way alike, or to none where none of the points interacts. One
-        transform."""
+        """Changes w until it fits the elongation of the spring, or to none if no point interacts. One transform."""
         if count:
             force = -misplaced / (self.compliance + compliance / self.stiffness)
             w[np.flatnonzero(traction)] -= compliance * force / (self.points.grid.cell_area * count)

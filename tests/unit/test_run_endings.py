@@ -100,7 +100,7 @@ def folder_with(tmp_path, largest):
     [
         (1e-9, 0.06, 1e-8, "closes to 6 % of the loop's work: lower solver.accuracy"),
         (1e-9, 0.04, 1e-8, ""),
-        (-1e-10, 1.0, 1e-8, "closes to 0.1 nJ, and the loop's work is -0.1 nJ, little beside 10 nJ"),
+        (-1e-10, 1.0, 1e-8, "closes to 0.1 nJ, and the loop's work is -0.1 nJ, little compared with 10 nJ"),
         (-1e-11, 1.0, 1e-8, ""),
         (1e-9, None, 1e-8, ""),
     ],
