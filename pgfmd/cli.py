@@ -15,11 +15,14 @@ from .commands import analysis as analysis_command
 from .commands import bench as bench_command
 from .commands import fit as fit_command
 from .commands import fit_prony as fit_prony_command
+from .commands import movie as movie_command
 from .commands import plot as plot_command
 from .commands import punch as punch_command
+from .commands import report as report_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
+from .commands import watch as watch_command
 from .commands.printing import command
 from .commands.run import Changes, Overrides, SceneName, all_changes
 from .errors import PgfmdError, Problem, ResultError, SceneError
@@ -28,7 +31,6 @@ from .host import faults, launch, streams
 app = typer.Typer(
     help="Tack tests of a corrugated punch on a viscoelastic, adhesive substrate. Start with: pgfmd init tri-tack",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -133,6 +135,16 @@ def init(
 
 
 @app.command()
+def examples() -> None:
+    """List the shipped scenes, which `init` writes and every command takes by name."""
+    from .scene import shipped_scenes, shipped_text
+    from .scene.unresolved_scene import parse_toml
+
+    for name in shipped_scenes():
+        print(f"{name:<12} {parse_toml(shipped_text(name)).get('title', '')}")
+
+
+@app.command()
 def check(
     scene: SceneName,
     changes: Changes = None,
@@ -150,6 +162,7 @@ def check(
 
 
 app.command()(plot_command.plot)
+app.command()(movie_command.movie)
 app.command()(plot_command.plot_rheology)
 app.command()(punch_command.show)
 app.command()(punch_command.export)
@@ -157,8 +170,10 @@ app.command()(fit_prony_command.fit_prony)
 app.command()(run_command.run)
 app.command()(status_command.status)
 app.command()(status_command.verify)
+app.command()(watch_command.watch)
 app.command()(analysis_command.analyse)
 app.command()(analysis_command.compare)
+app.command()(report_command.report)
 app.command()(fit_command.fit)
 app.command()(study_command.study)
 app.command()(study_command.converge)

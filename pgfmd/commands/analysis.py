@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -22,19 +23,21 @@ class Correct(StrEnum):
 
 
 class Inwards(StrEnum):
-    """Which way a measured displacement counts."""
+    """The sense of a measured displacement."""
 
     into = "in"
     out = "out"
 
 
 class Pressing(StrEnum):
-    """Which way a measured force counts."""
+    """The sense of a measured force."""
 
     compression = "compression"
     tension = "tension"
 
 
+AUTO = "auto"
+"""The twin that is run for the purpose."""
 LowPass = Annotated[
     str | None, typer.Option("--low-pass", metavar="LENGTH", help="Filter curves, such as 0.1um, the paper's.")
 ]
@@ -43,9 +46,12 @@ LowPass = Annotated[
 def analyse(
     directory: Folder,
     twin: Annotated[
-        Path | None, path_option("--twin", metavar="DIR", help="Results of the quasi-static twin of the run.")
+        Path | None,
+        path_option(
+            "--twin", metavar="DIR|auto", help="Results of the quasi-static twin of the run; auto runs it beside DIR."
+        ),
     ] = None,
-    bearing_area: Annotated[bool, typer.Option("--bearing-area", help="Lay a bearing-area model beside it.")] = False,
+    bearing_area: Annotated[bool, typer.Option("--bearing-area", help="Compare with a bearing-area model.")] = False,
     asperity: Annotated[
         Path | None,
         path_option("--asperity", metavar="DIR", help="Results of one isolated asperity, for that model."),
@@ -64,6 +70,11 @@ def analyse(
     from pgfmd.analysis.summary import analyse as analysis_of
     from pgfmd.analysis.table import show
 
+    if twin is not None and str(twin) == AUTO:
+        from pgfmd.analysis.quasistatic_twin import run_twin
+
+        # Standard output may be JSON.
+        twin = run_twin(directory, out, partial(typer.echo, err=True))
     analysis = analysis_of(directory, twin, bearing_area, asperity, length(low_pass, "--low-pass"), cycle)
     paths = analysis.write(out)
     if as_json:
@@ -87,7 +98,7 @@ PositiveDisplacement = Annotated[
     Inwards | None,
     typer.Option(
         "--positive-displacement",
-        help="Which way measured displacements count, if not as their name says: a gap or an extension outwards, others "
+        help="Sense of measured displacements, if not that of their name: a gap or an extension outwards, others "
         "inwards.",
     ),
 ]
@@ -109,9 +120,12 @@ def compare(
     offset: Offset = "0 um",
     positive_displacement: PositiveDisplacement = None,
     positive_force: Annotated[
-        Pressing, typer.Option("--positive-force", help="Which way measured forces count.")
+        Pressing, typer.Option("--positive-force", help="Sense of measured forces.")
     ] = Pressing.compression,
-    cycle: Annotated[int | None, typer.Option("--cycle", min=1, help="Which of several measured cycles.")] = None,
+    cycle: Annotated[
+        int | None,
+        typer.Option("--cycle", min=1, help="Which cycle, of measured curves and of programmes with repeats."),
+    ] = None,
     baseline: Baseline = "auto",
     out: Annotated[Path, path_option("--out", "-o", metavar="FILE.png", help="Name of the picture.")] = Path(
         "comparison.png"

@@ -60,6 +60,7 @@ def study(
     fresh: Fresh = False,
     allow: Allow = None,
     checkpoint_every: Every = None,
+    twins: Annotated[bool, typer.Option("--twins", help="Run the quasi-static twins of the cases too.")] = False,
     collect: Annotated[bool, typer.Option("--collect", help="Only write the table and the figures.")] = False,
     slurm: Annotated[bool, typer.Option("--slurm", help="Submit an array of Slurm jobs.")] = False,
     sbatch_options: Annotated[
@@ -78,7 +79,7 @@ def study(
         raise typer.BadParameter("needs --slurm", param_hint="--sbatch-options")
     _require_time(checkpoint_every)
     plan = planned(
-        file, None, None, out, ranks, None if slurm else jobs, checkpoint_every,
+        file, None, None, out, ranks, None if slurm else jobs, checkpoint_every, twins,
         retry=retry, fresh=fresh, allow=allow or (), say=say,
     )  # fmt: skip
     chosen = plan.campaign.only(only or [])

@@ -76,7 +76,9 @@ class TableFile:
 
     def _hand_over(self, rows: Sequence[Any]) -> None:
         what = f"{self.path}: could not be written"
-        on_root(self._comm, what, lambda: self._write("".join(self.table.line(row, self._columns) for row in rows).encode()))
+        on_root(
+            self._comm, what, lambda: self._write("".join(self.table.line(row, self._columns) for row in rows).encode())
+        )
         self.rows += len(rows)
 
     def mark(self) -> dict[str, Any] | None:

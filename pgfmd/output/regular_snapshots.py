@@ -25,8 +25,9 @@ class RegularSnapshots:
     """Which snapshots are due because a value has reached the next multiple of a distance.
 
     kinds: "time", "t_pl", "displacement" or "force", one for each distance. sizes [s, a fraction of t_pl, m or N]. counts:
-    the multiple that was reached last, or the place of the start in distances; below 0 for t_pl before the preload. values, before: at the ends of the last two steps, from which the time of the next
-    multiple is estimated. step_ends: whether the ends of steps of the programme are wanted too.
+    the multiple that was reached last, or the place of the start in distances; below 0 for t_pl before the preload.
+    values, before: at the ends of the last two steps, from which the time of the next multiple is estimated. step_ends:
+    whether the ends of steps of the programme are wanted too.
     """
 
     kinds: list[str] = field(default_factory=list)

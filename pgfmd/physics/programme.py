@@ -1,8 +1,8 @@
 """Programmes of any steps: approach, hold, retract, ramp, oscillate, follow, and repeats of them. Plain NumPy.
 
 `phases_of` turns the steps into phases (drive.py), with smooth turns between steps whose velocities differ. Where the
-machine changes from displacement to load or back, the punch stays where it is, and its velocity is not given: there is
-no turn from what was before.
+machine changes from displacement to load or back, or a load has torn off the punch, the punch stays where it is, and its
+velocity is not given: there is no turn from what was before.
 
 Under load control the drive is the far end of a soft spring of compliance c, so a load rate R is a velocity of the
 drive,  -R (c + 1/k)  with the stiffness k of the contact: 1/(c k) is the small share of R that this depends on k.
@@ -23,6 +23,7 @@ from .drive import (
     DETACHED,
     DISPLACEMENT,
     FORCE,
+    LOAD,
     PLACE,
     PRELOAD,
     TRAVEL,
@@ -136,9 +137,11 @@ class Path:
 
 @dataclass(frozen=True)
 class Following(Phase):
-    """A phase in which the drive follows a path."""
+    """A phase in which the drive follows a path from where it is. first [N]: of a load to follow, what the punch has to
+    carry at the start; NaN for a displacement, which is counted from where the punch is."""
 
     path: Path = Path((0.0, 1.0), (0.0, 0.0))
+    first: float = math.nan
 
     def displacement(self, elapsed: float) -> float:
         """Displacement [m] of the drive since the start of the phase."""
@@ -152,6 +155,11 @@ class Following(Phase):
     def fastest(self) -> float:
         """The largest speed [m/s] within the phase."""
         return self.path.fastest
+
+    @property
+    def starts_at(self) -> float:
+        """The force [N] that the punch has to carry at the start; NaN for any."""
+        return self.first
 
     @property
     def longest_step(self) -> float:
@@ -235,10 +243,14 @@ def phases_of(
         phase = _phase_of(step, machine, cycle, number)
         if found:
             before = velocity if control == step.control else 0.0
-            if before != phase.velocity_start:
+            # A turn before a file would shift all of it.
+            if before != phase.velocity_start and step.do != "follow":
                 found.append(_turn(before, phase, step, machine))
         found.append(phase)
         velocity, control = phase.velocity_end, step.control
+        if control == LOAD and step.is_free:
+            # The load that has torn off the punch is gone: going on with its rate would fling the punch away.
+            velocity = 0.0
     return tuple(replace(phase, final=_only_out(found[k:])) for k, phase in enumerate(found))
 
 
@@ -277,7 +289,15 @@ def _phase_of(step: Step, machine: Machine, cycle: int, number: int) -> Phase:
         path = Path(tuple((times - times[0]).tolist()), tuple((sign * (values - values[0])).tolist()))
         ends = path.velocity(0.0), path.velocity(path.times[-1])
         return Following(
-            step.do, *ends, path.times[-1], endings=endings, control=control, cycle=cycle, stage=number, path=path
+            step.do,
+            *ends,
+            path.times[-1],
+            endings=endings,
+            control=control,
+            cycle=cycle,
+            stage=number,
+            path=path,
+            first=float(values[0]) if control == LOAD else math.nan,
         )
     name, velocity = step.do, machine.drive_velocity(control, step.rate)
     if step.do == "hold":

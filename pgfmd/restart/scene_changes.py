@@ -17,15 +17,15 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import PRELOAD, Drive, Phase, automatic_turn
 from pgfmd.scene import parse_scene
-from pgfmd.scene.given import PATHS, Given
 from pgfmd.scene.model import SECTIONS
+from pgfmd.scene.unresolved_scene import PATHS, Given
 from pgfmd.scene_objects import drive_of
 
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
 UNIMPORTANT = ("title", "output.directory", "rheology.reference")
-"""Keys that change nothing of a run; weights of a resolved scene are shares of the relaxed modulus, said or not."""
+"""Keys without effect on a run. Weights of a resolved scene always refer to the relaxed modulus, with or without the key."""
 PRECISION = "solver.precision"
 """The key that a scene may leave open ("auto"). A continued run then keeps the precision that it began with."""
 PEAKS = "punch.file_peaks"

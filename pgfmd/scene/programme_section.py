@@ -27,7 +27,7 @@ STEPS: dict[str, tuple[frozenset[str], frozenset[str]]] = {
     "hold": (frozenset(), frozenset({"of", "until", "duration", "turn_time"})),
     "ramp": (frozenset({"rate"}), frozenset({"until", "to", "duration", "turn_time"})),
     "oscillate": (frozenset({"amplitude", "frequency", "cycles"}), frozenset({"turn_time"})),
-    "follow": (frozenset({"file", "of"}), frozenset({"turn_time"})),
+    "follow": (frozenset({"file", "of"}), frozenset()),
 }
 """For every kind of step the keys that it needs and those that it may have."""
 ALSO = {"for": "duration"}
@@ -224,7 +224,12 @@ def read_steps(value: object) -> tuple[ProgrammeStep, ...]:
             continue
         table = {ALSO.get(str(name), str(name)): entry for name, entry in raw.items()}
         problems += [
-            (raw[name], f"no such key beside '{same}', which means the same", "delete one of them", f".{number_}.{name}")
+            (
+                raw[name],
+                f"no such key beside '{same}', which means the same",
+                "delete one of them",
+                f".{number_}.{name}",
+            )
             for name, same in ALSO.items()
             if name in raw and same in raw
         ]
@@ -273,7 +278,5 @@ def _problems_of_keys(table: Mapping[str, Any], number_: int) -> list[Problem]:
         problems.append((table[name], f"no such key in '{do}'", f"only in {', '.join(users)}", f".{number_}.{name}"))
     ends = [name for name in ("until", "to", "duration") if table.get(name) not in (None, [], ())]
     if do in ("approach", "hold", "ramp") and not ends:
-        problems.append(
-            (MISSING, f"what ends '{do}'", 'add until = "40 mN" or duration = "60 s"', f".{number_}.until")
-        )
+        problems.append((MISSING, f"what ends '{do}'", 'add until = "40 mN" or duration = "60 s"', f".{number_}.until"))
     return problems

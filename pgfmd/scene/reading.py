@@ -2,7 +2,7 @@
 
     scene = load_scene("tri-tack", ["grid.n=512", "drive.speed=10 um/s"])
 
-What a scene says is in given.py, the models are in model.py, the rules across keys in checks.py.
+What a scene says is in unresolved_scene.py, the models are in model.py, the rules across keys in checks.py.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from pgfmd.physics.random_surface import automatic_period
 
 from .checks import check, refer_to_relaxed
 from .fields import expectation, extra_of, within_limits, written
-from .given import Given, did_you_mean, shipped_scenes, shipped_text
 from .model import SECTIONS, Adhesion, Scene
 from .partial_scene import MISSING, PartialScene, example, is_unicode
 from .precision import best_precision
 from .programme_section import Repeat, largest_force
+from .unresolved_scene import Given, did_you_mean, shipped_scenes, shipped_text
 
 __all__ = ["Scene", "load_scene", "parse_scene", "scene_from_mapping", "shipped_scenes", "shipped_text"]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
-from pgfmd.physics.drive import COMPLETED, DETACHED, FORCE, LOAD, PLACE, PRELOAD, STEP_END, TRAVEL, Drive, Phase
+from pgfmd.physics.drive import AREA, COMPLETED, DETACHED, FORCE, LOAD, PLACE, PRELOAD, STEP_END, TRAVEL, Drive, Phase
 
 from .ending_search import PRELOAD_TOLERANCE, is_over, signs_at
 from .finite_check import not_finite_on
@@ -20,6 +20,8 @@ from .state import State
 if TYPE_CHECKING:
     from pgfmd.schemes.base import Scheme, StepController
 
+SAME_LOAD = 1e-2
+"""How far a load to follow may begin from that on the punch, as a fraction of the larger of it and the preload."""
 STOPPED_PRELOAD = "preload not reached"
 STOPPED_STEPS = "max_steps reached"
 
@@ -207,9 +209,12 @@ class Simulation:
         elif (self.retracting or phase.holds_load) and state.smallest_gap >= self.scheme.law.reach:
             # After its deepest point the punch accelerates, and a surface without force decelerates, so that
             # the two don't meet again.
+            goes_on = not (phase.final or phase.holds_load) and _goes_on_when_free(phase)
+            if phase.endings and phase.ends_with != DETACHED and not goes_on:
+                state.unmet.append(f"cycle {phase.cycle}, step {phase.stage}: the punch was free before {_told(phase)}")
             if phase.final:
                 state.finished = DETACHED
-            elif phase.holds_load or not _goes_on_when_free(phase):
+            elif not goes_on:
                 self._end_phase(phase)
         elif phase.velocity_end < 0.0 and not phase.recedes(state.elapsed) and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
@@ -219,6 +224,12 @@ class Simulation:
     def _begin_phase(self) -> None:
         """Keeps what the ends of a phase are counted from."""
         state, phase = self.state, self.phase
+        wrong = abs(state.force - phase.starts_at) > SAME_LOAD * max(abs(phase.starts_at), self.drive.preload)
+        if wrong:
+            raise RunError(
+                f"step {phase.stage} of the programme follows a load that begins at {phase.starts_at:.6g} N, but at t = "
+                f"{state.time:.6g} s the punch carries {state.force:.6g} N: add a step that ends at this load before it"
+            )
         state.phase_place = state.punch_displacement
         state.phase_signs = signs_at(phase, self.scheme.values_of(state, phase))
 
@@ -251,7 +262,7 @@ class Simulation:
             return
         state.phase += 1
         state.forget_history()
-        if self.phase.control != phase.control:
+        if self.drive.programme:
             self.scheme.control(self.phase.control, state)
         state.elapsed, state.phase_start, state.step = 0.0, self.scheme.drive_at(state), 0.0
         self._begin_phase()
@@ -299,3 +310,11 @@ class Simulation:
     def _note(self, event: Event) -> None:
         for observer in self.observers:
             observer.observe(self, event)
+
+
+def _told(phase: Phase) -> str:
+    """The values that were to end a phase, in SI units."""
+    units = {FORCE: "N", AREA: "m^2"}
+    return " or ".join(
+        f"{ending.quantity} {ending.value:.6g} {units.get(ending.quantity, 'm')}" for ending in phase.endings
+    )

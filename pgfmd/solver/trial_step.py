@@ -80,7 +80,7 @@ class Trial:
     potential_drop [J]: decrease of the potentials of the stages from their starting points.
     forces [N], positions [m]: of the punch, at the stages. Fields belong to the scheme and are valid until the next trial.
     uncertainty [J]: of the energy released in a quasi-static jump, because its place within the step is unknown.
-    runaway: whether a controlled force has detached the punch.
+    runaway: whether a controlled force has detached the punch; parted [m]: where it had done the work of that.
     left_over: see newton.Outcome, of the last solve.
     """
 
@@ -97,6 +97,7 @@ class Trial:
     is_jump: bool = False
     uncertainty: float = 0.0
     runaway: bool = False
+    parted: float = -math.inf
     left_over: float = 0.0
     change: Change | None = None
     forces: list[float] = field(default_factory=list)

@@ -1,8 +1,8 @@
-"""The file of a study: a scene, what every case changes in it, the axes of a grid, further cases. No MPI.
+"""The file of a study: a scene, changes for every case, the axes of a grid, further cases. No MPI.
 
     study = read_study("preloads.toml")
 
-What only the scenes can tell, such as a value out of range, is found by `cases.cases_of`, which tells of all problems.
+Problems of the scenes, such as a value out of range, are found by `cases.cases_of`, which reports all problems.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from typing import Any
 from pgfmd.errors import PgfmdError, Problem
 from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
-from pgfmd.scene.given import names_file, parse_toml
+from pgfmd.scene.dotted_keys import field_of
 from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.partial_scene import MISSING
-from pgfmd.scene.programme_section import ALSO, ProgrammeStep, Repeat
+from pgfmd.scene.unresolved_scene import names_file, parse_toml
 
 from .values import label_of_value
 
 KEYS = tuple(f"{section}.{name}" for section, model in SECTIONS.items() for name in model.model_fields)
 """Every key of a scene, with its section."""
 OWN = "output.directory"
-"""The key that a study sets itself."""
+"""The key that is set by the study."""
 PARTS = ("title", "scene", "set", "axes", "case", "run")
 
 
 class StudyError(PgfmdError):
-    """A study that can't be started. Carries every problem that was found, as texts."""
+    """A study that can't be started. It has all problems, as texts."""
 
     exit_code = 2
 
@@ -45,7 +45,7 @@ class StudyError(PgfmdError):
 
 @dataclass(frozen=True)
 class Value:
-    """A place on an axis: how the file writes it, and the keys of the scene that it sets."""
+    """A value on an axis: its text in the file, and the keys of the scene that it sets."""
 
     label: str
     changes: dict[str, Any]
@@ -63,10 +63,11 @@ class Axis:
 @dataclass(frozen=True)
 class Study:
     """A study as its file has it. scene: a shipped name or an absolute path; common: changes for every case; singles:
-    further cases, their changes by name; ranks of each job, jobs side by side, time between checkpoints.
+    further cases, their changes by name; ranks of each job, number of parallel jobs, time between checkpoints;
+    twins: whether the quasi-static twins of the cases are run too.
 
-    problems: what is wrong with the file, which `cases_of` raises with what is wrong with its cases. A wrong scene is
-    empty; changes keep keys that are wrong.
+    problems: errors of the file, which `cases_of` raises together with those of its cases. A wrong scene is empty;
+    changes keep wrong keys.
     """
 
     source: str
@@ -78,6 +79,7 @@ class Study:
     ranks: int = 1
     jobs: int = 1
     checkpoint_every: str = "10min"
+    twins: bool = False
     problems: tuple[str, ...] = ()
 
     @property
@@ -120,17 +122,12 @@ def study_from_mapping(mapping: Mapping[str, Any], source: str, folder: Path) ->
 
 
 def is_settable(key: str) -> bool:
-    """Whether a study may set a key; steps of a programme are counted from 1."""
-    step, _, name = key.removeprefix("drive.step.").partition(".")
-    if key.startswith("drive.step.") and step.isdecimal():
-        return ALSO.get(name, name) in ProgrammeStep.model_fields
-    if key.startswith("drive.repeat."):
-        return key.removeprefix("drive.repeat.") in Repeat.model_fields
-    return key in KEYS and key != OWN
+    """Whether a study may set a key."""
+    return key != OWN and (key in KEYS or field_of(key) is not None)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A hint at the nearest of the known words; empty if none is near. A key without its section is found, too."""
+    """A hint at the nearest known word; empty if none is near. A key without its section is found, too."""
     known = list(known)
     owners = [name for name in known if name.rpartition(".")[2] == word]
     near = owners or difflib.get_close_matches(word, known, n=1, cutoff=0.6)
@@ -138,7 +135,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 class _Reader:
-    """Reads the parts of a study, and collects what is wrong with them."""
+    """Reads the parts of a study, and collects their errors."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -148,8 +145,14 @@ class _Reader:
         self.problems.append(str(Problem(key, value, expected, cure)))
 
     def typed(self, value: Any, name: str, kind: type[Any], instead: Any) -> Any:
-        words = {str: "a text in quotes", dict: "a table", list: "a list", int: "a whole number above 0"}
-        if isinstance(value, bool) or not isinstance(value, kind) or (kind is int and value < 1):
+        words = {
+            str: "a text in quotes",
+            dict: "a table",
+            list: "a list",
+            int: "a whole number above 0",
+            bool: "true or false",
+        }
+        if (isinstance(value, bool) and kind is not bool) or not isinstance(value, kind) or (kind is int and value < 1):
             self.wrong(name, value, words[kind])
             return instead
         return value
@@ -179,7 +182,7 @@ class _Reader:
         return found
 
     def _at_home(self, name: str, value: Any) -> Any:
-        """A value; relative files start at the folder of the study."""
+        """A value; relative paths of files start at the folder of the study."""
         named = names_file(name) and isinstance(value, str)
         return os.path.normpath(self.folder / os.path.expanduser(value)) if named else value
 
@@ -216,7 +219,7 @@ class _Reader:
         if not values:
             self.wrong(f"axes: {name}", values, "at least one value")
         if not is_settable(name):
-            # Said once.
+            # Reported once.
             self.changes({name: values[0] if values else values}, "axes")
             return []
         places = {label_of_value(value): {name: self._at_home(name, value)} for value in values}
@@ -248,7 +251,7 @@ class _Reader:
 
     def run(self, table: Any) -> dict[str, Any]:
         found = {}
-        kinds = {"ranks": int, "jobs": int, "checkpoint_every": str}
+        kinds = {"ranks": int, "jobs": int, "checkpoint_every": str, "twins": bool}
         for name, value in self.typed(table, "run", dict, {}).items():
             if name not in kinds:
                 self.wrong(f"run: {name}", value, "one of " + ", ".join(kinds), did_you_mean(name, kinds))

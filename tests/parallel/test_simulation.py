@@ -126,7 +126,7 @@ def test_snapshots_at_the_start_twice_at_once_and_around_the_preload(tmp_path_fa
     """Wanted times that are over, or equal, must not ask for a step of no length; each gets its frame at its time."""
     comm = MPI.COMM_WORLD
     folder = comm.bcast(str(tmp_path_factory.mktemp("snapshots")) if comm.rank == 0 else None)
-    wanted = '["1e-9 s", "1 s", "1 s", "0.5 t_pl", "1.1 t_pl", "1.1 t_pl"]'
+    wanted = '["1e-9 s", "1 s", "1 s", "0.5 t_pl", "1.1 t_pl", "1.1 t_pl", "every 2 s"]'
     scene = load_scene("hex-tack", ["grid.n=40", "drive.preload=2 mN", f"output.snapshots={wanted}"])
     record = run_scene(scene, comm, folder, lambda line: None)
     if comm.rank == 0:
@@ -138,4 +138,10 @@ def test_snapshots_at_the_start_twice_at_once_and_around_the_preload(tmp_path_fa
         assert {"t = 1e-09 s", "0.5 t_pl", "preload", "largest tension"} <= set(labels)
         assert np.all(times[[label == "t = 1 s" for label in labels]] == pytest.approx(1.0, abs=1e-12))
         assert np.all(np.diff(curve) > 0.0) and np.all(np.diff(times[:-1]) >= 0.0)
+        # Of the multiples of the interval each has one.
+        labels = np.array(labels)
+        assert curve[-1] > 4.0
+        for k in range(1, int(curve[-1] / 2.0) + 1):
+            assert list(times[labels == f"t = {2 * k} s"]) == [pytest.approx(2.0 * k, abs=1e-12)]
+        assert len(labels) == 8 + int(curve[-1] / 2.0)
     comm.Barrier()

@@ -57,7 +57,7 @@ WIDE = {
     "substrate": {"youngs_modulus": "2 MPa", "poisson_ratio": 0.4999999, "thickness": "11.4 m", "base": "bonded"},
     "rheology": {"model": "elastic"},
     "adhesion": {"work_of_adhesion": "334 J/m^2"},
-    "drive": {"speed": "1 m/s", "preload": "4.5e-7 N", "control": "load"},
+    "drive": {"speed": "1 m/s", "preload": "4.5e-8 N", "control": "load"},
     "grid": {"n": 41, "length": "4667 m"},
     "solver": {"scheme": "quasistatic", "accuracy": 0.3},
 }

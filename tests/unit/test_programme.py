@@ -170,7 +170,7 @@ def test_a_resolved_programme_reads_back_as_itself():
     names = [phase.name for phase in drive_of(found).phases if phase.name != "turn"]
     assert names == ["approach", "hold", "approach", "hold", "oscillate", "retract"]
     # What stands for it in forecasts, and is no key.
-    assert (found.drive.preload, found.drive.speed) == (4e-3, 1e-5) and 'preload' not in found.to_toml()
+    assert (found.drive.preload, found.drive.speed) == (4e-3, 1e-5) and "preload" not in found.to_toml()
 
 
 def test_numbers_of_a_python_program_are_in_si_units():
@@ -186,7 +186,7 @@ def test_numbers_of_a_python_program_are_in_si_units():
     assert pgfmd.Scene(scene(steps='speed = "1 um/s"\npreload = "1 mN"'), drive=given) == scene()
     changed = pgfmd.Scene(scene(), drive={"step.2.duration": 30.0, "step.4.until": "free", "repeat.times": 5})
     assert (changed.drive.step[1].duration, changed.drive.repeat.times) == (30.0, 5)
-    with pytest.raises(SceneError, match=r'drive\.step\.3\.amplitude = 2e-08: .*write a text with a unit'):
+    with pytest.raises(SceneError, match=r"drive\.step\.3\.amplitude = 2e-08: .*write a text with a unit"):
         pgfmd.Scene(scene(), drive={"step.3.amplitude": 2e-8})
 
 
@@ -238,7 +238,9 @@ def test_what_is_wrong_names_the_step_and_its_key(override, key, told):
 
 
 def test_a_step_may_lack_nothing_and_say_nothing_twice():
-    found = problems(steps=STEPS.replace('do = "hold"', 'do = "hold"\nduration = "1 s"').replace('speed = "10 um/s"\nu', "u"))
+    found = problems(
+        steps=STEPS.replace('do = "hold"', 'do = "hold"\nduration = "1 s"').replace('speed = "10 um/s"\nu', "u")
+    )
     assert found["drive.step.1.speed"].value is MISSING and "which means the same" in found["drive.step.2.for"].expected
     found = problems(steps=STEPS.split("[[drive.step]]", 2)[2].join(["[[drive.step]]", ""]))
     assert "out of reach" in found["drive.step"].expected

@@ -107,7 +107,9 @@ def test_a_load_is_held_and_ramped():
         scene([APPROACH, creep, ramp, {"do": "ramp", "rate": "-50 mN/s", "until": "free"}]),
         each=lambda step: seen.append((step.cycle, step.stage, step.phase, step.force)),
     )
-    assert [key[:3] for key in seen] == list(zip(run.curve["cycle"], run.curve["stage"], run.curve["phase"], strict=True))
+    assert [key[:3] for key in seen] == list(
+        zip(run.curve["cycle"], run.curve["stage"], run.curve["phase"], strict=True)
+    )
     held = [key[3] for key in seen if key[2] == "hold"]
     assert held == pytest.approx([2e-3] * len(held), rel=3e-4)
     ends = ends_of(run)

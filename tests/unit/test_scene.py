@@ -456,8 +456,9 @@ def test_every_wrong_entry_of_a_list_is_reported():
     assert [problem.value for problem in found["rheology.kappa"]] == [-1, "2"]
     assert [problem.value for problem in found["rheology.tau"]] == [3, "4 m"]
     assert "entry 2 of the list" in found["rheology.tau"][0].expected
-    found = problems(mapping(output={"snapshots": ["3", "1 t_pl", "4 m", "-1 s", 7, "inf s"]}))
-    assert [problem.value for problem in found["output.snapshots"]] == ["3", "4 m", "-1 s", 7, "inf s"]
+    wrong = ["3", "4 m", "-1 s", 7, "inf s", "every 0 s", "every 3 Pa", "every"]
+    found = problems(mapping(output={"snapshots": ["1 t_pl", "every 2 s", *wrong]}))
+    assert [problem.value for problem in found["output.snapshots"]] == wrong
 
 
 def test_snapshots_are_times_or_fractions_of_the_time_to_the_preload():
@@ -467,6 +468,10 @@ def test_snapshots_are_times_or_fractions_of_the_time_to_the_preload():
         "0.5 t_pl",
     )
     assert snapshot_time("2 min") == (120.0, False)
+    often = Output.model_validate({"snapshots": ["3 s", "every 2ms", "1 t_pl", "every 1 min"]})
+    assert often.snapshots == ("3.0 s", "every 0.002 s", "1.0 t_pl", "every 60.0 s")
+    assert [rhythm.size for rhythm in often.rhythms] == [0.002, 60.0]
+    assert often.snapshot_times == [(3.0, False), (1.0, True)]
 
 
 # Unknown keys -------------------------------------------------------------------------------------------------------

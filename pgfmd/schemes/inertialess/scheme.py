@@ -39,12 +39,13 @@ allowed error of the preload."""
 JUMP_SHARPNESS = 1e-3
 """Tolerance of solves in a jump, as a fraction of the usual one: just after the loss of stability the residual on the
 unstable branch is tiny, and a solve with a large tolerance would stay on it."""
-DEAD_LOAD_SHARPNESS = 0.25
-"""Under force control the place of the punch has the error of a solve, and is not given: tolerance, as a fraction."""
 NEARLY_ELASTIC = 0.5
 """An elastomer is nearly elastic if more than this fraction of its compliance is instantaneous."""
 ELASTIC_PATIENCE = 2
-"""Patience of the conjugate gradients (newton.py) for elastic and nearly elastic elastomers."""
+"""Patience of the conjugate gradients (newton.py) for elastic and nearly elastic elastomers, and for machines softer than
+the contact. Such a machine has one direction in which the surface is far softer than in all others. The first update is
+along it, and small: with a patience of one, solves ended there, steps were limited by what these had left, and a sphere
+with a stiff overlap took 25 times as many steps."""
 ELASTIC_SHARPNESS = 0.25
 """Tolerance of the solves in elastic scenes, as a fraction of that of the step: they are the only source of error."""
 
@@ -112,7 +113,7 @@ class Inertialess(PathFollowing):
         surface = state.surface_displacement, state.effective_traction
         for jump in (False, True):
             # If the punch starts in contact, the equilibrium may be far from the surface at rest.
-            place = self._begin(state, state.phase_start, surface, history, self.creep.J_inf, state.position)
+            place = self._begin(state.phase_start, surface, history, self.creep.J_inf, state.position, state.traction)
             outcome = solve(
                 place, history, self.creep.J_inf, *surface, 0.1 * self.tolerance, jump, largest_force=solver.force_scale
             )
@@ -151,7 +152,9 @@ class Inertialess(PathFollowing):
             extrapolation = self._predict(state, trial, i, node * step)
             if self.machine:
                 expected = self._expected(state, trial, extrapolation)
-                trial.position = self._begin(state, drive, surface, history, compliance, expected)
+                # Of a stage that follows a jump in this step, points interact that did not before.
+                interacting = self.solver.traction if i else state.traction
+                trial.position = self._begin(drive, surface, history, compliance, expected, interacting, jump)
             outcome = self.solver.solve(
                 trial.position, history, compliance, *surface,
                 self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
@@ -169,8 +172,8 @@ class Inertialess(PathFollowing):
             if not outcome.converged:
                 trial.converged, trial.left_over = False, outcome.left_over
                 return trial
-            # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes
-            # the images G0 phi, and with them the stored energy, those of these tractions.
+            # The traction that follows from w, not from the law; the two differ by the error of the solve. Because of
+            # u = G0 w, the displacements G0 phi and the stored energy belong to this traction.
             stage = self._w[i], history, compliance
             if i + 1 < self.tableau.stages:
                 weight, following = float(weights.stage_weight[i + 1, i]), self._history[i + 1]
@@ -214,6 +217,8 @@ class Inertialess(PathFollowing):
             self._machine.control(control)
             self.spring_compliance = self._machine.compliance
             self.machine = self._machine if self.spring_compliance else None
+            slow = self._machine.is_soft or self.creep.J_inf > NEARLY_ELASTIC
+            self.solver.cg.patience = ELASTIC_PATIENCE if slow else 1
             if self._audit:
                 self._audit.spring = self.spring_compliance
 
@@ -229,18 +234,19 @@ class Inertialess(PathFollowing):
 
     def _begin(
         self,
-        state: State,
         drive: float,
         surface: tuple[np.ndarray, np.ndarray],
         history: np.ndarray,
         compliance: float,
         expected: float,
+        traction: np.ndarray,
+        jump: bool = False,
     ) -> float:
-        """Before a solve, with the machine at `drive` [m]: the position of the punch [m]."""
+        """Before a solve, with the machine at `drive` [m]: the position of the punch [m]; traction [Pa]: before it."""
         if not self.machine:
             return drive
         u, w = surface
-        place, corrected = self.machine.begin(drive, u, w, history, compliance, expected, state.traction)
+        place, corrected = self.machine.begin(drive, u, w, history, compliance, expected, traction, jump)
         if corrected:
             self._drift = self._drift.renewed(self._extent(place))
         return place
@@ -284,8 +290,6 @@ class Inertialess(PathFollowing):
         if jump:
             return JUMP_SHARPNESS * self.tolerance
         share = 1.0 if self.creep.elements else ELASTIC_SHARPNESS
-        if self.machine and self.machine.dead_load:
-            share *= DEAD_LOAD_SHARPNESS
         if self._audit:
             share = min(share, self._audit.sharpness(state.energies))
         usual = share * self.tolerance

@@ -24,6 +24,10 @@ FINEST = 0.25
 """Shortest step to which a jump is located, in tolerances."""
 UNCERTAINTY = 10.0
 """Accepted uncertainty of the energy released by a jump, in tolerances."""
+PULL_OFF = 0.3
+"""Largest change of a controlled force, in tolerances of that force, in a step in which a jump under tension is followed: it
+may be the pull-off, whose force is known no better. (The tolerance of the punch's way is that of the whole punch in contact,
+and too coarse where only some of it is.)"""
 ROOM = 0.25
 """A jump is negligible if the uncertainty of its energy is below this fraction of the accepted one. It is followed in
 longer and longer steps."""
@@ -56,8 +60,8 @@ class LoadSteps:
         Raises RunError if no equilibrium is found.
         """
         unit = self._unit(state, phase)
-        finest = FINEST * self.tolerance * unit
-        shortest = FOLLOWED * self.tolerance * unit
+        shortest = min(FOLLOWED * self.tolerance * unit, self._located(state, phase))
+        finest = FINEST * shortest
         # Under tension the next jump may be the pull-off, whose force is needed.
         followed = shortest if state.force < 0.0 else min(max(state.followed_step, shortest), LONGEST_FOLLOWED * unit)
         end = phase.duration - state.elapsed
@@ -72,6 +76,8 @@ class LoadSteps:
             trial = self.scheme.try_step(state, phase, step, sharp=search.sharp, jump=follow)
             state.counters.take(trial)
             passed = trial.is_jump and not follow and state.force < min(trial.force, 0.0)
+            # Nor is a punch pulled off that is still pressed.
+            passed |= trial.runaway and state.force >= 0.0 and step > finest
             shorter = self._shorter(trial, state.energies.released, step, follow, followed, finest, passed)
             if shorter is not None:
                 if step <= finest and not trial.converged:
@@ -87,7 +93,7 @@ class LoadSteps:
                 state.counters.rejected_steps += 1
                 step, why = other, ""
                 continue
-            if trial.is_jump:
+            if trial.is_jump and not trial.runaway:
                 # Negligible jumps need not be located as accurately.
                 room = trial.uncertainty / self._allowed(trial, state.energies.released)
                 followed = LARGEST_GROWTH * followed if room < ROOM and step > 0.5 * followed else followed
@@ -114,6 +120,16 @@ class LoadSteps:
         share = 1.0 + scheme.contact_stiffness * scheme.machine_compliance if shared else 1.0
         return share * self.reach / phase.fastest
 
+    def _located(self, state: State, phase: Phase) -> float:
+        """The longest step [s] in which a jump may be followed that may be the pull-off of a dead load."""
+        scheme = self.scheme
+        if not scheme.spring.dead_load or state.force >= 0.0:
+            return math.inf
+        # Hardly anything is pulled off by less than the second: it is for forces that have only just become tensile.
+        least = scheme.law.work_of_adhesion * math.sqrt(scheme.points.total * scheme.points.grid.cell_area)
+        change = PULL_OFF * self.tolerance * max(-state.force, least)
+        return change * scheme.machine_compliance / phase.fastest
+
     def _shorter(
         self, trial: Trial, released: float, step: float, follow: bool, followed: float, finest: float, passed: bool
     ) -> float | None:
@@ -130,7 +146,8 @@ class LoadSteps:
 
     def _allowed(self, trial: Trial, released: float) -> float:
         """Accepted uncertainty [J] of a jump: errors of many small jumps average out."""
-        return UNCERTAINTY * self.tolerance * math.sqrt(trial.potential_drop * (trial.potential_drop + released))
+        drop = max(trial.potential_drop, 0.0)
+        return UNCERTAINTY * self.tolerance * math.sqrt(drop * (drop + released))
 
     def _growth(self, trial: Trial) -> float:
         return SAFETY * math.sqrt(self.tolerance / max(trial.error, 1e-300))

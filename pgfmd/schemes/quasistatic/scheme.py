@@ -103,9 +103,14 @@ class Quasistatic(PathFollowing):
         if self._has_spring:
             self.solver.hold_up(spring)
             self.solver.stiffen(spring, self.compliance)
-        if state is not None and changes:
+        if state is not None:
+            # A punch that a load has torn off is where it was stopped, and so is the machine.
             state.position = place - spring * state.force
+        if state is not None and changes:
             self.solver.convolve(state.effective_traction, state.surface_displacement)
+            if state.softest_mode is not None and state.softest_mode_dual is not None:
+                # A mode that is not A of its dual would take the surface away from G0 w with it.
+                self.solver.rough(state.softest_mode_dual, state.softest_mode, self.compliance)
             drift = Drift(state.drift, self._rounding).renewed(self._extent(state.position))
             state.drift = np.ascontiguousarray(drift.kept([0]).factor)
 
@@ -172,6 +177,8 @@ class Quasistatic(PathFollowing):
         trial.change = self._change(state, trial)
         trial.error = trial.change.elastic_error(self.law.attractive)
         gained = self._stored - state.energies.elastic + outcome.adhesive - state.energies.adhesive
+        if trial.runaway:
+            trial.parted = self.spring.parted(state, gained)
         plain = self.spring.work(state, trial)
         trial.potential_drop = plain - gained
         # What the spring stores is known, wherever the jump was: of the machine's way, the jump's part of the force
@@ -186,7 +193,8 @@ class Quasistatic(PathFollowing):
         noise = self._noise(state, trial, tolerance)
         # A step without instability may have passed over a jump as well: a path of equilibria loses no energy.
         suspected = left or trial.error > self.tolerance or self._shows_jump(state, trial)
-        trial.is_jump = bool(self.softest_mode) and suspected and min(smooth, plain) - gained > bend + noise
+        lost = suspected and min(smooth, plain) - gained > bend + noise
+        trial.is_jump = bool(self.softest_mode) and (lost or trial.runaway)
         return trial
 
     def _shows_jump(self, state: State, trial: Trial) -> bool:
@@ -203,6 +211,9 @@ class Quasistatic(PathFollowing):
         state.least_force = min(state.force, trial.force)
         energies.work_of_separation += self.spring.pulled(state, trial)
         energies.elastic = self._stored
+        if trial.runaway:
+            # Later there is no telling it from the state.
+            state.punch_displacement = self.spring.end(state, trial)
         self._move_on(state, trial)
 
     def _carry(self, trial: Trial, state: State, u: np.ndarray, w: np.ndarray) -> None:
@@ -299,9 +310,9 @@ class Quasistatic(PathFollowing):
         """Whether no point interacts at the surface of the last solve. Collective."""
         return self.points.maximum_of(float(np.abs(self.solver.curvature).max(initial=0.0))) == 0.0
 
-    def _force(self, load: np.ndarray) -> float:
+    def _force(self, effective_traction: np.ndarray) -> float:
         """Force on the punch [N] for an effective traction, consistent with the length of the spring in u and w."""
-        return -total(self.points, load, self._rows) * self.points.grid.cell_area / self.compliance
+        return -total(self.points, effective_traction, self._rows) * self.points.grid.cell_area / self.compliance
 
     def _elastic(self, u: np.ndarray, w: np.ndarray, force: float) -> float:
         """Energy stored in the body [J]: that of u and w, minus that of the spring."""

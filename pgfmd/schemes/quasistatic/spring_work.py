@@ -6,6 +6,7 @@ machine does not move, and the spring does the work -(F_0 + F_1)(d_1 - d_0)/2 on
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +31,8 @@ class SpringWork:
 
     def place(self, state: State) -> float:
         """Displacement d of the punch [m]. After detachment under a controlled force, which has no equilibrium, it is
-        the height beyond the reach of the elastomer at rest, or the height of detachment if that is larger."""
+        the height beyond the reach of the elastomer at rest, or the height of detachment if that is larger, or where the
+        load has done the work of detachment."""
         place = state.position + self.compliance * state.force
         runaway = self.dead_load and state.preload_time is not None and state.smallest_gap >= self.reach
         # Until the step has ended, the place in the state is that of the step before.
@@ -39,7 +41,14 @@ class SpringWork:
     def end(self, state: State, trial: Trial) -> float:
         """The same at the end of a trial."""
         place = trial.position + self.compliance * trial.force
-        return min(place, max(self.reach, self.place(state))) if trial.runaway else place
+        return min(place, max(self.reach, self.place(state), trial.parted)) if trial.runaway else place
+
+    def parted(self, state: State, gained: float) -> float:
+        """Where [m] a dead load that detaches the punch in a step has done the work [J] by which elastomer and interface
+        gain energy. An elastomer that has been pulled up far holds on beyond the reach of its surface at rest."""
+        force = -state.force
+        least = max(force**2 - 2.0 * gained / self.compliance, 0.0)
+        return self.place(state) + self.compliance * (force - math.sqrt(least))
 
     def work(self, state: State, trial: Trial, smooth: bool = False) -> float:
         """Work of the punch [J] over the step by the trapezoidal rule; smooth: by the polynomial that includes starts

@@ -17,9 +17,9 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.files.text import read_text
 from pgfmd.units import DIMENSIONS
 
+from .drive_section import REPLACED
 from .fields import extra_of, toml_of, written
 from .model import ADHESION, PATTERNS, RHEOLOGIES, SECTIONS
-from .drive_section import REPLACED
 from .programme_section import ALSO, STEPS, ProgrammeStep, names_force
 
 SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES), ("adhesion", "law", ADHESION))
