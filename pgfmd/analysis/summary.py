@@ -132,10 +132,7 @@ def analyse(
         add_areas(table, results, found)
         _remark_unfinished(table, results)
         _remark_thinned(table, results)
-        single_loop = _single_cycle(table, results, loop, resolution)
-        places = bulges(single_loop, resolution)
-        _add_stiffness(table, single_loop)
-        _add_bulges(table, places)
+        places = _add_stiffness_and_bulges(table, results, loop, resolution)
         add_sites(table, results, loop)
         cell = fit_cell_compliance(whole)
         _add_compliance(table, cell)
@@ -152,6 +149,15 @@ def analyse(
         return Analysis(
             results.directory, table, loop, found, places, cell, audit, against, twin_loop, predictions, about(results)
         )  # fmt: skip
+
+
+def _add_stiffness_and_bulges(table: Table, results: Results, loop: Loop, resolution: float | None) -> list[Bulge]:
+    """Slopes, and the bulges, which are returned: of one way out."""
+    single = _single_cycle(table, results, loop, resolution)
+    places = bulges(single, resolution)
+    _add_stiffness(table, single)
+    _add_bulges(table, places)
+    return places
 
 
 def _single_cycle(table: Table, results: Results, loop: Loop, resolution: float | None) -> Loop:

@@ -106,7 +106,7 @@ class Still:
 
     def __init__(self):
         self.height = np.ones(POINTS.size)
-        self.scheme, self.state, self.phase = self, self, self
+        self.scheme, self.state, self.phase, self.phases, self.stepped = self, self, self, [self], 0
         self.law, self.name, self.position, self.punch_position, self.time, self.force = (
             LAW,
             "approach",
