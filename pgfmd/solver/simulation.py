@@ -15,7 +15,7 @@ from pgfmd.physics.drive import AREA, COMPLETED, DETACHED, FORCE, LOAD, PLACE, P
 from .ending_search import PRELOAD_TOLERANCE, is_over, signs_at
 from .finite_check import not_finite_on
 from .interruption import Interrupted, Question
-from .state import State
+from .state import UNKNOWN_PHASE, State
 
 if TYPE_CHECKING:
     from pgfmd.schemes.base import Scheme, StepController
@@ -108,6 +108,8 @@ class Simulation:
             state.counters.transform_pairs = earlier + self.scheme.pairs
             return attend is not None and attend(self)
 
+        if state.stepped == UNKNOWN_PHASE:
+            state.stepped = state.phase - (1 if state.phase and not state.elapsed else 0)
         self.scheme.control(self.phase.control)
         stopped, question = False, Question(self.points.comm, interrupt) if interrupt else None
         if not state.started:
