@@ -42,6 +42,8 @@ SCENES = {
     "whole plane, quasi-static": (PLANE, ["solver.scheme=quasistatic", "solver.accuracy=0.03"]),
     "without symmetry": ("tri-tack", ["grid.n=24", "drive.preload=2 mN", "solver.symmetry=none"]),
     "quarter, free": ("flat-punch", ["grid.n=26", "substrate.boundary=free"]),
+    "spring": ("tri-tack", ["grid.n=24", "drive.preload=2 mN", "drive.speed=20 um/s", "drive.machine_stiffness=300 N/m"]),
+    "load": ("tri-tack", ["grid.n=24", "drive.preload=2 mN", "drive.speed=20 um/s", "drive.control=load"]),
     "another grid": ("tri-tack", ["grid.n=72", "drive.preload=1 mN"]),
 }  # fmt: skip
 
