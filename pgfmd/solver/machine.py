@@ -96,6 +96,8 @@ def sprung(convolve: Convolves, spring: float, compliance: float) -> Convolves:
 MISPLACED = 0.1
 """Ranges of adhesion by which the load at the start of a solve may misplace the punch. Where a soft spring makes more of
 a small error of the load, the load is corrected beforehand."""
+PLACED = 1e-3
+"""The same of a jump, whose energy is counted from its start."""
 
 
 CLEAR = 1e-9
@@ -147,7 +149,7 @@ class Machine:
 
     def begin(
         self, drive: float, u: np.ndarray, w: np.ndarray, history: np.ndarray, compliance: float, expected: float,
-        traction: np.ndarray,
+        traction: np.ndarray, jump: bool = False,
     ) -> tuple[float, bool]:  # fmt: skip
         """Before the solve of a stage with J = compliance and w = J f + history: the position [m] of the punch that the
         load w has, and whether w and u were corrected for it to be near the one that is `expected`. Collective.
@@ -159,7 +161,7 @@ class Machine:
         self._given = total(self.points, history, rows)
         self._start = total(self.points, w, rows)
         place, corrected = self.place(drive, self._force(self._start, compliance)), False
-        if abs(place - expected) > MISPLACED * solver.law.length:
+        if abs(place - expected) > (PLACED if jump else MISPLACED) * solver.law.length:
             corrected = self._correct(place - expected, u, w, compliance, traction)
             place = self.place(drive, self._force(self._start, compliance))
         solver.start = self._start

@@ -152,7 +152,7 @@ class Inertialess(PathFollowing):
             extrapolation = self._predict(state, trial, i, node * step)
             if self.machine:
                 expected = self._expected(state, trial, extrapolation)
-                trial.position = self._begin(state, drive, surface, history, compliance, expected)
+                trial.position = self._begin(state, drive, surface, history, compliance, expected, jump)
             outcome = self.solver.solve(
                 trial.position, history, compliance, *surface,
                 self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
@@ -227,12 +227,13 @@ class Inertialess(PathFollowing):
         history: np.ndarray,
         compliance: float,
         expected: float,
+        jump: bool = False,
     ) -> float:
         """Before a solve, with the machine at `drive` [m]: the position of the punch [m]."""
         if not self.machine:
             return drive
         u, w = surface
-        place, corrected = self.machine.begin(drive, u, w, history, compliance, expected, state.traction)
+        place, corrected = self.machine.begin(drive, u, w, history, compliance, expected, state.traction, jump)
         if corrected:
             self._drift = self._drift.renewed(self._extent(place))
         return place
