@@ -16,6 +16,7 @@ from pgfmd.reference import maugis
 from pgfmd.reference.cohesive_sphere import CohesiveSphere
 from pgfmd.scene import load_scene
 from pgfmd.solver.simulation import Observer
+from scripts.studies.laws import run as study
 from tests.physics.runs import CONTACT_MODULUS, WORK_OF_ADHESION
 
 RADIUS = 10e-3
@@ -66,6 +67,21 @@ def test_laws_of_short_range_have_one_pull_off():
         largest.append(found)
     short, long = largest[1] - 1.5, largest[0] - 1.5
     assert np.all(short > 0.0) and np.all(short < 0.5 * long) and spread[1] < 0.7 * spread[0]
+
+
+@pytest.mark.parametrize("law", ["cosine", "dugdale"])
+def test_a_dead_load_pulls_off_at_the_largest_tension_of_the_law(law):
+    """A flat punch: on the way to Kendall's force as the range falls, and never beyond its strength. A sphere: as by rings."""
+    found = [study.pulled_off(study.flat(law, n), "flat", study.KENDALL) for n in (32, 64)]
+    shares = [one.force / one.closed for one in found]
+    assert shares[0] < shares[1] < 1.0 and 1.0 - shares[1] < 0.6 * (1.0 - shares[0])
+    # The outline on the grid is up to 2 % wider.
+    assert all(one.force < 1.04 * math.pi * study.RADIUS**2 * one.strength for one in found)
+    round_ = study.pulled_off(
+        study.sphere(138, {"law": law, "range_factor": 0.04}), "sphere", study.JKR, with_rings=True
+    )
+    assert round_.force == pytest.approx(round_.rings, rel=0.012)
+    assert all(one.residual < 0.006 for one in (*found, round_))
 
 
 @pytest.mark.parametrize("scheme", ["inertialess", "quasistatic", "gfmd"])

@@ -2,6 +2,7 @@
 Maugis. Makes docs/figures/laws.png, laws.csv and the tables of docs/evidence/laws.md.
 
     python -m scripts.studies.laws.run            everything; a quarter of an hour on one core
+    python -m scripts.studies.laws.run maugis     a part of it: flat, sphere, maugis
     python -m scripts.studies.laws.run --quick    small grids, a minute; only prints
 """
 
@@ -12,6 +13,7 @@ import csv
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +41,10 @@ LAWS: dict[str, dict[str, Any]] = {
 FLAT_SIZES = (32, 64, 128, 256, 512)
 SPHERE_SIZES = {138: 1.35e-3, 276: 1.35e-3, 368: 0.9e-3}
 """Grid points a side, with the radius [m] of an outline beyond which no law reaches; the cell is four times as wide."""
-RING_FACTORS = (0.04, 0.08, 0.16, 0.32, 0.64, 1.28, 2.56)
+RING_FACTORS = (0.04, 0.08, 0.16, 0.32, 0.64)
 """Range factors on the first of these grids at which the sphere is solved by rings alone."""
-TABORS = (0.1, 0.3, 1.0)
-"""Tabor numbers for Maugis's sphere ..."""
+MAUGIS = {0.1: (0.9e-3, (92, 184, 368)), 0.3: (0.6e-3, (123, 245, 368)), 1.0: (0.45e-3, (184, 368, 552))}
+"""Tabor numbers for Maugis's sphere, with the outline [m] that its range needs and grids ..."""
 WIDTHS = (0.2, 0.1)
 """... and the widths of the smooth ends of Dugdale's law, in ranges: the error is of first order in them."""
 
@@ -99,9 +101,9 @@ def flat(law: str, n: int, **solver: Any) -> pgfmd.Scene:
     )
 
 
-def sphere(n: int, adhesion: dict[str, Any]) -> pgfmd.Scene:
+def sphere(n: int, adhesion: dict[str, Any], outline: float | None = None) -> pgfmd.Scene:
     """A sphere under a dead load."""
-    outline = SPHERE_SIZES[n]
+    outline = outline or SPHERE_SIZES[n]
     return pgfmd.Scene(
         "hertz", punch={"radius": f"{outline} m"}, grid={"n": n, "length": f"{4 * outline} m"}, adhesion=adhesion,
         drive={"control": "load", "preload": "0.2 mN"}, solver={"scheme": "quasistatic"},
@@ -128,15 +130,20 @@ def dugdale(mu: float, width: float, n: int) -> tuple[pgfmd.Scene, float]:
         "law": "dugdale", "range": f"{reach} m", "smoothing": width, "overlap_stiffness": f"{60 * WORK / reach**2} Pa/m",
     }  # fmt: skip
     transition = maugis.transition_parameter(SPHERE, MODULUS, WORK, WORK / reach)
-    return sphere(n, adhesion), -maugis.pull_off_force(SPHERE, WORK, transition)
+    return sphere(n, adhesion, MAUGIS[mu][0]), -maugis.pull_off_force(SPHERE, WORK, transition)
 
 
-def found(quick: bool) -> Iterator[PullOff]:
-    """All pull-offs."""
-    sizes = list(SPHERE_SIZES)[: 1 if quick else None]
-    for law, keys in LAWS.items():
+def flats(quick: bool) -> Iterator[PullOff]:
+    """Flat punches."""
+    for law in LAWS:
         for n in FLAT_SIZES[: 2 if quick else None]:
             yield pulled_off(flat(law, n), "flat", KENDALL)
+
+
+def spheres(quick: bool) -> Iterator[PullOff]:
+    """Spheres, on grids and by rings alone."""
+    sizes = list(SPHERE_SIZES)[: 1 if quick else None]
+    for law, keys in LAWS.items():
         for n in sizes:
             # A range twice as long for the grid as usual: no contact line is pinned by it.
             yield pulled_off(sphere(n, {"law": law, "range_factor": 0.04, **keys}), "sphere", JKR, True)
@@ -144,24 +151,34 @@ def found(quick: bool) -> Iterator[PullOff]:
             same = law_of(sphere(sizes[0], {"law": law, "range_factor": factor, **keys}).adhesion)
             tension = by_rings(same)
             yield PullOff("rings", law, 0, same.length, same.strength, tension, JKR, tension, math.nan)
-    for mu in TABORS:
+
+
+def maugis_spheres(quick: bool) -> Iterator[PullOff]:
+    """Spheres under Dugdale's law."""
+    for mu, (_, grids) in MAUGIS.items():
         for width in WIDTHS:
-            for n in sizes:
+            for n in grids[: 1 if quick else None]:
                 scene, closed = dugdale(mu, width, n)
                 yield pulled_off(scene, f"Maugis {mu:g} {width:g}", closed)
 
 
+PARTS = {"flat": flats, "sphere": spheres, "maugis": maugis_spheres}
+PUNCHES = {"flat": ("flat",), "sphere": ("sphere", "rings"), "maugis": ("Maugis",)}
+"""First words of the punches of each part."""
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", choices=[[], *PARTS], help="some parts; rows of the others are kept")
     parser.add_argument("--quick", action="store_true", help="small grids; leaves docs alone")
     parser.add_argument("--draw-only", action="store_true", help="figure and tables from laws.csv")
     options = parser.parse_args()
-    rows = read() if options.draw_only else []
-    for one in () if options.draw_only else found(options.quick):
-        print(
-            f"{one.punch:16s} {one.law:14s} n = {one.n:4d}  {one.force / one.closed:.4f} {one.rings / one.closed:.4f} {one.residual:.1e}",
-            flush=True,
-        )
+    parts = [] if options.draw_only else options.parts or list(PARTS)
+    made = [word for part in parts for word in PUNCHES[part]]
+    rows = [row for row in read() if row.punch.split()[0] not in made]
+    for one in chain.from_iterable(PARTS[part](options.quick) for part in parts):
+        shares = f"{one.force / one.closed:.4f} {one.rings / one.closed:.4f} {one.residual:.1e}"
+        print(f"{one.punch:16s} {one.law:14s} n = {one.n:4d}  {shares}", flush=True)
         rows.append(one)
     if not options.quick:
         write(rows)
@@ -179,7 +196,9 @@ def write(rows: list[PullOff]) -> None:
 
 
 def read() -> list[PullOff]:
-    """The rows of laws.csv."""
+    """The rows of laws.csv, none if there is no such file."""
+    if not (FIGURES / "laws.csv").exists():
+        return []
     with (FIGURES / "laws.csv").open(newline="", encoding="utf-8") as file:
         kinds = {field.name: {"str": str, "int": int, "float": float}[str(field.type)] for field in fields(PullOff)}
         return [PullOff(**{name: kinds[name](text) for name, text in row.items()}) for row in csv.DictReader(file)]

@@ -65,6 +65,7 @@ def each(key: str, *values) -> list[tuple[str, ...]]:
 
 SOFT, LOAD = "drive.machine_stiffness=1 kN/m", "drive.control=load"
 TABLE = ("adhesion.law=table", "adhesion.file=scripts/studies/laws/law.txt", "adhesion.range=auto")
+STILL = "solver.scheme=quasistatic", "solver.accuracy=1e-2"
 LAWS: list[tuple[str, ...]] = [*each("adhesion.law", "dugdale", "exponential", "lennard-jones"), TABLE]
 TRI, HEX, FLAT = "tri-tack", "hex-tack", "flat-punch"
 AXES: dict[str, dict[str, list[tuple[str, ...]]]] = {
@@ -166,7 +167,7 @@ AXES |= {
     },
     "adhesion": {
         TRI: [
-            *LAWS, *((*law, ELASTIC) for law in LAWS), *((*law, LOAD) for law in LAWS), *((*law, SOFT) for law in LAWS),
+            *LAWS, *((*law, *STILL) for law in LAWS), *((*law, LOAD) for law in LAWS), *((*law, SOFT) for law in LAWS),
             *((*law, "drive.speed=1e4 um/s") for law in LAWS), *((*law, "drive.speed=1e-2 um/s") for law in LAWS),
             ("adhesion.law=dugdale", "adhesion.smoothing=0.02"), ("adhesion.law=dugdale", "adhesion.smoothing=1"),
             ("adhesion.law=dugdale", "adhesion.overlap_stiffness=1e13 Pa/m"), ("adhesion.law=lennard-jones", MIXED),
