@@ -162,7 +162,7 @@ class Quasistatic(PathFollowing):
         noise = self._noise(state, trial, tolerance)
         # A step without instability may have passed over a jump as well: a path of equilibria loses no energy.
         told = left or trial.error > self.tolerance or self._shows_jump(state, trial)
-        trial.is_jump = bool(self.soft_mode) and (told and min(smooth, plain) - gained > bend + noise or trial.flung)
+        trial.is_jump = bool(self.soft_mode) and ((told and min(smooth, plain) - gained > bend + noise) or trial.flung)
         return trial
 
     def _shows_jump(self, state: State, trial: Trial) -> bool:

@@ -66,13 +66,14 @@ def by_size(rows: list[PullOff], punch: str) -> str:
     return lines(("n", "length [µm]", "Tabor number", *(f"`{law}`" for law in laws), "largest residual"), told)
 
 
-def maugis_cases(rows: list[PullOff]) -> dict[tuple[str, int], dict[str, float]]:
-    """Relative errors by Tabor number and grid, for each width, and without one: they are of first order in the width."""
-    found: dict[tuple[str, int], dict[str, float]] = {}
+def maugis_cases(rows: list[PullOff]) -> dict[tuple[str, float], dict[str, float]]:
+    """Relative errors by Tabor number and grid spacing [um], for each width, and without one: they are of first order in the width."""
+    found: dict[tuple[str, float], dict[str, float]] = {}
     for row in rows:
         if row.punch.startswith("Maugis"):
             _, mu, width = row.punch.split()
-            found.setdefault((mu, row.n), {})[width] = row.force / row.closed - 1.0
+            found.setdefault((mu, 1e6 * row.spacing), {})[width] = row.force / row.closed - 1.0
+    found = {key: case for key, case in found.items() if len(case) == 2}
     for case in found.values():
         case["0"] = 2 * case["0.1"] - case["0.2"]
     return found
@@ -81,10 +82,14 @@ def maugis_cases(rows: list[PullOff]) -> dict[tuple[str, int], dict[str, float]]
 def against_maugis(rows: list[PullOff]) -> str:
     """A line a Tabor number and grid."""
     told = [
-        [mu, f"{n}", *(f"{100 * case[width]:+.2f} %".replace("-", "\N{MINUS SIGN}") for width in ("0.2", "0.1", "0"))]
-        for (mu, n), case in maugis_cases(rows).items()
+        [
+            mu,
+            f"{h:.1f}",
+            *(f"{100 * case[width]:+.2f} %".replace("-", "\N{MINUS SIGN}") for width in ("0.2", "0.1", "0")),
+        ]
+        for (mu, h), case in maugis_cases(rows).items()
     ]
-    return lines(("Tabor number", "n", "$w = 0.2\\rho$", "$w = 0.1\\rho$", "$w \\to 0$"), told)
+    return lines(("Tabor number", "spacing [µm]", "$w = 0.2\\rho$", "$w = 0.1\\rho$", "$w \\to 0$"), told)
 
 
 def draw(rows: list[PullOff]) -> Any:
@@ -120,20 +125,21 @@ def draw(rows: list[PullOff]) -> Any:
     second.legend(loc="lower left")
     cases = maugis_cases(rows)
     for index, mu in enumerate(dict.fromkeys(mu for mu, _ in cases)):
-        sizes = [n for other, n in cases if other == mu]
+        spacings = [h for other, h in cases if other == mu]
         style = {"color": PALETTE[index], "marker": MARKS[index], "ls": LINES[index], "ms": 4, "mfc": "white"}
-        fourth.plot(sizes, [100 * cases[mu, n]["0"] for n in sizes], label=f"Tabor number {mu}", **style)
+        fourth.plot(spacings, [100 * cases[mu, h]["0"] for h in spacings], label=f"Tabor number {mu}", **style)
     fourth.axhspan(-1.0, 1.0, color=GREY, alpha=0.2, lw=0)
-    fourth.set(
-        xscale="log",
-        yscale="symlog",
-        xlabel="n",
-        ylabel="distance from Maugis [%]",
-        title="`dugdale` without smooth ends".replace("`", ""),
-    )
-    fourth.minorticks_off()
-    sizes = sorted({n for _, n in cases})
-    fourth.set_xticks(sizes, [f"{n}" for n in sizes])
+    fourth.set(xscale="log", yscale="symlog", xlabel="grid spacing [µm]", ylabel="distance from Maugis [%]")
+    fourth.set_title("dugdale without smooth ends")
+    ticks(fourth, (3, 5, 10, 20, 40))
     fourth.set_yticks([-1, 0, 1, 10], ["\N{MINUS SIGN}1", "0", "1", "10"])
     fourth.legend()
+    ticks(first, (1, 1.5, 2, 3, 4, 5))
+    ticks(third, (0.4, 0.6, 0.8, 1.2, 1.6))
     return figure
+
+
+def ticks(axis: Any, places: tuple[float, ...]) -> None:
+    """Ticks of a logarithmic axis, as numbers."""
+    axis.minorticks_off()
+    axis.set_xticks(places, [f"{place:g}" for place in places])

@@ -51,13 +51,14 @@ WIDTHS = (0.2, 0.1)
 
 @dataclass(frozen=True)
 class PullOff:
-    """One pull-off by a dead load. punch: "flat" or "sphere"; n: grid points a side; length [m] over which the traction of
+    """One pull-off by a dead load. punch: "flat" or "sphere"; n: grid points a side, spacing [m] apart; length [m] over which the traction of
     the law comes and goes, and its strength [Pa]; force [N]; closed [N]: the closed form, of Kendall, JKR or Maugis; rings
     [N]: the same law on a sphere without a grid; residual of the audit, relative to the work of the loop."""
 
     punch: str
     law: str
     n: int
+    spacing: float
     length: float
     strength: float
     force: float
@@ -84,7 +85,14 @@ def pulled_off(scene: pgfmd.Scene, punch: str, closed: float, with_rings: bool =
     """Runs a scene and finds its pull-off."""
     found, law = pgfmd.simulate(scene), law_of(scene.adhesion)
     residual, work = (np.asarray(found.energy[f"{name} [J]"]) for name in ("residual", "work"))
-    numbers = scene.grid.n, law.length, law.strength, float(found.run["pull_off_force_N"]), closed
+    numbers = (
+        scene.grid.n,
+        scene.grid.length / scene.grid.n,
+        law.length,
+        law.strength,
+        float(found.run["pull_off_force_N"]),
+        closed,
+    )
     rings = by_rings(law) if with_rings else math.nan
     return PullOff(punch, scene.adhesion.law, *numbers, rings, float(np.abs(residual).max() / work[-1]))
 
@@ -150,7 +158,7 @@ def spheres(quick: bool) -> Iterator[PullOff]:
         for factor in () if quick else RING_FACTORS:
             same = law_of(sphere(sizes[0], {"law": law, "range_factor": factor, **keys}).adhesion)
             tension = by_rings(same)
-            yield PullOff("rings", law, 0, same.length, same.strength, tension, JKR, tension, math.nan)
+            yield PullOff("rings", law, 0, math.nan, same.length, same.strength, tension, JKR, tension, math.nan)
 
 
 def maugis_spheres(quick: bool) -> Iterator[PullOff]:
