@@ -73,7 +73,7 @@ def in_a_kernel(gaps, law, found):
         found[0, i], found[1, i], found[2, i] = pull, bend, depth * level
 
 
-@pytest.mark.parametrize("name", ["dugdale", "exponential", "lennard-jones", "table"])
+@pytest.mark.parametrize("name", ["exponential", "lennard-jones", "table"])
 def test_compiled_laws_are_those_of_numpy(name):
     law = EXAMPLES[name]
     gaps = np.append(np.linspace(-0.5, 0.999, 401) * law.reach, law.numbers.knots if name == "table" else 0.0)
