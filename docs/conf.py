@@ -14,10 +14,12 @@ author = "The pgfmd developers"
 copyright = "2026, The pgfmd developers"
 release = version = pgfmd.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
 myst_enable_extensions = ["amsmath", "dollarmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
-source_suffix = {".md": "markdown"}
+source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
+# Notebooks are shown as they are kept, with their outputs (scripts/studies/notebooks).
+nb_execution_mode = "off"
 exclude_patterns = ["_build"]
 
 html_theme = "furo"

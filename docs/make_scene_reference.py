@@ -18,6 +18,7 @@ from pydantic.fields import FieldInfo
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene.fields import LARGEST, SMALLEST, OneOf, limits_text, written
 from pgfmd.scene.model import ADHESION, PATTERNS, RHEOLOGIES, SECTIONS, Keys
+from pgfmd.scene.programme_section import STEPS, ProgrammeStep, Repeat
 from pgfmd.units import DIMENSIONS
 
 PAGE = Path(__file__).parent / "reference" / "scene.md"
@@ -25,6 +26,7 @@ CHOICES: dict[str, tuple[str, dict[str, Keys]]] = {
     "punch": ("pattern", PATTERNS),
     "rheology": ("model", RHEOLOGIES),
     "adhesion": ("law", ADHESION),
+    "drive.step": ("do", STEPS),
 }
 BOUNDS = {"ge": "at least", "le": "at most"}
 
@@ -47,6 +49,14 @@ Shipped scenes: {scenes}.
 At the top of the file, before any section, `title = "..."` may name the scene.
 """
 
+PROGRAMME = """## Steps of a programme
+
+A `[drive]` with steps has no `speed`, `retract_speed`, `dwell`, `control` and `turn_time` of its own. Each step is a table headed
+`[[drive.step]]`, or an entry of the list `step`; steps are done in their order. On the command line, steps are counted from 1:
+`drive.step.2.duration=30 s`, and `drive.repeat.times=5`. How to use them: [Programmes](../how-to/programme.md).
+"""
+REPEAT = "The steps from `first` to `last` are done `times` times; each time is a cycle."
+
 
 def type_text(name: str, field: FieldInfo) -> str:
     """Type or dimension of a key, with its allowed range."""
@@ -65,7 +75,11 @@ def type_text(name: str, field: FieldInfo) -> str:
     literals = next((mark.words() for mark in field.metadata if isinstance(mark, OneOf)), literals)
     if literals:
         return ", ".join(f"`{json.dumps(word)}`" for word in literals)
-    names = {int: "whole number", bool: "`true` or `false`", str: "text", tuple[str, ...]: "list of texts"}
+    names: dict[Any, str] = {
+        int: "whole number", bool: "`true` or `false`", str: "text",
+        tuple[str, ...]: "text, or list of texts" if name == "until" else "list of texts",
+        tuple[ProgrammeStep, ...]: "tables, each headed `[[drive.step]]`", Repeat: "a table `[drive.repeat]`",
+    }  # fmt: skip
     bounds = [(word, getattr(limit, name, None)) for limit in field.metadata for name, word in BOUNDS.items()]
     limits = [f"{word} {bound}" for word, bound in bounds if bound is not None]
     return ", ".join([next(names[option] for option in options if option in names), *limits])
@@ -75,7 +89,7 @@ def default_text(field: FieldInfo) -> str:
     """Default of a key as TOML, "required", or a dash for a key without a value of its own."""
     if field.is_required():
         return "required"
-    if field.default is None:
+    if field.default is None or field.annotation == tuple[ProgrammeStep, ...]:
         return "-"
     value = '"inf"' if field.default == math.inf else written(field.default, field.json_schema_extra)
     if isinstance(value, str):
@@ -99,9 +113,22 @@ def use_text(section: str, name: str) -> str:
 def section_lines(section: str) -> Iterator[str]:
     """The heading, the meaning and the table of a section."""
     model = SECTIONS[section]
+    yield from (f"## [{section}]", "", model.__doc__.strip(), "")
+    yield from key_lines(section, model)
+
+
+def programme_lines() -> Iterator[str]:
+    """What `drive.step` and `drive.repeat` may hold."""
+    yield from (PROGRAMME, "### [[drive.step]]", "")
+    yield from key_lines("drive.step", ProgrammeStep)
+    yield from ("### [drive.repeat]", "", REPEAT, "")
+    yield from key_lines("drive.repeat", Repeat)
+
+
+def key_lines(section: str, model: Any) -> Iterator[str]:
+    """The table of a section's keys."""
     with_use = section in CHOICES
     head = ["key", "type", "default"] + ["used by"] * with_use + ["meaning"]
-    yield from (f"## [{section}]", "", model.__doc__.strip(), "")
     yield "| " + " | ".join(head) + " |"
     yield "| " + " | ".join("---" for _ in head) + " |"
     for name, field in model.model_fields.items():
@@ -117,6 +144,8 @@ def page() -> str:
     lines = [HEAD.format(scenes=scenes, smallest=SMALLEST, largest=LARGEST)]
     for section in SECTIONS:
         lines.extend(section_lines(section))
+        if section == "drive":
+            lines.extend(programme_lines())
     return "\n".join(lines)
 
 

@@ -35,12 +35,15 @@ if TYPE_CHECKING:
     from .plots.curves import plot_curve, plot_energy, plot_force, plot_time
     from .plots.cycles import plot_cycles
     from .plots.folder import plot_results
+    from .plots.live import LivePlot
     from .plots.maps import plot_contact_maps, plot_stress_maps
+    from .plots.movie import movie, plot_frame
     from .plots.numbers import plot_numbers
     from .plots.punch import plot_punch
     from .plots.rheology import plot_fit, plot_rheology
     from .plots.sites import plot_sites
     from .punch.export import export_punch
+    from .reporting.report import report
     from .results import load
     from .results.status import status_of as status
     from .results.verify import verify
@@ -68,6 +71,7 @@ _HOMES = {
     "analyse": "analysis.summary:analyse",
     "compare": "analysis.comparison:compare",
     "fit_prony": "characterisation.rheology_table:fit_prony",
+    "report": "reporting.report:report",
     "study": "studies.study:study",
     "converge": "studies.study:converge",
     "plot_results": "plots.folder:plot_results",
@@ -82,6 +86,8 @@ _HOMES = {
     "plot_contact_maps": "plots.maps:plot_contact_maps",
     "plot_stress_maps": "plots.maps:plot_stress_maps",
     "plot_sites": "plots.sites:plot_sites",
+    "plot_frame": "plots.movie:plot_frame",
+    "movie": "plots.movie:movie",
     "plot_comparison": "analysis.pictures:plot_comparison",
     "plot_bulges": "analysis.pictures:plot_bulges",
     "plot_compliance": "analysis.pictures:plot_compliance",
@@ -93,11 +99,13 @@ _HOMES = {
     "plot_convergence": "studies.extrapolation:plot_convergence",
     "plot_rheology": "plots.rheology:plot_rheology",
     "plot_fit": "plots.rheology:plot_fit",
+    "LivePlot": "plots.live:LivePlot",
     "PgfmdError": "errors:PgfmdError",
 }
 """Where each name of the interface is defined: module and name."""
 
 __all__ = [
+    "LivePlot",
     "PgfmdError",
     "Scene",
     "__version__",
@@ -109,6 +117,7 @@ __all__ = [
     "fit_prony",
     "load",
     "load_scene",
+    "movie",
     "plot_bearing_area",
     "plot_bulges",
     "plot_comparison",
@@ -120,6 +129,7 @@ __all__ = [
     "plot_energy",
     "plot_fit",
     "plot_force",
+    "plot_frame",
     "plot_hysteresis",
     "plot_numbers",
     "plot_punch",
@@ -131,6 +141,7 @@ __all__ = [
     "plot_study_numbers",
     "plot_time",
     "plot_twin",
+    "report",
     "run",
     "run_scene",
     "shipped_scenes",

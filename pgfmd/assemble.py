@@ -135,7 +135,7 @@ def newton_solver(
 def _corrections_on_two_grids(
     scene: Scene, points: PunchPoints, m: int, dtype: DTypeLike, wrap: Callable[[Convolves], Convolves]
 ) -> MakeCorrections:
-    """What finds corrections with a grid of cells of m x m points beside the points. Each rank has all of it."""
+    """The solver for corrections with a coarse grid of cells of m x m points. Each rank has the whole coarse grid."""
     # Not at the top: small scenes do without.
     from .solver.two_grid import CoarseGrid, TwoGrid, coarse_points_of
 

@@ -15,11 +15,14 @@ from .commands import analysis as analysis_command
 from .commands import bench as bench_command
 from .commands import fit as fit_command
 from .commands import fit_prony as fit_prony_command
+from .commands import movie as movie_command
 from .commands import plot as plot_command
 from .commands import punch as punch_command
+from .commands import report as report_command
 from .commands import run as run_command
 from .commands import status as status_command
 from .commands import study as study_command
+from .commands import watch as watch_command
 from .commands.printing import command
 from .commands.run import Changes, Overrides, SceneName, all_changes
 from .errors import PgfmdError, Problem, ResultError, SceneError
@@ -135,7 +138,7 @@ def init(
 def examples() -> None:
     """List the shipped scenes, which `init` writes and every command takes by name."""
     from .scene import shipped_scenes, shipped_text
-    from .scene.given import parse_toml
+    from .scene.unresolved_scene import parse_toml
 
     for name in shipped_scenes():
         print(f"{name:<12} {parse_toml(shipped_text(name)).get('title', '')}")
@@ -159,6 +162,7 @@ def check(
 
 
 app.command()(plot_command.plot)
+app.command()(movie_command.movie)
 app.command()(plot_command.plot_rheology)
 app.command()(punch_command.show)
 app.command()(punch_command.export)
@@ -166,8 +170,10 @@ app.command()(fit_prony_command.fit_prony)
 app.command()(run_command.run)
 app.command()(status_command.status)
 app.command()(status_command.verify)
+app.command()(watch_command.watch)
 app.command()(analysis_command.analyse)
 app.command()(analysis_command.compare)
+app.command()(report_command.report)
 app.command()(fit_command.fit)
 app.command()(study_command.study)
 app.command()(study_command.converge)

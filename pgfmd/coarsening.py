@@ -1,4 +1,4 @@
-"""Whether conjugate gradients use a coarser grid beside the points of a scene (solver/two_grid.py), and which. No MPI.
+"""Whether conjugate gradients use an additional coarser grid (solver/two_grid.py), and which. No MPI.
 
 It follows from measurements: scripts/studies/cost/two_grid.py, docs/evidence/measured.md.
 """

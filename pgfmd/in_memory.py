@@ -67,8 +67,18 @@ class Step:
 
     @property
     def phase(self) -> str:
-        """Part of the programme: "approach", "turn", "dwell", "retract"."""
+        """Part of the programme: "approach", "turn", "dwell", "retract", or "hold", "ramp", "oscillate", "follow"."""
         return self.row.phase
+
+    @property
+    def cycle(self) -> int:
+        """Number of the repeat of the programme, from 1."""
+        return self.row.cycle
+
+    @property
+    def stage(self) -> int:
+        """Number of the step of the programme, from 1; a turn belongs to the step that it leads to."""
+        return self.row.stage
 
     @property
     def displacement(self) -> float:

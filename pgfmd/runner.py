@@ -29,7 +29,6 @@ from .physics.heightfile import forget
 from .restart import resume
 from .restart.checkpoint_policy import CheckpointPolicy, Timing
 from .restart.checkpoints import Checkpoints
-from .restart.disk_space import require_space
 from .restart.history import History
 from .restart.scene_changes import contents_of, review
 from .scene import load_scene
@@ -45,7 +44,7 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
     from .scene import Scene
-    from .solver.simulation import Simulation
+    from .solver.simulation import Observer, Simulation
 
 LEAST_STEPS = 2
 """Steps that a process must have made before its limit of time to call that progress."""
@@ -58,12 +57,14 @@ class Options:
     """How a run deals with what is in its folder, and with limits of time.
 
     fresh: begin anew, and keep the old results aside. allow: keys of the scene, or sections, that may have changed
-    since the run began. timing: of checkpoints (restart.checkpoint_policy.Timing).
+    since the run began. timing: of checkpoints (restart.checkpoint_policy.Timing). progress: an observer of a scene that
+    shows how far the run is, on rank 0, instead of the lines that are said every few seconds (output.progress_bar).
     """
 
     fresh: bool = False
     allow: tuple[str, ...] = ()
     timing: Timing = field(default_factory=Timing)
+    progress: Callable[[Scene], Observer] | None = None
 
 
 def run_scene(
@@ -164,7 +165,8 @@ def _run(
     expected = _require_space(simulation, scene, comm, folder)
     text = scene.to_toml().encode()
     history = History(comm.size, versions(), began)
-    outputs = Outputs(simulation, scene, comm, folder, say, guard)
+    progress = options.progress(scene) if options.progress and comm.rank == 0 else None
+    outputs = Outputs(simulation, scene, comm, folder, say, guard, progress)
     try:
         with StopSignals(comm) as signals:
             files = storage.on_root(comm, "the scene's files", lambda: contents_of(scene))
@@ -264,7 +266,7 @@ def _restore(
 
 
 def _restart_messages(simulation: Simulation, path: Path, changed: list[str], history: History) -> list[str]:
-    """What is said when a run goes on."""
+    """The messages when a run is continued."""
     state = simulation.state
     lines = [f"going on from {path.name}: step {state.counters.steps}, t = {state.time:.6g} s"]
     if changed:
@@ -295,7 +297,7 @@ def _require_space(simulation: Simulation, scene: Scene, comm: Intracomm, folder
         count = 2 + snapshot_count(scene)
     checkpoint = comm.allreduce(arrays + later) + (8 * grid.n**2 if scene.output.surface else 0)
     frame = Layout(grid.n, grid.length, points.block_start, points.nb, scene.output.surface).frame_bytes
-    storage.on_root(comm, f"{folder}", lambda: require_space(folder, checkpoint, count * frame))
+    storage.on_root(comm, f"{folder}", lambda: storage.require_space(folder, checkpoint, count * frame))
     return checkpoint
 
 

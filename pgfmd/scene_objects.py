@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Periodic = HalfSpace | TabulatedCompliance | Film
 BONDED: Base = "bonded"
-"""How a film lies on its base unless it is said otherwise."""
+"""Default of how a film is attached to its base."""
 PAPER_FACTOR = 0.156
 """Range factor of the paper's runs, with q_ref = 2 pi n/L: what "the automatic range of the grid" means."""
 LEAST_COMPLIANCE = 1e-60
@@ -290,7 +290,7 @@ def _overlap_problems(scene: Scene) -> list[Problem]:
 
 
 def _time_problems(scene: Scene) -> list[Problem]:
-    """Times at which a step of the loading could no longer be told from none."""
+    """Times at which a step of the loading would be lost in rounding."""
     drive, longest = scene.drive, TIME_SHARE * scene.adhesion.range / np.finfo(float).eps
     problems = []
     if abs(drive.clearance) > longest:

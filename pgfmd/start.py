@@ -35,7 +35,7 @@ def run(
 
     Args:
         scene: a Scene, or what one is made from.
-        directory: of the results. With several ranks, what they say goes to a file beside it, DIRECTORY.log.
+        directory: of the results. With several ranks, their output goes to the file DIRECTORY.log.
         ranks: MPI ranks; more than one are started by `mpirun`.
         comm: instead of `ranks`, in a program that runs under mpirun: the communicator of all that take part.
         fresh: begin anew, and keep old results aside.

@@ -1,8 +1,8 @@
 """Quantities as a physicist writes them, "375 um" or "50 mJ/m^2", turned into SI floats and back.
 
 The number is read by Python and the unit by pint, whose registry keeps decimal prefixes exact: "375 um" gives the same
-bits as 375e-6, and what `format_quantity` writes is read back without a change. The registry takes a third of a second
-to build, so it is built with the first quantity that is read, not at import.
+bits as 375e-6, and what `format_quantity` writes is read back without a change. Pint and its registry take a third of a
+second, so they are loaded with the first unit that is not one of the usual ones, whose factors are known here.
 """
 
 from __future__ import annotations
@@ -55,6 +55,9 @@ _UNIT = rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/·]\s*{_NAME}|\s+{_NAME})*"
 _QUANTITY = re.compile(rf"\s*(?P<number>{_NUMBER})(?:\s*(?P<unit>{_UNIT}))?\s*", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"(?P<before>\s*[+-]?\d+),(?P<after>\d+(?:[eE][+-]?\d+)?)(?!\d)(?P<rest>[^,.]*)")
 _BARE_POWER = re.compile(r".*[^\W\d_]\d\s*")
+_DECIMAL = re.compile(r"(?P<prefix>[TGMkcmunp]?)(?P<base>rad|Pa|m|s|N|J)(?:\^(?P<power>\d))?|1")
+_MINUTES = {"min": Decimal(60), "h": Decimal(3600)}
+_POWERS = {"T": 12, "G": 9, "M": 6, "k": 3, "": 0, "c": -2, "m": -3, "u": -6, "n": -9, "p": -12}
 _PREFIXES = {12: "T", 9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "u", -9: "n", -12: "p"}
 _PREFIXED = ("m", "s", "N", "Pa", "J/m^2", "m/s", "N/m", "N/s", "Hz")
 """Units that a person writes with a prefix; `rad/s` and `1/m` are not among them."""
@@ -92,6 +95,23 @@ def _si_factor(unit: str) -> tuple[Decimal, UnitsContainer]:
         # TypeError: units of logarithmic scales, such as dB, have no factor.
         raise LookupError(unit) from error
     return scale.magnitude, scale.dimensionality
+
+
+@functools.cache
+def _usual_factor(unit: str, dimension: str) -> Decimal | None:
+    """What `_si_factor` gives for the usual units of a dimension; None for others, and for speeds in minutes."""
+    unit = unit.replace("µ", "u").replace("μ", "u")
+    if unit not in DIMENSIONS[dimension].usual:
+        return None
+    if unit in _MINUTES:
+        return _MINUTES[unit]
+    power = 0
+    for sign, name in zip((1, -1), unit.split("/"), strict=False):
+        match = _DECIMAL.fullmatch(name)
+        if match is None:
+            return None
+        power += sign * _POWERS[match["prefix"] or ""] * int(match["power"] or 1)
+    return Decimal(1).scaleb(power)
 
 
 def _expectation(dimension: str) -> str:
@@ -153,13 +173,9 @@ def parse_quantity(text: object, dimension: str) -> float:
         if "inf" in number:
             return float(number)
         raise UnitError(expected, f'the unit is missing: if it is in {kind.unit}, write "{number} {kind.unit}"')
-    try:
-        factor, dimensionality = _si_factor(match["unit"])
-    except LookupError:
-        hint = _meant(match["unit"], dimension, cutoff=0.5)
-        raise UnitError(expected, f'the unit "{match["unit"]}" is not known{hint}') from None
-    if dimensionality != _si_factor(kind.unit)[1]:
-        raise _refuse_dimension(text, match["unit"], dimensionality, dimension)
+    factor = _usual_factor(match["unit"], dimension)
+    if factor is None:
+        factor = _unusual_factor(text, match["unit"], dimension)
     try:
         value = float(Decimal(number) * factor)
     except ArithmeticError:
@@ -168,6 +184,18 @@ def parse_quantity(text: object, dimension: str) -> float:
     if value in (float("inf"), float("-inf")) and "inf" not in number:
         raise UnitError(expected, "it must be a finite number, this one is too large")
     return value
+
+
+def _unusual_factor(text: str, unit: str, dimension: str) -> Decimal:
+    """Factor to SI of any unit of a dimension; UnitError if pint does not know it, or it is of another dimension."""
+    try:
+        factor, dimensionality = _si_factor(unit)
+    except LookupError:
+        hint = _meant(unit, dimension, cutoff=0.5)
+        raise UnitError(_expectation(dimension), f'the unit "{unit}" is not known{hint}') from None
+    if dimensionality != _si_factor(DIMENSIONS[dimension].unit)[1]:
+        raise _refuse_dimension(text, unit, dimensionality, dimension)
+    return factor
 
 
 def in_si(value: float | str, dimension: str) -> float:

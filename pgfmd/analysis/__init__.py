@@ -1,8 +1,7 @@
-"""Analysis from result files: what a tack test measured, what its hysteresis is made of, and what others predict.
+"""Analysis of result files: the numbers of a tack test, the parts of its hysteresis, and other models.
 
     from pgfmd.analysis.summary import analyse
     analysis = analyse("out/hex-tack", twin="out/hex-twin")      # analysis.record, analysis.table
 
-Nothing here needs MPI, and nothing looks into a running program: folders of results and measured curves are all it
-reads.
+Nothing here needs MPI or a running program. It only reads results folders and measured curves.
 """

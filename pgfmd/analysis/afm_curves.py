@@ -15,15 +15,16 @@ from pgfmd.units import handy_quantity
 from .measured_columns import Rows
 
 PLACES = ("height (measured)", "height (piezo)")
-"""Columns of afmformats that say the piezo's position [m], the better one first; heights grow outwards."""
+"""Columns of afmformats with the position of the piezo [m], the better one first. Heights grow outwards."""
 T = TypeVar("T")
 CURE = "export the curve as a table with columns such as piezo (um), force (nN)"
 
 
 def rows_of_afm(path: Path, positive_displacement: str | None, positive_force: str) -> Rows:
-    """The rows of the only curve of a file: piezo's position, not the tip's, and force.
+    """The rows of the only curve of a file: position of the piezo (not of the tip) and force.
 
-    The cantilever's compliance is in it, as a machine's is. Raises MeasurementError for files that afmformats doesn't know,
+    The positions include the compliance of the cantilever, as those of a machine do. Raises MeasurementError for files
+    that afmformats doesn't know,
     that hold several curves or lack a calibration, and where afmformats is not installed.
     """
     try:
@@ -71,8 +72,8 @@ def _rows(path: Path, curve: Any, positive_displacement: str | None, positive_fo
 
 
 def _position(path: Path, curve: Any, places: list[str]) -> tuple[str, Array]:
-    """The first of some columns that the file has, and its numbers: afmformats lists columns of JPK files before it has looked
-    for them."""
+    """The first of some columns that can be read, and its numbers. For JPK files, afmformats also lists columns that
+    the file does not have."""
     for place in places[:-1]:
         try:
             return place, _column(path, curve, place)
@@ -86,12 +87,12 @@ def _column(path: Path, curve: Any, name: str) -> Array:
 
 
 class _Lacking(MeasurementError):
-    """What afmformats says of a file that is whole, but not as it expects."""
+    """Errors of afmformats for a file that is complete, but not as it expects."""
 
 
 def _tried(path: Path, read: Callable[[], T]) -> T:
-    """What afmformats reads; MeasurementError for anything that it raises: of damaged files it hands on the errors of zip,
-    HDF5 and others, and its own are no Exceptions."""
+    """The curves that afmformats reads. MeasurementError for anything that it raises: for damaged files it passes on
+    errors of zip, HDF5 and others, and its own errors are not derived from Exception."""
     try:
         return read()
     except Exception as error:

@@ -1,9 +1,9 @@
-"""Laws of a single asperity: its force on the way in, and on the way out from a given depth.
+"""Laws of a single asperity: its force during the approach, and during the retraction from a given depth.
 
 Depths count from the first touch of the undeformed surface, positive when pushed in. Each law has
 
-    approach(depth)           force [N] on the way in, for depths of shape (rows,) that grow; 0 before the touch
-    retraction(depth, turn)   force [N] on the way out, for depths that fall, from the depth `turn` [m] on
+    approach(depth)           force [N] for increasing depths, (rows,); 0 before the touch
+    retraction(depth, turn)   force [N] for decreasing depths, from the depth `turn` [m] on
 
 and knows the radius R [m] of its summit. Asperities are paraboloids on a half-space of their own.
 """
@@ -24,13 +24,14 @@ from pgfmd.results.curve import Array, Loop
 from .crack_law import CrackLaw
 
 LEAST_RADIUS = 1e-3
-"""A contact whose radius has shrunk to this part of the JKR radius at zero load is open."""
+"""A contact counts as open if its radius is below this fraction of the JKR radius at zero load."""
 TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True)
 class JkrAsperity:
-    """Elastic, adhesion of zero range: snaps in at the first touch, out where JKR's branch ends under fixed grips.
+    """Elastic, adhesion of zero range. It snaps in at the first touch, and out where JKR's branch ends under controlled
+    displacement.
 
     radius: R [m]; contact_modulus: E* [Pa]; work_of_adhesion: [J/m^2].
     """
@@ -101,7 +102,8 @@ class ViscoelasticAsperity:
             return np.zeros(depth.shape)
         if turn not in self._shrunk:
             start = float(self._approach_to(turn)(np.array([turn]))[0])
-            # No tension holds an edge beyond kappa_inf times the work of adhesion: a JKR contact of that ends there.
+            # An edge can't hold more than kappa_inf times the work of adhesion: a JKR contact with this value ends
+            # there.
             strongest = self.work_of_adhesion * self.crack.stiffest
             last = jkr.displacement_controlled_pull_off(self.radius, self.contact_modulus, strongest).indentation
             longest = 2.0 * (turn - last)
@@ -118,7 +120,7 @@ class ViscoelasticAsperity:
         """Contact radius [m] at depths up to this one [m], as a function; known depths are not computed again."""
         known = max((reach for reach in self._grown if reach >= depth), default=None)
         if known is None:
-            # An edge so far from equilibrium moves at once: the contact begins as large as glassy JKR makes it.
+            # An edge far from equilibrium moves very fast: the contact begins with the size of a glassy JKR contact.
             energy = self.work_of_adhesion / self.crack.stiffest
             first = float(jkr.contact_radius_at_indentation(0.0, self.radius, self.contact_modulus, energy))
             solution = self._solve(lambda travel: travel, self.approach_speed, first, depth, None).sol
@@ -129,7 +131,8 @@ class ViscoelasticAsperity:
         self, depth_of: Callable[[float], Any], speed: float, start: float, travel: float,
         event: Callable[[float, Array], float] | None,
     ) -> Any:  # fmt: skip
-        """The edge over a way [m] of the punch, beginning at a contact radius [m]; radii in units of `_scale`."""
+        """The contact radius over a travel [m] of the punch, from an initial radius [m]. Radii are in units of
+        `_scale`."""
 
         def rate(travelled: float, a: Array) -> Array:
             radius = np.maximum(a, LEAST_RADIUS / 10) * self._scale
@@ -158,9 +161,9 @@ class MeasuredAsperity:
     """The curve of one isolated asperity, from a run of its own: rigid sphere of this radius R [m] on the same
     elastomer.
 
-    On the way in, the run's approach. On the way out, the run's retraction: for an asperity that turns before the run's
-    own depth, the lower of both branches, as its own retraction is not known. Beyond the run's depth its approach goes
-    on straight.
+    The forces are those of the run's approach and retraction. For an asperity that turns at a smaller depth than the
+    run, the retraction is not known, and the lower of both branches is taken. Beyond the depth of the run, the approach
+    is extrapolated linearly.
     """
 
     radius: float
@@ -182,12 +185,12 @@ class MeasuredAsperity:
 
     @property
     def deepest(self) -> float:
-        """How deep the run went [m]."""
+        """The largest depth of the run [m]."""
         return float(np.max(self.loop.indentation))
 
 
 def _followed(depth: Array, place: Array, force: Array) -> Array:
-    """A branch read at depths; zero outside on the shallow side, straight on beyond the deep one."""
+    """A branch interpolated at depths: zero at smaller depths, extrapolated linearly to larger ones."""
     place = np.maximum.accumulate(place)
     found = np.interp(depth, place, force, left=0.0)
     row = max(int(np.searchsorted(place, place[-1] - 0.02 * (place[-1] - place[0]))) - 1, 0)

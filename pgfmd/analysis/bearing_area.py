@@ -1,12 +1,12 @@
-"""A bearing-area model in the way of Fuller and Tabor: every summit an asperity on its own, forces added up.
+"""A bearing-area model like that of Fuller and Tabor: every summit is an independent asperity, and forces are added.
 
     F(d) = sum_i F_1(-d - z_i; R_i)
 
 The summits' heights z_i and radii R_i come from the punch's face; F_1 is one of `asperity_laws`. The programme is that
-of the full run: in at its speed until the preload is reached, out at its speed until the last asperity has let go. The
-punch's displacement d is that of the full run too, but there is no compliance between the asperities: each has a
-half-space of its own. The model knows nothing of saddles, of the rim, or of where asperities are. The paper doubts that
-it can describe nominally flat contacts; here its curve can be laid beside the full one.
+of the full run: approach at its speed to the preload, and retraction at its speed until the last asperity has detached.
+The displacement d of the punch is also that of the full run. But asperities do not interact: each has its own
+half-space. The model does not include saddles, the rim, or the positions of asperities. The paper doubts that it can
+describe nominally flat contacts; here its curve can be compared with the full one.
 
 Source: K. N. G. Fuller, D. Tabor, Proc. R. Soc. A 345 (1975) 327, doi:10.1098/rspa.1975.0138.
 """
@@ -38,7 +38,7 @@ from .table import Table
 
 APPROACH_ROWS, RETRACTION_ROWS = 801, 2001
 SAME_RADIUS = 1e-3
-"""Radii are rounded to this share, so that like summits share one law."""
+"""Radii are rounded to this fraction, so that similar summits share one law."""
 MOST_DOUBLINGS = 40
 PRELOAD_TOLERANCE = 1e-9
 SECTION = "Bearing-area model"
@@ -57,7 +57,7 @@ class AsperityLaw(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What the model makes of a punch: its loop, which law, how many summits, how many of them touched."""
+    """The prediction for a punch: its loop, the law, the number of summits, and how many of them touched."""
 
     law: str
     loop: Loop
@@ -109,14 +109,14 @@ def _groups(summits: Summits) -> dict[tuple[float, float], int]:
     """Number of summits of each kind: key of the radius, and the depth d = -indentation at which it touches [m]."""
     groups: dict[tuple[float, float], int] = {}
     for height, radius in zip(summits.height, summits.radius, strict=True):
-        # Heights differ by rounding where the face repeats itself.
+        # Heights of a periodic face differ by rounding.
         kind = _key(float(radius)), round(float(height), 15)
         groups[kind] = groups.get(kind, 0) + 1
     return groups
 
 
 def _approach(laws: dict, groups: dict, indentation: Array) -> Array:
-    """Sum over the asperities on the way in, at indentations [m] that grow."""
+    """Sum over the asperities during the approach, at increasing indentations [m]."""
     return sum(count * laws[key].approach(indentation - height) for (key, height), count in groups.items())
 
 
@@ -127,7 +127,8 @@ def _retraction(laws: dict, groups: dict, indentation: Array, turn: float) -> Ar
 
 
 def _depth_at(laws: dict, groups: dict, first: float, preload: float) -> float:
-    """How far below the first touch [m] the approach reaches the preload: doubled until beyond, then bisected."""
+    """Depth below the first touch [m] at which the approach reaches the preload: doubled until it is exceeded, then by
+    bisection."""
 
     def force(depth: float) -> float:
         return float(_approach(laws, groups, np.array([0.0, depth]) + first)[-1])
@@ -147,7 +148,7 @@ def _depth_at(laws: dict, groups: dict, first: float, preload: float) -> float:
 
 
 def _reach_out(laws: dict, groups: dict, turn: float) -> float:
-    """An indentation [m] at which every asperity has let go."""
+    """An indentation [m] at which every asperity has detached."""
     far = 1e-7
     for _ in range(MOST_DOUBLINGS):
         probe = np.linspace(turn, turn - far, 65)
@@ -159,7 +160,7 @@ def _reach_out(laws: dict, groups: dict, turn: float) -> float:
 
 
 def laws_of(scene: Any, asperity: Results | None = None) -> dict[str, Callable[[float], AsperityLaw]]:
-    """The laws that can be fed into the model for a scene: by name, each a function of the summit's radius [m].
+    """The laws that are available for a scene, by name; each is a function of the summit's radius [m].
 
     "JKR" always; "JKR with crack speed" where the elastomer is viscous; "single asperity" where there is a run of one.
 
@@ -194,7 +195,7 @@ def _asperity_of(results: Results) -> MeasuredAsperity:
 
 
 def asperity_remarks(asperity: Results, scene: dict, summits: Summits, preload: float) -> list[str]:
-    """In what the run of one asperity does not fit the punch: material, adhesion, speed, radius, preload."""
+    """Differences between the run of one asperity and the punch: material, adhesion, speed, radius, preload."""
     found = differences(scene, asperity.scene, ("rheology", "adhesion", "drive"), ("preload", "turn_time", "clearance"))
     remarks = [f"{key} differs: {mine} here, {its} in the asperity's run" for key, mine, its in found]
     known = _asperity_of(asperity)
@@ -210,10 +211,10 @@ def asperity_remarks(asperity: Results, scene: dict, summits: Summits, preload: 
 
 
 def machine_remarks(scene: Any) -> list[str]:
-    """In what the model's machine is not that of a scene: it is rigid, and drives the punch itself."""
-    if not machine_compliance(scene):
+    """Differences between the machine of the model, which is rigid, and that of a scene."""
+    if not (machine_compliance(scene) or scene.drive.controls_load):
         return []
-    here = "controls the force" if scene.drive.control == "load" else "has a spring"
+    here = "controls the force" if scene.drive.controls_load else "has a spring"
     return [
         f"bearing area: its asperities are on a rigid machine, and let go at drive.speed; the run's machine {here}, so "
         "compare forces, but not the work or the hysteresis"
@@ -221,7 +222,7 @@ def machine_remarks(scene: Any) -> list[str]:
 
 
 def predictions_for(results: Results, preload: float, asperity: Results | None = None) -> list[Prediction]:
-    """What a bearing-area model says of a run's punch under a preload [N], one prediction a law.
+    """Predictions of a bearing-area model for a run's punch under a preload [N], one for each law.
 
     Raises:
         ResultError: if the face has no summits, or the asperity's run is none.
@@ -238,7 +239,7 @@ def predictions_for(results: Results, preload: float, asperity: Results | None =
 def add_bearing_area(
     table: Table, results: Results, found: Measures, asperity: Results | None = None
 ) -> list[Prediction]:
-    """Predict, and add rows to the table: of each law what it says, and how that compares with the run."""
+    """Adds the predictions of each law, and their comparison with the run, to the table."""
     preload = found.preload if found.preload is not None else found.largest_force
     if preload is None or preload <= 0.0:
         raise ResultError(f"{results.directory}: no bearing-area model: the run has no compressive force yet")

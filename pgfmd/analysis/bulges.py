@@ -1,4 +1,4 @@
-"""Bulges of the retraction: where the force dips, or its fall nearly halts, because part of the contact opened."""
+"""Bulges of the retraction: minima and plateaus of the force, where a part of the contact has opened."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from pgfmd.results.curve import Loop
 from .low_pass import PAPER_RESOLUTION, low_pass
 
 PROMINENCE = 0.02
-"""A minimum counts if it is deeper than this share of the range of forces below the larger of zero and its load."""
+"""A minimum counts if it is deeper than this fraction of the range of forces below the larger of zero and its load."""
 SLOPE_PROMINENCE = 0.25
-"""An inflection counts if the slope rises by this share of the branch's median slope."""
+"""An inflection counts if the slope increases by this fraction of the median slope of the branch."""
 FINEST = 5e-4
-"""Least resolution by itself, as a share of the way back: noise of a grid is not taken for bulges."""
+"""Smallest automatic resolution, as a fraction of the length of the retraction, so that noise of the grid does not
+count as bulges."""
 COARSEST = 0.02
-"""Largest resolution by itself, as a share of the way back: bulges of a small punch are not filtered away."""
+"""Largest automatic resolution, as a fraction of the length of the retraction, so that bulges of a small punch are
+kept."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +35,9 @@ class Bulge:
 def bulges(loop: Loop, resolution: float | None = None) -> list[Bulge]:
     """The bulges of the retraction, in the order in which they come, the pull-off among them.
 
-    The branch is filtered to `resolution` [m] first; None: to the paper's 0.1 um, where that is between 1/2000 and 1/50
-    of the way back, else to the nearer of these. A minimum is a dip of the force against the displacement; an
-    inflection is a place where the force keeps falling, but less steeply than before and after. Empty without a
+    The branch is filtered to `resolution` [m] first; None: to the paper's 0.1 um if that is between 1/2000 and 1/50 of
+    the length of the retraction, else to the nearer of these limits. A minimum is a local one of the force over the
+    displacement. At an inflection the force decreases, but less steeply than before and after. Empty without a
     retraction.
     """
     rows = loop.branches["retraction"]

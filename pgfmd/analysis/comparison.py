@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.results.about import about
+from pgfmd.results.caption import about
 from pgfmd.results.curve import Loop, Measures, measure
 from pgfmd.results.cycles import count_of, cycle_of
 from pgfmd.results.reading import Results, Run, opened
@@ -36,12 +36,12 @@ SAMPLES = 201
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """Loops as they are drawn, the runs first.
+    """Loops as they are drawn, runs first.
 
-    runs: how many of them are of runs, the others are measured. measures: of each. changes: what has been done to each, in
-    words, "as measured" or "as simulated" if nothing. cell: k_cc of the first run, None without one. offsets [m]: by which
-    each experiment was pushed in. differences: root mean square force [N] by which each other loop differs from the first
-    on the retraction, over the indentations that both have; None where they have none in common.
+    runs: number of loops that are runs; the others are measured. measures: of each loop. changes: corrections of each
+    loop, in words, "as measured" or "as simulated" if there are none. cell: k_cc of the first run, None without one.
+    offsets [m]: shift of each experiment, positive inwards. differences: root mean square difference [N] of the force
+    of each other loop from the first one in the retraction, over common indentations; None if there are none.
     """
 
     loops: list[Loop]
@@ -55,9 +55,10 @@ class Overlay:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Curves brought together: as they are drawn, and the table of their numbers.
+    """Curves that are compared: as they are drawn, and the table of their numbers.
 
-    measured: which of the loops is the first experiment, None without one; about: the first run in a line, for pictures.
+    measured: index of the first experiment among the loops, None without one. about: the first run in one line, for
+    pictures.
     """
 
     overlay: Overlay
@@ -77,7 +78,7 @@ class Comparison:
 
     @property
     def changes(self) -> list[str]:
-        """What has been done to each, in words."""
+        """Corrections of each, in words."""
         return self.overlay.changes
 
 
@@ -92,17 +93,17 @@ def compare(
     cycle: int | None = None,
     baseline: float | str | None = None,
 ) -> Comparison:
-    """Lays curves of runs, and measured ones, over each other; as `pgfmd compare`. `plot_comparison` draws them.
+    """Compares curves of runs and measured ones, as `pgfmd compare` does. `plot_comparison` draws them.
 
     Args:
         sources: results, or folders, of runs; and files of measured curves, if any.
-        machine_stiffness: k_M [N/m] that is taken off the experiments.
-        correct: what takes up the compliance of the periodic cell: "experiment", "simulation" or "none" (`overlay`).
+        machine_stiffness: k_M [N/m] by which the experiments are corrected. correct: which curves are corrected for the
+            compliance of the periodic cell: "experiment", "simulation" or "none" (`overlay`).
         low_pass: resolution [m] of a filter for all curves.
-        offset: [m] by which the experiments are pushed in, or "fit".
-        positive_displacement, positive_force, cycle: of measured curves, as for `experiment.read_experiment`; the cycle
-            also of runs of programmes with repeats.
-        baseline: measured force far away [N] that is taken off; None for what the rows show.
+        offset: shift [m] of the experiments, positive inwards, or "fit".
+        positive_displacement, positive_force, cycle: of measured curves, as for `experiment.read_experiment`; the
+            cycle also of runs of programmes with repeats.
+        baseline: measured force far away [N] that is subtracted; None for the one found in the rows.
 
     Quantities are SI numbers, or texts with units.
 
@@ -143,12 +144,12 @@ def overlay(
 
     Args:
         runs: at least one. experiments: measured loops, if any.
-        correct: what takes up the compliance of the periodic cell, one of `compliance.CORRECTIONS`: each "experiment" loses
-            F/k_cc of the first run, as in the paper's figures; each "simulation" gains its own; or "none" does.
-        machine_stiffness: k_M [N/m] that is taken off the experiments, infinite for nothing.
+        correct: one of `compliance.CORRECTIONS`. "experiment": F/k_cc of the first run is subtracted from each
+            experiment, as in the paper's figures. "simulation": its own is added to each run. "none": no correction.
+        machine_stiffness: k_M [N/m] by which the experiments are corrected, infinite for no correction.
         resolution: of the low-pass filter [m], for all loops; None for none.
-        offset: [m] by which the experiments are pushed in after that, or None to fit it, for each: such that on the way in
-            it needs, in the mean over forces, the indentation of the first run.
+        offset: shift [m] of the experiments after that, positive inwards, or None to fit it for each, so that in the
+            approach the mean over forces of its indentation is that of the first run.
 
     Raises:
         ValueError: if the offset can't be fitted, or a filter's resolution is out of range.
@@ -176,8 +177,8 @@ def overlay(
 
 
 def _in_words(stiffnesses: dict[str, float], offset: float, untouched: str) -> str:
-    """What has been done to the displacements of a curve: terms with their stiffness [N/m], infinite for none, and what
-    it was pushed in by [m]."""
+    """The corrections of the displacements of a curve in words: terms with their stiffness [N/m], infinite for none,
+    and the shift [m]."""
     terms = [f"{name} ({value / 1e3:.4g} kN/m)" for name, value in stiffnesses.items() if np.isfinite(value)]
     if offset:
         terms.append(f"pushed in by {1e6 * offset:.4g} um")
@@ -185,7 +186,7 @@ def _in_words(stiffnesses: dict[str, float], offset: float, untouched: str) -> s
 
 
 def fitted_offset(run: Loop, measured: Loop) -> float:
-    """By how much [m] the measured loop is to be pushed in to lie over a run on the way in.
+    """The shift [m] of the measured loop, positive inwards, so that its approach fits that of a run.
 
     The mean, over forces from 0.2 to 0.9 of the smaller preload, of the difference of the indentations at which the
     loading branches first pass a force. Raises ValueError if the measured loop has no loading branch.
@@ -212,7 +213,7 @@ def _first_passage(loop: Loop, levels: np.ndarray) -> np.ndarray | None:
 
 
 def rms_difference(one: Loop, other: Loop) -> float | None:
-    """Root mean square of the difference of forces [N] on the retraction, over equal steps of the common way."""
+    """Root mean square difference of forces [N] in the retraction, over equal steps of the common indentations."""
     retractions = []
     for loop in (one, other):
         rows = loop.branches["retraction"]
@@ -229,7 +230,7 @@ def rms_difference(one: Loop, other: Loop) -> float | None:
 
 
 def renamed(loops: list[Loop]) -> list[Loop]:
-    """Loops with names that differ: where two folders have the same name, numbers are added."""
+    """Loops with unique names: equal names of folders get numbers."""
     found: list[Loop] = []
     for loop in loops:
         taken, name, number = [known.name for known in found], loop.name, 2
@@ -267,7 +268,7 @@ def load_loops(sources: Sequence[Run], **reading: Any) -> tuple[list[Loop], list
 def comparison_table(
     found: Overlay, correct: str = "none", machine_stiffness: float = np.inf, resolution: float | None = None
 ) -> Table:
-    """What has been done to each curve, and their forces and energies side by side. The arguments as in `overlay`."""
+    """A table of corrections, forces and energies of the curves. The arguments are as in `overlay`."""
     table, section, measured = Table(), "Displacements", found.loops[found.runs :]
     for number, (loop, change) in enumerate(zip(found.loops, found.changes, strict=True), 1):
         table.add(section, f"curve_{number}", loop.name, change)
@@ -292,7 +293,7 @@ def comparison_table(
         section = f"Curve {number + 1}, {loop.name}"
         _add_measures(table, section, measures, loop.closed)
         if number:
-            note = f"rms on the way out, against {found.loops[0].name}"
+            note = f"rms in the retraction, against {found.loops[0].name}"
             table.add(section, "difference", "difference of forces", found.differences[number - 1], "N", note)
     table.remarks += [text for loop in found.loops for text in loop.remarks]
     table.remarks += _remarks(found)
@@ -300,7 +301,7 @@ def comparison_table(
 
 
 def _remarks(found: Overlay) -> list[str]:
-    """Of curves whose runs counted overlap alone, beside others that know their contact."""
+    """A remark on runs that counted only overlap, if others have their contact."""
     areas = [(loop.name, measures.areas) for loop, measures in zip(found.loops, found.measures, strict=True)]
     old = [name for name, known in areas if "overlap" in known and "contact" not in known]
     if not old:
@@ -311,7 +312,7 @@ def _remarks(found: Overlay) -> list[str]:
 
 
 def _add_measures(table: Table, section: str, found: Measures, closed: bool) -> None:
-    """The forces, works and areas of a curve, as `pgfmd analyse` has them; closed: whether it holds both ways."""
+    """The forces, works and areas of a curve, as in `pgfmd analyse`. closed: whether it has both branches."""
     table.add(section, "preload", "preload", found.preload, "N", "at the end of the approach")
     table.add(section, "largest_force", "largest force", found.largest_force, "N")
     tension, spread = (found.pull_off.tension, found.pull_off.uncertainty) if found.pull_off else (None, None)

@@ -1,4 +1,4 @@
-"""Compliance corrections of displacements: the periodic cell's of a simulation, and the machine's of an experiment.
+"""Compliance corrections of displacements: for the periodic cell of a simulation, and for the machine of an experiment.
 
 Paper, "Refinements and corrections", with indentations counted positive when the punch is pushed in:
 
@@ -6,8 +6,8 @@ Paper, "Refinements and corrections", with indentations counted positive when th
     experiment   u_ideal = u_ind - F/k_M       k_M: stiffness of the machine
 
 The surface far away of a periodic cell rises when the punch presses (u_inf > 0 for F > 0), and the ideal indentation
-counts from there. The paper's figures leave the simulations as they are and take F/k_cc off the experiments instead:
-then both are shown as they are in the cell. Nothing is corrected unless asked for.
+counts from there. The paper's figures do not correct the simulations, and subtract F/k_cc from the experiments: then
+both are shown as in the cell. By default nothing is corrected.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ import numpy as np
 from pgfmd.results.curve import Loop
 
 LEAST_FORCE = 1e-3
-"""Rows below this share of the largest force say nothing about a stiffness and are left out of the fit."""
+"""Rows below this fraction of the largest force are left out of the fit of a stiffness."""
 CORRECTIONS = ("experiment", "simulation", "none")
-"""Which curves the correction of the periodic cell moves."""
+"""The curves that are corrected for the periodic cell."""
 
 
 @dataclass(frozen=True)
 class CellCompliance:
-    """The fit u_inf = F/k_cc: stiffness k_cc [N/m] with its standard error, over so many rows of some phases.
+    """The fit u_inf = F/k_cc: stiffness k_cc [N/m] with its standard error, number of rows, and phases.
 
     scatter [m]: root mean square of u_inf - F/k_cc. span [m]: range of u_inf. offset [m]: where a line with an
     intercept crosses F = 0.
@@ -43,8 +43,8 @@ class CellCompliance:
 def fit_cell_compliance(loop: Loop, phases: tuple[str, ...] | None = None) -> CellCompliance | None:
     """k_cc of a run, by least squares through the origin over all rows with a noticeable force.
 
-    phases: only rows of these parts of the programme, such as ("approach",). None where there is nothing to fit: a free
-    boundary, whose far away is at rest, or fewer than three rows with a force.
+    phases: only rows of these parts of the programme, such as ("approach",). None for a free boundary, where the
+    surface far away is at rest, or fewer than three rows with a force.
     """
     size = float(np.max(np.abs(loop.force)))
     used = (np.abs(loop.force) > LEAST_FORCE * size) & np.isfinite(loop.u_inf)
@@ -67,8 +67,8 @@ def corrected_simulation(loop: Loop, cell_stiffness: float) -> Loop:
 
 
 def corrected_experiment(loop: Loop, machine_stiffness: float = np.inf, cell_stiffness: float = np.inf) -> Loop:
-    """A measured loop without the machine's compliance, u_ind - F/k_M, and, to lay it over an uncorrected run of a
-    periodic cell, without the cell's, - F/k_cc.
+    """A measured loop corrected for the machine, u_ind - F/k_M, and, for comparison with an uncorrected run in a
+    periodic cell, for the cell, - F/k_cc.
 
     machine_stiffness, cell_stiffness: k_M, k_cc [N/m], infinite for none.
     """

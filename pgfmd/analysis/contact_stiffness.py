@@ -1,4 +1,4 @@
-"""Contact stiffness: how much the force changes with the indentation, at the start of unloading and at other loads."""
+"""Contact stiffness: slope of the force over the indentation, at the start of unloading and at other loads."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from pgfmd.results.curve import Array, Loop
 
 WINDOW = 0.1
-"""Forces over which a slope is taken, as a share of the preload."""
+"""Range of forces of a slope, as a fraction of the preload."""
 SAMPLES = 65
 FRACTIONS = (0.25, 0.5, 0.75)
 
@@ -37,7 +37,7 @@ def unloading_stiffness(loop: Loop) -> Stiffness | None:
 def stiffness_at(loop: Loop, branch: str, load: float) -> Stiffness | None:
     """The slope around `load` [N] on the "approach" or the "retraction", over a tenth of the preload.
 
-    Where the branch passes this load several times, the passage nearest to the turning point. None where it does not.
+    If the branch passes this load several times, the passage nearest to the turning point counts. None if it does not.
     """
     force, indentation = _from_the_turn(loop, branch)
     return _between(loop, branch, force, indentation, load + 0.5 * WINDOW * loop.preload)
@@ -62,7 +62,7 @@ def _from_the_turn(loop: Loop, branch: str) -> tuple[Array, Array]:
 
 
 def _between(loop: Loop, branch: str, force: Array, indentation: Array, upper: float) -> Stiffness | None:
-    """Least-squares slope over equal parts of the way from the force `upper` to a window below."""
+    """Least-squares slope over equal steps of the travel, from the force `upper` to a window below."""
     preload = loop.preload
     lower = upper - WINDOW * preload
     if preload <= 0.0 or len(force) < 2 or force[0] < upper * (1 - 1e-12):
@@ -74,7 +74,7 @@ def _between(loop: Loop, branch: str, force: Array, indentation: Array, upper: f
     travel = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(indentation)))))
     start, end = (np.interp(place, np.arange(len(travel)), travel) for place in places)
     samples = np.linspace(start, end, SAMPLES)
-    # Equal steps of the way: rows may be few, or crowd where the run took short steps.
+    # Equal steps of the travel, because rows may be few, or dense where the run took short steps.
     x, f = np.interp(samples, travel, indentation), np.interp(samples, travel, force)
     x = x - x.mean()
     if not np.any(x):

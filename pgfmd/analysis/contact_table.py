@@ -1,6 +1,6 @@
-"""What an analysis says of the contact: its areas, and the loads at which sites join and leave it.
+"""The contact in an analysis: its areas, and the loads at which sites join and leave it.
 
-Of a run that counted overlap alone (`Results.counts_overlap`) nothing is called contact, not even a key of the record.
+For a run that counted only overlap (`Results.counts_overlap`), no name or key says contact.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Face:
     cell: float
 
     def share(self, area: float) -> str:
-        """How much of the face an area [m^2] is; that all of it is, is said only where no point is missing."""
+        """The fraction of the face of an area [m^2], in words. "All" means that no point is missing."""
         missing = self.points - round(area / self.cell)
         if not missing:
             return "all of the punch"
@@ -39,7 +39,7 @@ class Face:
 
 
 def _face_of(results: Results) -> Face | None:
-    """The face that a run's scene says; None if it can't be read off it."""
+    """The face of a run's scene; None if the scene does not determine it."""
     try:
         grid, radius = results.scene["grid"], results.scene["punch"].get("radius")
         cell = Grid(grid["n"], parse_quantity(grid["length"], "length"))

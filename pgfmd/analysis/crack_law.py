@@ -1,4 +1,4 @@
-"""How fast the edge of a contact moves in a viscoelastic elastomer, for a given energy release rate.
+"""Speed of the edge of a contact on a viscoelastic elastomer, for a given energy release rate.
 
 Persson and Brener's theory of an opening crack: with g = G/gamma, the crack's speed v, and a process zone that grows
 with the energy release rate, a = g a_0,
@@ -9,13 +9,14 @@ For the creep form of a Prony series, 1/E = (J_inf + sum_m J_m/(1 + i w lambda_m
 
     1/g = 1 - sum_m J_m (sqrt(1 + X_m^2) - 1)/X_m,      X_m = 2 pi v lambda_m/a
 
-g goes from 1 at rest to kappa_inf. A closing crack takes the inverse of what an opening one takes at the same speed: an
-estimate with the right limits, 1 and 1/kappa_inf. (A zone that shrinks with the closing crack's own g was tried: with a
+g goes from 1 at rest to kappa_inf. For a closing crack, g is taken as the inverse of that of an opening one at the same
+speed: an estimate with the right limits, 1 and 1/kappa_inf. (A zone that shrinks with the closing crack's own g was
+tried: with a
 single relaxation time there is then a speed which no edge exceeds, and contacts that snap in at once with the full
 solution hardly grow.) The zone at rest belongs to the cohesive stress that the
 law can bear, here between an elastomer and a rigid punch, a_0 = E* gamma/(pi sigma_th^2).
 
-The elastomer further away is taken to be relaxed: 2 pi v lambda small against the contact's radius.
+The elastomer further away is assumed to be relaxed: 2 pi v lambda small against the contact's radius.
 
 Source: B. N. J. Persson, E. A. Brener, Phys. Rev. E 71 (2005) 036123, doi:10.1103/PhysRevE.71.036123.
 """
@@ -31,7 +32,7 @@ from pgfmd.physics.rheology import PronySeries
 from pgfmd.results.curve import Array
 
 DECADES = 6
-"""How far the table goes below the longest and above the shortest retardation time."""
+"""Factor by which the table extends beyond the longest and the shortest retardation time."""
 POINTS_PER_DECADE = 60
 
 

@@ -3,8 +3,8 @@
     displacement (um), force (mN), time (s)
     2.1, -0.03, 0.00
 
-What a table may look like says files/text_table.py, which columns are known measured_columns.py, and what every curve has
-to fulfil measured_checks.py. Files of atomic force microscopes are read by afmformats (afm_curves.py).
+files/text_table.py describes the tables, measured_columns.py the known columns, and measured_checks.py the conditions
+for every curve. Files of atomic force microscopes are read by afmformats (afm_curves.py).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .measured_checks import (
 from .measured_columns import rows_of
 
 TABLES = (".csv", ".txt", ".dat", ".tsv", ".asc", ".prn", ".xls", ".log", ".lvm", ".out", ".xy")
-"""Ends of names of files that are read as tables; what others are, afmformats is asked."""
+"""Suffixes of files that are read as tables. Other files are read by afmformats."""
 
 
 def read_experiment(
@@ -43,11 +43,11 @@ def read_experiment(
     Args:
         path: the file.
         positive_displacement: "in" if displacements grow when the punch is pushed in, as the paper's do, or "out". None
-            for what the column's name says: a gap and an extension grow outwards, an indentation, a displacement and a
-            piezo's position inwards.
+            for the sense given by the name of the column: a gap and an extension grow outwards, an indentation, a
+            displacement and a piezo's position inwards.
         positive_force: "compression" or "tension".
         cycle: which of several cycles, from 1.
-        baseline: force far away [N], as the file counts it, that is taken off; None for what its rows show.
+        baseline: force far away [N], with the sign of the file, that is subtracted; None for the one found in the rows.
 
     Raises:
         MeasurementError: naming file, line, what was expected and a cure.

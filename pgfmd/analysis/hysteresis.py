@@ -1,12 +1,13 @@
-"""Of what the hysteresis is made: by the energy audit of the run, and against its quasi-static twin.
+"""Parts of the hysteresis: by the energy audit of the run, and in comparison with its quasi-static twin.
 
-The audit says which element took the energy: viscous ones, or jumps of the surface. In a viscous elastomer hardly
-anything jumps: a snap takes its time, and its energy ends in viscous elements as well. So the audit of a viscous run
-can't tell multistability from a crack that would move steadily.
+The audit distinguishes dissipation in viscous elements from energy released by jumps of the surface. In a viscous
+elastomer there are hardly any jumps: a snap takes a finite time, and its energy is dissipated in viscous elements. So
+the audit of a viscous run can't distinguish multistability from a steadily moving crack.
 
-The twin can: the same loop driven so slowly that the elastomer is always relaxed loses energy in jumps alone. What the
-run loses beyond is due to its finite speed: viscous losses, and that more contact is made or kept, so that more has to
-snap. These two act together, and no difference of two runs takes them apart; the paper comes to the same end.
+The twin can. It is the same loop at vanishing speed, where the elastomer is always relaxed and only jumps dissipate
+energy. The rest of the run's loss is due to its finite speed. It consists of viscous losses, and of additional snaps,
+because more contact is made or kept. These two act together and can't be separated by the difference of two runs. The
+paper concludes the same.
 """
 
 from __future__ import annotations
@@ -17,23 +18,21 @@ import numpy as np
 
 from pgfmd.results import Results
 from pgfmd.results.curve import Loop, column, net_work
+from pgfmd.scene.quasistatic_twin import NO_TIME, SAME_SECTIONS
 from pgfmd.schemes import registry
 
 from .scene_differences import differences
 
-SAME_SECTIONS = ("punch", "substrate", "adhesion", "drive", "grid")
-NO_TIME = ("speed", "retract_speed", "turn_time", "dwell")
-"""Keys that mean nothing to a quasi-static run."""
 SAME_LOOP = 0.02
-"""Preloads of a run and its twin may differ by this share."""
+"""Preloads of a run and its twin may differ by this fraction."""
 
 
 @dataclass(frozen=True)
 class Audit:
     """The run's own energy audit at its last row [J]: work = viscous + released + stored + residual.
 
-    stored: elastic and adhesive energy that is still there. Right after a fast detachment the surface has not come to
-    rest yet, and what it stores then is lost to viscous elements later.
+    stored: elastic and adhesive energy at that time. After a fast detachment the surface is not yet at rest, and its
+    energy is dissipated later.
     """
 
     work: float
@@ -83,10 +82,10 @@ def audit_of(results: Results) -> Audit | None:
 
 
 def twin_of(results: Results, loop: Loop, twin: Results) -> Twin:
-    """A run against its quasi-static twin, of which there are results as well.
+    """A run in comparison with its quasi-static twin.
 
-    Loops are those that both runs have integrated. Whether the twin is one is looked up in both scenes: what differs
-    beyond the rheology, the solver and the output becomes a remark.
+    Loops are those integrated by the runs. Differences of the two scenes other than rheology, solver and output become
+    remarks.
     """
     other = Loop.of(twin)
     return Twin(str(twin.directory), net_work(loop), net_work(other), tuple(_remarks(results, loop, twin, other)))
@@ -109,8 +108,8 @@ def _remarks(results: Results, loop: Loop, twin: Results, other: Loop) -> list[s
 
 
 def is_quasistatic(scene: dict) -> bool:
-    """Whether a resolved scene leaves no room for viscous losses: the
-    quasi-static scheme with the relaxed modulus, or an elastic substrate."""
+    """Whether a resolved scene has no viscous losses: the quasi-static scheme with the relaxed modulus, or an elastic
+    substrate."""
     solver, rheology = scene.get("solver", {}), scene.get("rheology", {})
     scheme = registry.scheme_in(solver)
     relaxed = scheme.timeless and solver.get("modulus", "relaxed") == "relaxed"

@@ -4,11 +4,10 @@ The force is averaged over the displacement with a Gaussian weight,
 
     F_s(x) = int F(x') exp(-(x - x')^2/(2 s^2)) dx' / sqrt(2 pi s^2),   s = resolution/sqrt(12)
 
-whose standard deviation is that of a plain mean over `resolution`. It is symmetric, so nothing is delayed, and each
-branch
-is filtered on its own, so that approach and retraction are not mixed. A wave of wavelength l keeps exp(-2 pi^2
-s^2/l^2): half is left at 1.5 times the resolution. At its ends a branch is continued by reflection in the end point,
-which keeps the end points, and straight lines, where they are; jumps become steps as wide as the resolution.
+whose standard deviation is that of a uniform mean over `resolution`. It is symmetric and so has no delay. Each branch
+is filtered separately, so that approach and retraction are not mixed. A wave of wavelength l is multiplied by exp(-2
+pi^2 s^2/l^2), which is a half at 1.5 times the resolution. At its ends a branch is continued by reflection in the end
+point, which preserves end points and straight lines. Jumps become steps as wide as the resolution.
 """
 
 from __future__ import annotations
@@ -36,8 +35,8 @@ def low_pass(displacement: ArrayLike, force: ArrayLike, resolution: float = PAPE
     """Filtered forces [N] of one branch, at its own rows.
 
     Args:
-        displacement: [m], shape (rows,), in the order of the motion. Where it goes back, as noise does, the rows count
-            as standing still.
+        displacement: [m], shape (rows,), in the order of the motion. Where it goes back, as noise does, the
+            displacement counts as constant.
         force: [N], shape (rows,), linear in between.
         resolution: [m], above zero.
 
@@ -86,10 +85,10 @@ def _smoothed(means: Array, ends: tuple[float, float], width: float) -> Array:
 def filtered(loop: Loop, resolution: float = PAPER_RESOLUTION) -> Loop:
     """A loop with the forces of each branch filtered; the turning point stays where it is. Raises ValueError.
 
-    The works that a run knows stay what they are: filtered forces have no jumps, and would give others.
+    Works integrated by a run are kept, because filtered forces have no jumps and would give other works.
     """
     force = loop.force.copy()
-    # Between the preload and the deepest point there is the turn, or a dwell: rows there keep their force.
+    # Rows between the preload and the deepest point, in the turn or a dwell, keep their force.
     deepest = len(force) - 1 - int(np.argmin(loop.displacement[::-1]))
     for rows in (slice(0, loop.preload_row + 1), slice(max(deepest, loop.preload_row), len(force))):
         force[rows] = low_pass(loop.displacement[rows], loop.force[rows], resolution)

@@ -1,10 +1,10 @@
-"""What every measured curve has to fulfil, whatever was measured: four checks that find wrong signs, orders and zeros.
+"""Four checks for every measured curve, which find wrong signs, wrong orders and wrong zeros.
 
-- One cycle: the punch goes in once. Of several, one has to be chosen.
+- One cycle: the punch goes in once. If there are several cycles, one has to be chosen.
 - The deepest row lies inside, unless there is one branch alone, and the force is large there: both signs may be wrong
   without contradicting each other, but then the curve seems to end far away.
 - The net work of the loop is positive: no elastomer gives energy.
-- The force far away, where its rows show it, is zero, or taken off.
+- The force far away, if the rows reach that far, is zero or is subtracted.
 """
 
 from __future__ import annotations
@@ -19,32 +19,34 @@ from .measured_columns import Rows
 
 LEAST_ROWS = 4
 LEAST_SWING = 0.1
-"""Way in and out, as a share of the whole, that counts as a cycle."""
+"""Travel in and out, as a fraction of the stroke, that counts as a cycle."""
 JUMP = 0.5
-"""Step between two rows, as a share of the way, that no machine makes."""
+"""Step between two rows, as a fraction of the stroke, that no machine makes."""
 NEAR_THE_DEEPEST, LARGE = 0.05, 0.5
-"""Within this share of the way from the deepest row the force reaches this share of its largest."""
+"""Within this fraction of the stroke from the deepest row, the force reaches this fraction of its maximum."""
 SMALLEST_LOSS = -0.005
-"""Net work of a loop, as a share of all work, below which it can't be noise."""
+"""Net work of a loop, as a fraction of all work, below which it can't be noise."""
 FAR = (0.1, 0.05, 0.02, 0.01)
-"""Outermost shares of the way in which the force far away is looked for, the first that is level with the next as wide."""
+"""Outermost fractions of the stroke in which the force far away is searched for; the first one counts in which the
+force is as constant as in the next interval of this width."""
 LEVEL = 0.01
-"""Change of force, as a share of its range, from one tenth of the way to the next, up to which it is level."""
+"""Change of the force, as a fraction of its range, from one tenth of the stroke to the next, up to which it counts as
+constant."""
 DRIFT = 0.1
-"""Difference of the forces before and after, as a share of the range, up to which it is a drift. More may be a contact that
-still holds at the end."""
+"""Difference of the forces before and after the contact, as a fraction of the range, up to which it counts as a drift.
+A larger one may be a contact that still holds at the end."""
 LEAST_OUTSIDE = 3
-"""Rows from which a mean force far away is taken."""
+"""Number of rows for the mean force far away."""
 ZERO = 1e-3
-"""Force far away, as a share of the range, up to which it is zero."""
+"""Force far away, as a fraction of the range, that counts as zero."""
 SIGNS = "--positive-displacement in|out, --positive-force compression|tension"
 
 
 def confirm_signs(rows: Rows) -> None:
     """Whether the force rises as the punch goes in. Raises MeasurementError.
 
-    On the way to the deepest row the largest force comes after the smallest; on a way out alone it comes before. The whole
-    curve says less: where adhesion is strong, the force is lower in contact than far away.
+    In the rows up to the deepest one, the largest force comes after the smallest. In a single retraction it comes
+    before. The whole curve is no criterion: with strong adhesion, the force is lower in contact than far away.
     """
     if len(rows.force) < LEAST_ROWS:
         raise MeasurementError(f"{rows.path}: expected at least {LEAST_ROWS} rows of numbers, found {len(rows.force)}")
@@ -64,7 +66,7 @@ def confirm_signs(rows: Rows) -> None:
 
 
 def one_cycle(rows: Rows, cycle: int | None = None) -> Rows:
-    """The rows of one cycle: of the only one, or of number `cycle`, from 1. Raises MeasurementError."""
+    """The rows of one cycle: the only one, or that with the number `cycle`, from 1. Raises MeasurementError."""
     _refuse_jumps(rows)
     if rows.cycle is not None and len(numbers := np.unique(rows.cycle)) > 1:
         listed = ", ".join(f"{number:g}" for number in numbers[:6]) + (", ..." if len(numbers) > 6 else "")
@@ -112,14 +114,14 @@ def confirm_deepest(rows: Rows) -> None:
 
 
 def turn_of(rows: Rows) -> tuple[int, bool]:
-    """The row of the largest force, which parts the branches, and whether both are there."""
+    """The row of the largest force, which separates the branches, and whether both exist."""
     turn, stroke = int(np.argmax(rows.force)), float(np.ptp(rows.indentation))
     before, after = np.ptp(rows.indentation[: turn + 1]), np.ptp(rows.indentation[turn:])
     return turn, bool(min(before, after) > LEAST_SWING * stroke)
 
 
 def confirm_loss(rows: Rows) -> None:
-    """Whether the loop, as far as both branches go, takes energy. Raises MeasurementError."""
+    """Whether the loop, where it has both branches, dissipates energy. Raises MeasurementError."""
     inner = np.maximum(rows.indentation, max(rows.indentation[0], rows.indentation[-1]))
     steps = 0.5 * (rows.force[1:] + rows.force[:-1]) * np.diff(inner)
     net, whole = float(np.sum(steps)), float(np.sum(np.abs(steps)))
@@ -134,9 +136,9 @@ def confirm_loss(rows: Rows) -> None:
 
 
 def without_baseline(rows: Rows, turn: int) -> tuple[Array, str]:
-    """The forces [N] without what they are far away, and what was done, in words, "" for nothing; turn: the row that parts
-    the branches. A drift is a line in time, or over the rows without one. Where the rows don't show the force far away, a remark
-    says so."""
+    """The forces [N] minus the force far away, and the correction in words, "" for none. turn: the row that separates
+    the branches. A drift is linear in time, or in the number of rows if there is no time. If the rows don't reach far
+    enough, a remark says so."""
     name, span = rows.path.name, float(np.ptp(rows.force))
     timed = bool(np.isfinite(rows.time).all() and (np.diff(rows.time) > 0.0).any())
     clock = rows.time if timed else np.arange(len(rows.force), dtype=float)
@@ -174,15 +176,15 @@ def without_baseline(rows: Rows, turn: int) -> tuple[Array, str]:
 
 
 def _far(rows: Rows, clock: Array, branch: slice, span: float) -> tuple[float, float] | None:
-    """The mean of the clock over the outermost rows of a branch, and their mean force; None where it is not level.
-    span [N]: range of all forces."""
+    """Mean time and mean force of the outermost rows of a branch; None if the force is not constant there. span [N]:
+    range of all forces."""
     depth, force = rows.indentation[branch], rows.force[branch]
     place = (depth - np.min(depth)) / max(float(np.ptp(depth)), np.finfo(float).tiny)
     for share in FAR:
         outer, inner = place <= share, (place > share) & (place <= 2.0 * share)
         if min(outer.sum(), inner.sum()) < LEAST_OUTSIDE:
             continue
-        # What a contact of constant stiffness would change is ten times as much.
+        # With a contact of constant stiffness, the change would be ten times as large.
         if abs(np.mean(force[outer]) - np.mean(force[inner])) <= LEVEL * span * share / FAR[0]:
             both = outer | inner
             return float(np.mean(clock[branch][both])), float(np.mean(force[both]))
@@ -203,7 +205,7 @@ def _refuse_jumps(rows: Rows) -> None:
 
 
 def _cycles(indentation: Array) -> list[slice]:
-    """The rows of each way in and out, from where the punch is farthest out to where it is again."""
+    """The rows of each cycle, from one outermost position of the punch to the next."""
     turns = _turning_points(indentation, LEAST_SWING * float(np.ptp(indentation)))
     deep = [row for number, row in enumerate(turns) if _is_peak(indentation, turns, number)]
     shallow = [row for row in turns if row not in deep]
@@ -218,7 +220,7 @@ def _is_peak(values: Array, turns: list[int], number: int) -> bool:
 
 
 def _turning_points(values: Array, least: float) -> list[int]:
-    """Rows of the extremes between which values swing by at least so much, the first and the last included."""
+    """Rows of the extremes between which values change by at least this much, with the first and the last row."""
     low = high = 0
     turns: list[int] = []
     rising: bool | None = None

@@ -1,9 +1,9 @@
 """From the table of a measured curve to its rows: displacement inwards, force in compression, in SI units.
 
-Names say which way a column counts: an indentation or depth grows inwards, a gap or an extension outwards, and a
-displacement or a piezo's position inwards, unless the user says otherwise. Approach and retraction may stand one
-below the other, or side by side in columns of their own. Nothing is guessed: a column without a unit is an error, and so
-are two columns of which only one can be meant.
+Names determine the sense of a column: an indentation or depth grows inwards, and a gap or an extension outwards. A
+displacement or a position of a piezo grows inwards by default. Approach and retraction may be in the same columns, one
+after the other, or in columns of their own. Nothing is guessed: a column without a unit is an error, and so are two
+columns of which only one can be meant.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ NAMES = {
 }  # fmt: skip
 """Column names by quantity; the vertical deflection of a cantilever where it is given as a force."""
 INWARDS = {"indentation": True, "displacement": True, "piezo": True, "extension": False, "gap": False}
-"""Whether a column grows when the punch goes in, unless the user says otherwise."""
+"""Whether a column grows when the punch goes in, by default."""
 PARTS = {
     "approach": ("approach", "extend", "ext", "ex", "loading", "trace", "forward", "advance", "annäherung", "belastung"),
     "retract": (
@@ -58,7 +58,7 @@ PARTS = {
         "retreat", "withdrawal", "unload",
     ),
 }  # fmt: skip
-"""Words that tell the branch, in titles of columns and in a column of segments."""
+"""Words for the branch, in titles of columns and in a column of segments."""
 DIMENSIONS = {"force": "force", "time": "time"}
 VOCABULARY = Vocabulary(NAMES, PARTS)
 
@@ -66,8 +66,9 @@ VOCABULARY = Vocabulary(NAMES, PARTS)
 @dataclass
 class Rows:
     """Rows of a measured curve, in the order of the file: indentation [m], growing inwards; force [N], positive in
-    compression; time [s], NaN where it is not known; lines of the file, or numbers of rows; senses: how the columns were
-    taken to count, for messages; cycle, as the file numbers it, None where it does not; remarks: what was done, in words."""
+    compression; time [s], NaN where it is not known; lines of the file, or numbers of rows; senses: the assumed senses
+    of the columns, for messages; cycle: numbers of cycles in the file, None without any; remarks: corrections, in
+    words."""
 
     path: Path
     indentation: Array
@@ -85,8 +86,9 @@ class Rows:
         return Rows(self.path, *parts, self.senses, cycle, self.remarks)
 
     def taken(self, place: str, positive_displacement: str | None, positive_force: str) -> Rows:
-        """The same rows, turned to grow inwards and in compression; place: the key of INWARDS that says the position;
-        positive_displacement: "in" or "out", None for what the name says; positive_force: "compression" or "tension"."""
+        """The same rows, with indentation inwards and force in compression. place: the key of INWARDS of the position.
+        positive_displacement: "in" or "out", None for the sense given by the name. positive_force: "compression" or
+        "tension"."""
         inwards = INWARDS[place] if positive_displacement is None else positive_displacement == "in"
         direction, pressing = (1.0 if inwards else -1.0), (1.0 if positive_force == "compression" else -1.0)
         senses = f"the {place} is taken to grow {'inwards' if inwards else 'outwards'}, the force in {positive_force}"
@@ -94,7 +96,8 @@ class Rows:
 
 
 def rows_of(path: str | Path, positive_displacement: str | None, positive_force: str) -> Rows:
-    """The rows of a file. positive_displacement: "in" or "out", None for what the column's name says; positive_force:
+    """The rows of a file. positive_displacement: "in" or "out", None for the sense given by the name of the column;
+    positive_force:
     "compression" or "tension". Raises MeasurementError."""
     table = read_table(path, VOCABULARY, EXAMPLE)
     columns = _with_parts(table)
@@ -112,7 +115,7 @@ def rows_of(path: str | Path, positive_displacement: str | None, positive_force:
 
 
 def _with_parts(table: TextTable) -> list[Column]:
-    """The columns; where names stand twice, with the branch that the line above names."""
+    """The columns. If names occur twice, each gets the branch named in the line above."""
     columns = list(table.columns)
     twice = len({column.quantity for column in columns}) < len(columns) and not any(column.part for column in columns)
     if not (twice and table.preamble):
@@ -128,8 +131,8 @@ def _with_parts(table: TextTable) -> list[Column]:
 
 
 def _branch(table: TextTable, columns: list[Column], part: str) -> tuple[Rows, str]:
-    """The rows of one branch, or of all, as the file has them, and what says the position; those of a shorter branch beside
-    another end where it does."""
+    """The rows of one branch, or of all, as in the file, and the quantity of the position. A shorter branch ends before
+    the other one."""
     chosen = _chosen(table, columns, part)
     place = next(quantity for quantity in INWARDS if quantity in chosen)
     factors = {q: table.factor(c, DIMENSIONS.get(q, "length"), EXAMPLE) for q, c in chosen.items() if q != "cycle"}
@@ -162,7 +165,7 @@ def _branch(table: TextTable, columns: list[Column], part: str) -> tuple[Rows, s
 
 
 def _chosen(table: TextTable, columns: list[Column], part: str) -> dict[str, Column]:
-    """The columns that are used, by quantity: force, one that says the position, and time and cycle if any."""
+    """The columns that are used, by quantity: force, position, and time and cycle if there are any."""
     found: dict[str, list[Column]] = {}
     for column in columns:
         found.setdefault(column.quantity, []).append(column)
@@ -189,14 +192,14 @@ def _chosen(table: TextTable, columns: list[Column], part: str) -> dict[str, Col
             )
         chosen[quantity] = several[0]
     if "time" in chosen and not any(is_numeral(cell.text) for cell in table.cells(chosen["time"].place)):
-        # A clock's: rows are in the order of time by themselves.
+        # Times of day: the rows are in their order.
         del chosen["time"]
     return chosen
 
 
 def _time_falls(table: TextTable, column: Column, time: Array, lines: NDArray) -> bool:
-    """Whether the time begins anew in repeated blocks. Raises MeasurementError where it falls elsewhere: the order of rows
-    is lost."""
+    """Whether the time starts again in repeated blocks. Raises MeasurementError if it decreases elsewhere, because then
+    the order of rows is wrong."""
     falls = np.flatnonzero(np.diff(time) < 0)
     for row in falls:
         if not any(lines[row] < line < lines[row + 1] for line in table.repeated):
@@ -227,7 +230,7 @@ def _texts(table: TextTable, quantity: str, lines: NDArray) -> list[str]:
 
 
 def _in_order(rows: Rows, parts: NDArray) -> Rows:
-    """Rows whose branches are known by name: one that is sorted against its way is turned round."""
+    """Rows with named branches. A branch in reverse order is reversed."""
     edges = np.flatnonzero(parts[1:] != parts[:-1]) + 1
     order = []
     for run in np.split(np.arange(len(parts)), edges):

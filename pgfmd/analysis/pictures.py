@@ -1,5 +1,5 @@
-"""Pictures of an analysis and of a comparison: loops over each other, the fit of u_inf, shares of the hysteresis, the
-bearing-area model."""
+"""Pictures of an analysis and of a comparison: loops, the fit of u_inf, parts of the hysteresis, the bearing-area
+model."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ if TYPE_CHECKING:
 MEASURED = ("black", "0.45", "0.65")
 """Colours of measured loops."""
 LEGEND_WIDTH = 75
-"""Letters in a line of a legend above the curves."""
+"""Number of characters in a line of a legend above the curves."""
 LEGEND_LINE = 0.17
-"""Height [inch] of such a line."""
+"""Height [inch] of a line of the legend."""
 PARTS = (("viscous", RED), ("released in jumps", VIOLET), ("stored or unexplained", "#c9c9c9"))
 TWIN_PARTS = (("multistability (twin)", VIOLET), ("viscous and coaction", RED))
 
 
 def plot_comparison(found: Comparison) -> Figure:
-    """Curves of `compare` over each other, force against indentation; measured ones in black and greys."""
+    """Curves of `compare`, force against indentation. Measured curves are black and grey."""
     return _with_footer(overlay_figure(found.loops, found.measured, found.changes), found.about)
 
 
@@ -67,21 +67,21 @@ def plot_compliance(analysis: Analysis) -> Figure:
 
 
 def plot_hysteresis(analysis: Analysis) -> Figure:
-    """Where the work of the loop went, by the audit and against the twin. ResultError without either."""
+    """The parts of the work of the loop, by the audit and in comparison with the twin. ResultError without either."""
     if analysis.audit is None and analysis.twin is None:
         raise _lacking(analysis, "audit and no twin")
     return _with_footer(hysteresis_figure(analysis.audit, analysis.twin), analysis.about)
 
 
 def plot_twin(analysis: Analysis) -> Figure:
-    """The loop over that of its quasi-static twin. ResultError without one."""
+    """The loop and that of its quasi-static twin. ResultError without one."""
     if analysis.twin_loop is None:
         raise _lacking(analysis, "twin; name its folder to `analyse`")
     return _with_footer(overlay_figure([analysis.loop, analysis.twin_loop]), analysis.about)
 
 
 def plot_bearing_area(analysis: Analysis) -> Figure:
-    """The loop over what independent asperities would do. ResultError where that was not asked for."""
+    """The loop and the predictions for independent asperities. ResultError if there are none."""
     if not analysis.predictions:
         raise _lacking(analysis, "bearing-area model; ask `analyse` for it")
     loops = [analysis.loop, *(prediction.loop for prediction in analysis.predictions)]
@@ -101,8 +101,8 @@ def _with_footer(figure: Figure, text: str) -> Figure:
 def overlay_figure(loops: list[Loop], measured: int | None = None, changes: Sequence[str] = ()) -> Figure:
     """Force [mN] against indentation [um]: approaches thin and dashed, retractions in colour.
 
-    measured: number of the first loop that was measured; these are drawn in black and greys. changes: what has been done to
-    each curve, for its legend; none for nothing to say.
+    measured: number of the first measured loop; measured loops are black and grey. changes: corrections of each curve,
+    for its legend.
     """
     labelled_loops = zip(loops, changes, strict=True) if changes else ()
     labels = [textwrap.wrap(f"{loop.name}: {change}", LEGEND_WIDTH) for loop, change in labelled_loops]
@@ -120,7 +120,7 @@ def overlay_figure(loops: list[Loop], measured: int | None = None, changes: Sequ
         width = 1.4 if own is None else 1.0
         label = literal("\n".join(labels[number]) if changes else loop.name)
         axis.plot(*seen(x[rows], force[rows]), color=colour, linewidth=width, label=label)
-    # What has been done to a curve may be a long story: above the curves it hides none of them.
+    # The text about corrections may be long. Above the axes it hides no curve.
     figure.legend(loc="outside upper left") if changes else axis.legend(loc="upper left")
     axis.set(xlabel="indentation (µm)", ylabel="force (mN)")
     return figure
@@ -166,7 +166,7 @@ def compliance_figure(loop: Loop, cell: CellCompliance) -> Figure:
 
 @picture
 def hysteresis_figure(audit: Audit | None, twin: Twin | None) -> Figure:
-    """Bars of the loop's energy by the audit, and beside them against the quasi-static twin."""
+    """Bars of the loop's energy by the audit, and in comparison with the quasi-static twin."""
     bars: list[tuple[str, list[tuple[str, str, float]]]] = []
     if audit is not None:
         values = (audit.viscous, audit.released, audit.work - audit.viscous - audit.released)

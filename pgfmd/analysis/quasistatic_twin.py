@@ -8,10 +8,9 @@ from pathlib import Path
 from pgfmd.errors import ResultError
 from pgfmd.files.storage import SCENE_FILE
 from pgfmd.scene import load_scene
+from pgfmd.scene.quasistatic_twin import CHANGES
 from pgfmd.schemes import registry
 
-CHANGES = ("solver.scheme=quasistatic", "solver.modulus=relaxed", "solver.precision=auto", "output.snapshots=[]")
-"""What a twin has otherwise than its run, as overrides."""
 SUFFIX = "-twin"
 """What the folder of a twin is called, behind the name of its run."""
 

@@ -1,4 +1,4 @@
-"""In what two resolved scenes differ: whether one run may be held against another."""
+"""Differences of two resolved scenes, which decide whether their runs may be compared."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 
 ALIKE = 1e-3
-"""Quantities that differ by no more than this share count as equal."""
+"""Quantities that differ by no more than this fraction count as equal."""
 SAY_NOTHING = ("q_ref", "range_factor")
-"""Keys whose effect is in another one, adhesion.range."""
+"""Keys whose effect is included in adhesion.range."""
 
 
 def differences(
@@ -16,7 +16,8 @@ def differences(
 ) -> Iterator[tuple[str, object, object]]:
     """Dotted keys, with both values, that two scenes have in common and that differ.
 
-    scene, other: of `Results.scene`. sections: those looked at. passed_over: names of keys that are not.
+    scene, other: of `Results.scene`. sections: those that are compared. passed_over: names of keys that are not
+    compared.
     """
     for section in sections:
         mine, yours = scene.get(section, {}), other.get(section, {})

@@ -1,4 +1,4 @@
-"""Everything that can be said about a results folder: the table, the record `analysis.json`, and the pictures."""
+"""The analysis of a results folder: the table, the record `analysis.json`, and the pictures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pgfmd.files.regular_files import write_atomically
 from pgfmd.physics.drive import ENDED_WELL
 from pgfmd.plots.drawing import drawing, elsewhere, target_folder, write_picture
 from pgfmd.results import Results, load
-from pgfmd.results.about import about
+from pgfmd.results.caption import about
 from pgfmd.results.curve import Loop, Measures, measure
 from pgfmd.results.cycles import cycle_of
 from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
@@ -31,16 +31,16 @@ from .tabor import effective_tabor
 
 RECORD_FILE = "analysis.json"
 BLURRED = 0.05
-"""Scatter of u_inf, as a share of its range, from which on its line says little."""
+"""Scatter of u_inf, as a fraction of its range, above which the fitted line is unreliable."""
 WITHIN_STEPS = "as the run found it within its steps"
 BY_ROWS = "by the parabola through the lowest rows"
 
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """What was found in a folder: table, the loop that was analysed, and the parts that have pictures of their own.
+    """The analysis of a folder: table, the analysed loop, and the parts that have pictures.
 
-    predictions: of the bearing-area model (bearing_area.Prediction), by law; about: the run in a line, for pictures.
+    predictions: of the bearing-area model (bearing_area.Prediction), by law; about: the run in one line, for pictures.
     """
 
     directory: Path
@@ -57,7 +57,7 @@ class Analysis:
 
     @property
     def record(self) -> dict:
-        """The table's numbers in SI units, as `analysis.json` has them."""
+        """The numbers of the table in SI units, as in `analysis.json`."""
         return self.table.record()
 
     def write(self, out: Path | None = None) -> list[Path]:
@@ -77,7 +77,7 @@ class Analysis:
             return [path, *(write_picture(draw(self), folder / name, hint) for name, draw in self._drawings())]
 
     def _drawings(self) -> Iterator[tuple[str, Callable[[Analysis], Any]]]:
-        """Names of pictures, and what draws them, of the parts that there are."""
+        """Names of pictures, and the functions that draw them, for existing parts."""
         if self.bulges:
             yield "analysis-bulges.png", pictures.plot_bulges
         if self.cell:
@@ -98,20 +98,20 @@ def analyse(
     resolution: float | None = None,
     cycle: int | None = None,
 ) -> Analysis:
-    """Analyse a results folder. Reads files only; works while the run goes on, as far as it has come.
+    """Analyses a results folder, also of an unfinished run. Reads files only.
 
     Args:
         directory: of the run. twin: of its quasi-static twin; "auto" runs it first, beside the run
-        (quasistatic_twin.py).
-        bearing_area: whether a bearing-area model is laid beside it. asperity: results of a run of one isolated
-            asperity, for that model; implies it.
+            (quasistatic_twin.py).
+        bearing_area: whether to compare with a bearing-area model. asperity: results of a run of one isolated asperity
+            for this model; implies it.
         resolution: [m] of a low-pass filter for the curve, None for none. Energies of the audit are never filtered.
         cycle: number of a cycle of a programme with repeats whose forces, works and bulges are measured; None for those of
         the whole run.
 
     Raises:
-        ResultError: if a folder can't be read, or what is asked for can't be had from it; SceneError if its scene
-        can't.
+        ResultError: if a folder can't be read, or does not contain what is needed; SceneError if its scene can't be
+            read.
     """
     if twin == "auto":
         from .quasistatic_twin import run_twin
@@ -128,12 +128,7 @@ def analyse(
         found = measure(loop)
         _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.recorded else WITHIN_STEPS)
         _add_works(table, found)
-        if results.scene.get("drive", {}).get("step"):
-            # Not at the top: few runs have a programme.
-            from .programme import add_cycles, add_oscillations
-
-            add_cycles(table, results, whole)
-            add_oscillations(table, results, whole)
+        _add_programme(table, results, whole)
         add_areas(table, results, found)
         _remark_unfinished(table, results)
         _remark_thinned(table, results)
@@ -172,14 +167,14 @@ def _add_forces(table: Table, found: Measures, resolution: float | None, source:
     table.add("Forces", "largest_force", "largest force", found.largest_force, "N", "what the turn adds included")
     if found.pull_off:
         tension, place = found.pull_off.tension, found.pull_off.displacement
-        note = source if tension > 0.0 else "no tension on the way out"
+        note = source if tension > 0.0 else "no tension in the retraction"
         table.add("Forces", "pull_off_force", "pull-off force", tension, "N", note, found.pull_off.uncertainty)
         if tension > 0.0:
             note = "negative when pushed in"
             table.add("Forces", "pull_off_displacement", "at the displacement", place, "m", note)
     else:
         table.add("Forces", "pull_off_force", "pull-off force", None, "N", "the punch has not turned round yet")
-    note = "largest tension on the way in"
+    note = "largest tension in the approach"
     table.add("Forces", "snap_in_force", "snap-in force", found.snap_in.tension, "N", note, found.snap_in.uncertainty)
     if found.time_to_preload is not None:
         note = "from the first contact" if "contact" in found.areas else "from the first overlap"
@@ -187,18 +182,28 @@ def _add_forces(table: Table, found: Measures, resolution: float | None, source:
 
 
 def _add_works(table: Table, found: Measures) -> None:
-    note, spread = "work against a tensile force on the way out", found.work_of_separation_uncertainty
+    note, spread = "work against a tensile force in the retraction", found.work_of_separation_uncertainty
     table.add("Work", "work_of_separation", "work of separation", found.work_of_separation, "J", note, spread)
     note = "net work of the loop"
     table.add("Work", "hysteresis", "hysteresis", found.hysteresis, "J", note, found.hysteresis_uncertainty)
 
 
+def _add_programme(table: Table, results: Results, whole: Loop) -> None:
+    """Cycles and oscillations of a programme of steps."""
+    if results.scene.get("drive", {}).get("step"):
+        # Not at the top: few runs have a programme.
+        from .programme import add_cycles, add_oscillations
+
+        add_cycles(table, results, whole)
+        add_oscillations(table, results, whole)
+
+
 def _remark_unfinished(table: Table, results: Results) -> None:
-    """Of a run that goes on, or that has ended before the punch was free."""
+    """A remark on a run that is unfinished, or ended before the punch detached."""
     finished = results.run.get("finished")
     if finished not in ENDED_WELL:
         how = f"the run has ended early ({finished})" if finished else "the run has not ended yet"
-        table.remarks.append(f"{how}: pull-off force, works and shares are those of the way that it has come")
+        table.remarks.append(f"{how}: pull-off force, works and shares are those up to there")
 
 
 def _remark_thinned(table: Table, results: Results) -> None:
@@ -211,7 +216,8 @@ def _remark_thinned(table: Table, results: Results) -> None:
 
 
 def _remark_unexplained(table: Table, results: Results, audit: Audit | None) -> None:
-    """Of an audit that does not close well enough to split the hysteresis by it: by what `pgfmd run` goes as well."""
+    """A remark on an audit whose residual is too large to split the hysteresis; the criterion is that of `pgfmd
+    run`."""
     if audit and largest_residual(results) > UNBALANCED * at_stake(results, audit.work):
         table.remarks.append(
             f"the energy audit leaves {largest_residual(results) * 1e9:.3g} nJ unexplained of a loop of "
@@ -275,7 +281,7 @@ def _add_hysteresis(table: Table, audit: Audit | None, twin: Twin | None) -> Non
 
 
 def _add_tabor(table: Table, results: Results, found: Measures, twin: Results | None) -> None:
-    """Of a quasi-static pull-off: this run's, or its twin's."""
+    """The effective Tabor number of a quasi-static pull-off: of this run, or of its twin."""
     source, pull_off = results, found.pull_off
     if not is_quasistatic(results.scene) and twin is not None and is_quasistatic(twin.scene):
         source, pull_off = twin, measure(Loop.of(twin)).pull_off

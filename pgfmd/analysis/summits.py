@@ -1,5 +1,4 @@
-"""The summits of a punch's face: where they are, how high, and how sharp. What a bearing-area model knows of a
-surface."""
+"""The summits of a punch's face for a bearing-area model: positions, heights and curvature radii."""
 
 from __future__ import annotations
 
@@ -16,9 +15,9 @@ from pgfmd.scene_objects import topography_of
 from pgfmd.solver.grid import Grid
 
 FINE = 400
-"""Parts of a wavelength over which curvatures are taken where the face is a formula."""
+"""Fraction of a wavelength over which curvatures are computed if the face is a formula."""
 FLATTEST = 1e-3
-"""A ridge is no summit: the product of its curvatures is below this share of the square of their sum."""
+"""Ridges are not summits: the product of their curvatures is below this fraction of the square of their sum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +40,10 @@ class Summits:
 def summits_of(scene: Any) -> Summits:
     """The summits of a scene's punch.
 
-    Those of `contact_sites`: of a height map, only those that stand out by `punch.file_relief`, as noise makes no
-    asperities; its curvatures are taken over one step of the grid, or one pixel if that is larger. Summits whose top is
-    beyond the rim do not count, nor do ridges; layers of a printed face, which have no curvature, are left out.
+    They are the summits of `contact_sites`. In a height map, only those that stand out by `punch.file_relief` count, so
+    that noise makes no asperities; curvatures are computed over one step of the grid, or one pixel if that is larger.
+    Summits outside of the rim and ridges do not count. Layers of a printed face are ignored, because they have no
+    curvature.
 
     scene: from `pgfmd.scene.load_scene`. Raises ValueError, OSError for a topography file that can't be used.
     """

@@ -1,4 +1,4 @@
-"""What an analysis found, as sections of named numbers: a table for the eye and a record for programs."""
+"""Results of an analysis as sections of named numbers: a table for readers and a record for programs."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ SUFFIXES = {
     "N": "N", "m": "m", "J": "J", "s": "s", "N/m": "N_per_m", "m^2": "m2", "J/m^2": "J_per_m2", "Pa": "Pa", "m/s": "m_per_s",
     "1/m": "per_m", "rad/s": "rad_per_s", "Hz": "Hz",
 }  # fmt: skip
-"""How a unit is written at the end of a record's key."""
+"""Units at the end of keys of a record."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One number: key of the record, without unit; name, value, SI unit, what it says, and its uncertainty in this
-    unit, None where none is known."""
+    """One number: key of the record, without unit; name, value, SI unit, note, and its uncertainty in this unit, None
+    if unknown."""
 
     key: str
     name: str
@@ -31,7 +31,7 @@ class Row:
 
 @dataclass
 class Table:
-    """Sections of rows by title; remarks: what the numbers can't say, or what spoils them."""
+    """Sections of rows by title. remarks: limitations of the numbers."""
 
     title: str = ""
     sections: dict[str, list[Row]] = field(default_factory=dict)
@@ -41,7 +41,7 @@ class Table:
         self, section: str, key: str, name: str, value: float | int | str | None, unit: str = "", note: str = "",
         uncertainty: float | None = None,
     ) -> None:  # fmt: skip
-        """One more row; a section begins with its first."""
+        """Adds a row; a section begins with its first row."""
         if value is None:
             uncertainty = None
         if uncertainty:

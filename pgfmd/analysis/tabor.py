@@ -1,4 +1,4 @@
-"""The effective Tabor number: the corrugated punch looked at from afar, as a flat one that adheres less.
+"""The effective Tabor number: the corrugated punch regarded as a flat one with less adhesion.
 
 Paper, "Modeling adhesion": the quasi-static pull-off force gives, by Kendall's law for a perfectly flat punch, an
 effective work of adhesion, and that a Tabor number:
@@ -20,7 +20,7 @@ from pgfmd.reference import flat_punch, tabor
 
 @dataclass(frozen=True)
 class EffectiveTabor:
-    """w_eff [J/m^2], its share of the nominal work of adhesion (None if that is not known), and the number."""
+    """w_eff [J/m^2], relative to the nominal work of adhesion (None if unknown), and the Tabor number."""
 
     work_of_adhesion: float
     share: float | None

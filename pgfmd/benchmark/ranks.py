@@ -26,7 +26,7 @@ from pgfmd.forecast.scaling import KINDS, Costs, Problem, nodes_of, pair_seconds
 from pgfmd.host.processes import cores
 from pgfmd.host.ranks import launcher, on_ranks
 
-from .watch import Watch
+from .timing import Watch
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
@@ -43,7 +43,7 @@ WITNESSES = {"double": "", "mixed": "x"}
 TINY = 32
 """Points a side of a test that is all overhead."""
 SIZES = (256, 512, 1024, 2048)
-"""Points a side that are measured, unless told otherwise."""
+"""Default numbers of points a side that are measured."""
 SECONDS = 0.5
 """That the steps of a size and kind are timed, about."""
 FEWEST = 12
@@ -55,7 +55,7 @@ PATIENCE = 600.0
 
 
 def counts_to_measure(most: int) -> list[int]:
-    """Numbers of ranks that a machine with so many cores is measured with: 1, 2, 4, ... and all of them."""
+    """Numbers of ranks for measurements on a machine with a number of cores: 1, 2, 4, ... and all of them."""
     return sorted({1, most} | {2**power for power in range(1, most.bit_length()) if 2**power <= most})
 
 

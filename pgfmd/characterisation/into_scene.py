@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from pgfmd.errors import ResultError
 from pgfmd.files.regular_files import write_atomically
 from pgfmd.files.text import read_text
-from pgfmd.scene.given import Given
 from pgfmd.scene.model import Rheology
 from pgfmd.scene.reading import parse_scene
+from pgfmd.scene.unresolved_scene import Given
 
 if TYPE_CHECKING:
     from .rheology_table import Material

@@ -2,7 +2,7 @@
 
 Names of instruments (Netzsch, TA, Malvern, Anton Paar, RepTate) and of standards, in English and German, are known. What
 a name does not say is not guessed: a frequency is in hertz or in radians a second by its unit, and moduli that are called
-by neither E nor G are of shear where a torque stands beside them.
+by neither E nor G are of shear if there is a column of torque.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _OTHERS = {
 
 
 def _names_of_moduli() -> dict[str, tuple[str, ...]]:
-    """Names of columns by what they hold: "tensile storage", "shear loss", or " complex" where neither is said."""
+    """Names of columns by what they hold: "tensile storage", "shear loss", or " complex" if neither is named."""
     names: dict[str, tuple[str, ...]] = {}
     for part, (marks, short, words) in _WORDS.items():
         names[f" {part}"] = words
@@ -116,7 +116,7 @@ def choose(table: TextTable, modulus: Kind | None = None) -> Chosen:
         rate = _one(table, ["omega"] if table.found("omega") else ["frequency"])
         columns[rate.quantity] = rate
         if rate.quantity == "omega" and len(table.found("frequency")) == 1:
-            # Beside it, for a comparison.
+            # In addition, for a comparison.
             columns["frequency"] = table.found("frequency")[0]
         pair = next((pair for pair in OSCILLATION if all(_of(table, part, kind, named) for part in pair)), None)
         if pair is None:
@@ -164,7 +164,7 @@ def _kind(table: TextTable, modulus: Kind | None, swept: bool) -> tuple[Kind, bo
 def _sign_of_shear(table: TextTable) -> str:
     """What of a table tells of a rotational rheometer: a torque, or words above the header; "" for nothing."""
     if torque := table.found("torque"):
-        return f"beside '{torque[0].title}'"
+        return f"next to '{torque[0].title}'"
     words = next((match[0] for line in table.preamble if (match := _ROTATIONAL.search(line))), None)
     return f"as the lines above speak of '{words}'" if words else ""
 
@@ -189,7 +189,7 @@ def _one(table: TextTable, quantities: Iterable[str]) -> Column:
 
 
 def _lacking(table: TextTable, kind: Kind, named: bool) -> MeasurementError:
-    """What is said of a table without the columns of a sweep or of a relaxation."""
+    """The message for a table without the columns of a sweep or of a relaxation."""
     letter = _LETTERS[kind]
     if table.found("compliance"):
         cure = "compliances can't be read: export moduli"

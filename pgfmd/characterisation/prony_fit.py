@@ -93,7 +93,7 @@ class PronyFit:
 
 
 def poor_fit(rms: float, automatic: bool, cure: str) -> list[str]:
-    """What is said of a fit that is off by rms; cure: where the number of elements was found by itself."""
+    """The warning for a fit with a misfit of rms. cure: advice if the number of elements was automatic."""
     if rms <= BAD_MISFIT:
         return []
     more = f"more elements don't help; {cure}"

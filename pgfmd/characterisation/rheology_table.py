@@ -48,7 +48,7 @@ class Material:
 
     @property
     def unit(self) -> str:
-        """In which temperatures are said, "C" or "K", as in the file."""
+        """Unit of temperatures for messages, "C" or "K", as in the file."""
         known = bool(self.sweeps) and self.sweeps[0].temperature is not None
         return self.sweeps[0].unit if known else "C"
 
@@ -188,7 +188,7 @@ def fit_prony(
 
 
 def _fitted(
-    moduli: Moduli, elements, reference: float | None, wlf: tuple[float, float] | None, vertical: bool
+    moduli: Moduli, elements: int | None, reference: float | None, wlf: tuple[float, float] | None, vertical: bool
 ) -> Material:
     """The series of the moduli, after a shift if there is one. Raises ValueError."""
     if moduli.relaxation is not None:
@@ -205,7 +205,9 @@ def _fitted(
     return Material("", sweeps, fit, law, law is not None and wlf is None, vertical, left_out)
 
 
-def _confirm_temperatures(path, moduli: Moduli, reference: float | None, wlf: tuple[float, float] | None) -> None:
+def _confirm_temperatures(
+    path: str | Path, moduli: Moduli, reference: float | None, wlf: tuple[float, float] | None
+) -> None:
     """Refuse sweeps at several temperatures without a reference, and a shift without temperatures."""
     sweeps = moduli.sweeps
     if moduli.relaxation is not None:

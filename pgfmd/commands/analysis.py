@@ -23,14 +23,14 @@ class Correct(StrEnum):
 
 
 class Inwards(StrEnum):
-    """Which way a measured displacement counts."""
+    """The sense of a measured displacement."""
 
     into = "in"
     out = "out"
 
 
 class Pressing(StrEnum):
-    """Which way a measured force counts."""
+    """The sense of a measured force."""
 
     compression = "compression"
     tension = "tension"
@@ -51,7 +51,7 @@ def analyse(
             "--twin", metavar="DIR|auto", help="Results of the quasi-static twin of the run; auto runs it beside DIR."
         ),
     ] = None,
-    bearing_area: Annotated[bool, typer.Option("--bearing-area", help="Lay a bearing-area model beside it.")] = False,
+    bearing_area: Annotated[bool, typer.Option("--bearing-area", help="Compare with a bearing-area model.")] = False,
     asperity: Annotated[
         Path | None,
         path_option("--asperity", metavar="DIR", help="Results of one isolated asperity, for that model."),
@@ -98,7 +98,7 @@ PositiveDisplacement = Annotated[
     Inwards | None,
     typer.Option(
         "--positive-displacement",
-        help="Which way measured displacements count, if not as their name says: a gap or an extension outwards, others "
+        help="Sense of measured displacements, if not that of their name: a gap or an extension outwards, others "
         "inwards.",
     ),
 ]
@@ -120,7 +120,7 @@ def compare(
     offset: Offset = "0 um",
     positive_displacement: PositiveDisplacement = None,
     positive_force: Annotated[
-        Pressing, typer.Option("--positive-force", help="Which way measured forces count.")
+        Pressing, typer.Option("--positive-force", help="Sense of measured forces.")
     ] = Pressing.compression,
     cycle: Annotated[
         int | None,

@@ -20,7 +20,7 @@ from pgfmd.forecast.run_times import run_times
 from pgfmd.physics.adhesion.registry import law_of
 from pgfmd.reference import corrugation, maugis, tabor
 from pgfmd.scene import Scene
-from pgfmd.scene.fields import extra_of
+from pgfmd.scene.fields import extra_of, written
 from pgfmd.scene.model import SECTIONS, unused_keys
 from pgfmd.scene.precision import best_precision
 from pgfmd.scene_objects import automatic_range, confirm, machine_compliance, series_of, topography_of
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pgfmd.scene.model import Punch
 
 TELLING_SPREAD = 1.5
-"""Factor up to which an estimate is told as a number; where it may be further off, a range is told."""
+"""Factor of uncertainty up to which an estimate is printed as a number; above it, as a range."""
 CORRUGATIONS = {"triangular": "tri", "hexagonal": "hex"}
 
 
@@ -64,7 +64,7 @@ class Report:
 
 
 def check(source: Scene | str | Path | Mapping[str, Any], ranks: int = 1, *, source_name: str = "") -> Report:
-    """What can be said before a scene is run, on so many ranks: scales, memory, cost, warnings; as `pgfmd check`.
+    """Scales, memory, cost and warnings of a scene before it is run on a number of ranks, as `pgfmd check`.
 
     source: a scene, or what one is made from; source_name: what messages call it. Raises SceneError for a scene that
     can't be run.
@@ -75,7 +75,7 @@ def check(source: Scene | str | Path | Mapping[str, Any], ranks: int = 1, *, sou
 
 
 def report(scene: Scene, ranks: int = 1) -> Report:
-    """Everything that can be said about a scene, for a run on `ranks` ranks."""
+    """All lines about a scene, for a run on `ranks` ranks."""
     sections = {
         "Scene (SI)": list(_values(scene)),
         "Punch": list(_punch(scene)),
@@ -102,8 +102,20 @@ def _values(scene: Scene) -> Iterator[Line]:
             if value is None or value == () or field in unused_keys(scene, name):
                 continue
             extra = extra_of(info)
+            if field in ("step", "repeat"):
+                yield from _programme(f"{name}.{field}", written(value, extra))
+                continue
             note = f"because {best_precision(scene).reason}" if _is_chosen(scene, field) else ""
             yield Line(f"{name}.{field}", _plain(value), _unit(extra.get("dimension", "")), note)
+
+
+def _programme(name: str, found: Any) -> Iterator[Line]:
+    """The steps of a programme, a line for each, or its repeats."""
+    for number, table in enumerate(found if isinstance(found, list) else [found], 1):
+        texts = {key: ", ".join(value) if isinstance(value, list) else str(value) for key, value in table.items()}
+        what = texts.pop("do", "") or texts.pop("times")
+        note = ", ".join(f"{key} {text}" for key, text in texts.items())
+        yield Line(f"{name}.{number}" if isinstance(found, list) else f"{name}.times", what, "", note)
 
 
 def _is_chosen(scene: Scene, field: str) -> bool:
@@ -133,7 +145,7 @@ def _punch(scene: Scene) -> Iterator[Line]:
     yield from (Line(*line) for line in map_advice.facts_of(scene))
 
 
-def _roughness(punch) -> Iterator[Line]:
+def _roughness(punch: Punch) -> Iterator[Line]:
     """What was asked of a random face, and what of it lies below the punch, without curvature and layers."""
     surface = topography_of(punch).random
     period, here = surface.expected, surface.realised(punch.radius)
@@ -198,7 +210,7 @@ def _rheology(scene: Scene) -> Iterator[Line]:
     creep = series.to_creep()
     yield Line("kappa_inf", series.kappa_inf, "", "instantaneous over relaxed modulus")
     yield Line("J_inf", creep.J_inf, "", "1/kappa_inf")
-    note = "rho/v, in the mean of the way in" if machine_compliance(scene) else "rho/v"
+    note = "rho/v, mean of the approach" if machine_compliance(scene) else "rho/v"
     yield Line("time to move by rho", scene.adhesion.range / punch_speeds(scene)[0], "s", note)
     for index, (tau, kappa) in enumerate(zip(series.tau, series.kappa, strict=True), 1):
         yield Line(f"relaxation time {index}", float(tau), "s", f"kappa = {kappa:.4g}")

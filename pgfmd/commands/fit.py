@@ -37,7 +37,7 @@ MostRuns = Annotated[int, typer.Option("--most-runs", min=1, help="Runs, after w
 Corrected = Annotated[
     Correct, typer.Option("--correct", help="Which curves take up the compliance of the periodic cell.")
 ]
-PositiveForce = Annotated[Pressing, typer.Option("--positive-force", help="Which way the experiment's force counts.")]
+PositiveForce = Annotated[Pressing, typer.Option("--positive-force", help="Sense of the experiment's force.")]
 Cycle = Annotated[int | None, typer.Option("--cycle", min=1, help="Which of several measured cycles.")]
 Out = Annotated[Path | None, path_option("--out", "-o", metavar="DIR", help="Folder of the runs and of what is found.")]
 Ranks = Annotated[int, typer.Option("--ranks", "-n", min=1, help="Ranks of each run.")]

@@ -15,7 +15,7 @@ from .run import Changes, Overrides, SceneName, all_changes
 
 
 class Peaks(StrEnum):
-    """Which way the heights of a map count."""
+    """The sense of the heights of a map."""
 
     down = "down"
     up = "up"

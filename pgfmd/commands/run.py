@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,6 +23,7 @@ from .printing import command
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
 
+    from pgfmd.output.progress_bar import ProgressBar
     from pgfmd.scene import Scene
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
@@ -40,8 +43,6 @@ REPORTED = (
     ("work of separation", "work_of_separation", "_J", 1e9, "nJ"),
 )
 """What the last lines of a run tell: words, key of `run.json`, its unit; factor to the unit that is shown."""
-MISSED = 0.01
-"""By how much a preload may be missed, relative to itself, without a word at the end of a run."""
 OFF = "off"
 _BEGAN = time.time()
 """About when the process began: limits of time count from then."""
@@ -68,7 +69,7 @@ def run(
     ] = None,
 ) -> None:
     """Run a scene, or go on with the run in DIR; on several ranks: mpirun -n 4 pgfmd run SCENE."""
-    # Before MPI: what is wrong with an option is found, and told, by every rank alike.
+    # Before MPI starts, so that every rank reports wrong options in the same way.
     every = math.inf if checkpoint_every == OFF else _time("--checkpoint-every", checkpoint_every)
     limit = math.inf if walltime is None else _BEGAN + _time("--walltime", walltime)
     whose = "" if walltime is None else f"--walltime {walltime}"
@@ -78,6 +79,7 @@ def run(
     def work(comm: Intracomm) -> None:
         loaded, directory = launch.on_first(comm, lambda: _prepared(scene, changed, out, comm.size))
         from pgfmd.restart.checkpoint_policy import Timing
+        from pgfmd.results.doubts import missed_preload
         from pgfmd.runner import Options, run_scene
 
         job_ends = _end_of_job() if comm.rank == 0 else None
@@ -85,17 +87,27 @@ def run(
         if job_ends is not None and job_ends - LAUNCHER_NEEDS < until:
             until, why = job_ends - LAUNCHER_NEEDS, f"{batch.this_job()}, which ends {_moment(job_ends)}"
         options = Options(fresh, tuple(allow or ()), Timing(every, until, why))
-        record = run_scene(loaded, comm, directory, say, options)
+        with _bar(comm) as bar:
+            if bar is not None:
+                options = replace(options, progress=bar.of)
+            record = run_scene(loaded, comm, directory, bar.say if bar else say, options)
         if comm.rank == 0:
-            for line in [*_missed_preload(record, _asked_preload(loaded)), *_summary(record, directory)]:
+            for line in [*missed_preload(record, _asked_preload(loaded)), *_summary(record, directory)]:
                 say(line)
 
     with launch.guarded(comm):
         on_cores(comm, work)
 
 
+def _bar(comm: Intracomm) -> AbstractContextManager[ProgressBar | None]:
+    """The bar that a terminal shows; without one, and on several ranks, None: there are lines every few seconds."""
+    from pgfmd.output import progress_bar
+
+    return progress_bar.ProgressBar() if comm.size == 1 and progress_bar.is_wanted() else nullcontext()
+
+
 def all_changes(changes: list[str] | None, overrides: list[str] | None) -> list[str]:
-    """The changes of a scene's keys that a command was given, in either way."""
+    """The changes of a scene's keys on the command line, in both forms."""
     return [*(overrides or []), *(changes or [])]
 
 
@@ -135,21 +147,6 @@ def _prepared(source: str, overrides: list[str], out: Path | None, ranks: int) -
     return scene, Path(scene.output.directory or Path("out", Path(source).stem)).expanduser()
 
 
-def _missed_preload(record: dict, asked: float | None) -> list[str]:
-    """What is said of a preload [N] that the run could not meet."""
-    met = record["preload_N"]
-    if met is None or asked is None or abs(met - asked) <= MISSED * asked:
-        return []
-    if "accuracy" not in record:
-        cure = "the force rose by so much within one step. Take shorter steps ([solver.gfmd])."
-    else:
-        cure = (
-            "the force jumps from below to that much. Choose a drive.preload on either side of the jump, or a smaller "
-            "solver.accuracy."
-        )
-    return [f"The preload is {met:.4g} N instead of {asked:.4g} N: {cure}"]
-
-
 def _asked_preload(scene: Scene) -> float | None:
     """The force [N] at which the first approach is to end; None if another value ends it."""
     from pgfmd.scene_objects import drive_of
@@ -163,9 +160,12 @@ def _asked_preload(scene: Scene) -> float | None:
 
 def _summary(record: dict, directory: Path) -> list[str]:
     """The last lines of a run."""
+    from pgfmd.results.doubts import unbalanced
+
     lines = []
     if record["finished"] not in ENDED_WELL:
         lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
+    lines += [f"{text}." for text in record.get("unmet_ends", [])]
     if record["pull_off_force_N"] is None:
         measured = "no pull-off force, the run ended before the retraction"
     else:
@@ -173,7 +173,7 @@ def _summary(record: dict, directory: Path) -> list[str]:
     lines.append(
         f"{measured}; {record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
     )
-    lines += _unbalanced(record, directory)
+    lines += unbalanced(record, directory)
     return [*lines, f"results: {directory}    pictures: {command('pgfmd', 'plot', directory)}"]
 
 
@@ -182,33 +182,3 @@ def _number(record: dict, name: str, key: str, suffix: str, factor: float, unit:
     spread = record.get(f"{key}_uncertainty{suffix}")
     spread_text = f" ± {spread * factor:.2g}" if spread else ""
     return f"{name} {record[key + suffix] * factor + 0.0:.4g}{spread_text} {unit}"
-
-
-def _unbalanced(record: dict, directory: Path) -> list[str]:
-    """What is said of an energy audit that does not close, in any scheme; nothing of one that does."""
-    from pgfmd.errors import ResultError
-    from pgfmd.results import load
-    from pgfmd.results.uncertainty import LEAST_LOOP, UNBALANCED, at_stake
-
-    if record["energy_residual"] is None:
-        return []
-    work = record["work_J"]
-    residual = record["energy_residual"] * abs(work)
-    if residual <= UNBALANCED * abs(work):
-        # At stake is no less than that: no need to read the table.
-        return []
-    try:
-        scale = at_stake(load(directory), work)
-    except ResultError:
-        # The table of a finished run may be gone.
-        scale = abs(work)
-    if residual <= UNBALANCED * scale:
-        return []
-    remedy = "lower solver.accuracy" if "accuracy" in record else "take shorter steps ([solver.gfmd])"
-    cure = f"{remedy} before believing energies"
-    if scale == abs(work):
-        return [f"The energy audit closes to {100 * residual / scale:.2g} % of the loop's work: {cure}."]
-    return [
-        f"The energy audit closes to {residual * 1e9:.2g} nJ, and the loop's work is {work * 1e9:.2g} nJ, "
-        f"little beside {scale / LEAST_LOOP * 1e9:.2g} nJ on the way in: {cure}."
-    ]

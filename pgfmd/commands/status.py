@@ -84,7 +84,7 @@ def size(count: float) -> str:
 
 
 def _left(one: Any) -> str:
-    """What is left of a run, as far as that can be said."""
+    """The remaining steps or time of a run, if they can be estimated."""
     if one.left_s is None:
         return one.left_remark
     remark = f", {one.left_remark}" if one.left_remark else ""

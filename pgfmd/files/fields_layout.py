@@ -1,7 +1,8 @@
 """The format of `fields.h5`, and adding snapshots without the risk of a broken file. No MPI.
 
-The file follows netCDF-4: dimension scales, units, CF `coordinates`. One process adds a snapshot, with space for all
-its arrays (filled with NaN); then one or several processes write the arrays.
+The file follows netCDF-4 and the CF conventions: dimension scales, units, `axis`, `coordinates`; and VTKHDF
+(vtk_group.py). One process adds a snapshot, with space for all its arrays (filled with NaN); then one or several processes
+write the arrays.
 
 HDF5 has no transactions: a process killed while it adds a snapshot may leave a file that can't be opened, or an
 incomplete snapshot. So all bytes that are not complete arrays are first copied to `fields.h5.undo` (some ten kB), and
@@ -22,8 +23,10 @@ from types import MappingProxyType
 import h5py
 import numpy as np
 
+from pgfmd import __version__
 from pgfmd.errors import ResultError
 
+from . import vtk_group
 from .checksum import whole_sum
 from .hdf5 import open_serial
 from .regular_files import bring_to_disk, open_regular, require_regular, write_atomically
@@ -100,11 +103,13 @@ def create(path: Path, layout: Layout, extra_attributes: Mapping[str, float] = M
     with open_serial(path, "x") as file:
         file.attrs["Conventions"] = "CF-1.11"
         file.attrs["title"] = "pgfmd: snapshots of an adhesive contact"
+        file.attrs["source"] = f"pgfmd {__version__}"
         for name, value in {**extra_attributes, **layout.attributes}.items():
             file.attrs[name] = value
         for name, position in layout.axes.items():
             axis = file.create_dataset(name, data=position)
-            axis.attrs.update(units="m", long_name=f"{name[0]}, relative to the axis of the punch")
+            letter = name[0]
+            axis.attrs.update(units="m", long_name=f"{letter}, relative to the axis of the punch", axis=letter.upper())
             axis.make_scale(name)
         _growing(file, "snapshot", "i8", long_name="number of the snapshot").make_scale("snapshot")
         for name, (units, long_name) in SNAPSHOT_NUMBERS.items():
@@ -116,6 +121,7 @@ def create(path: Path, layout: Layout, extra_attributes: Mapping[str, float] = M
             file[name].dims[0].attach_scale(file["snapshot"])
         for name in layout.arrays:
             _create_array(file, name, layout)
+        vtk_group.add(file, layout)
 
 
 def _create_labels(file: h5py.File) -> None:
@@ -182,6 +188,7 @@ def resize(path: Path, layout: Layout, frames: int) -> None:
         for name in ("snapshot", *SNAPSHOT_NUMBERS, "label", *layout.arrays, *sums):
             file[name].resize(frames, axis=0)
         file["snapshot"][:] = np.arange(frames)
+        vtk_group.update(file)
 
 
 def checksum_of(name: str) -> str:
@@ -200,8 +207,8 @@ def _write_label(labels: h5py.Dataset, frame: int, text: bytes) -> None:
 
 
 def variables(file: h5py.File) -> list[str]:
-    """Names of the variables of a file, without pure dimensions."""
-    return [name for name in file if name != LABEL_AXIS]
+    """Names of the variables of a file, without pure dimensions and groups."""
+    return [name for name in file if name not in (LABEL_AXIS, vtk_group.GROUP)]
 
 
 def sum_of_numbers(label: bytes, numbers: Sequence[float]) -> np.uint64:
@@ -210,7 +217,9 @@ def sum_of_numbers(label: bytes, numbers: Sequence[float]) -> np.uint64:
     return whole_sum(np.concatenate([np.array(numbers, dtype=np.float64).view(np.uint64), text]), 0)
 
 
-def describe(path: Path, frame: int, label: str, sums: Mapping[str, int | np.uint64], **numbers: float) -> None:
+def describe(
+    path: Path, layout: Layout, frame: int, label: str, sums: Mapping[str, int | np.uint64], **numbers: float
+) -> None:
     """Write label, checksums of the arrays and `SNAPSHOT_NUMBERS` of one snapshot. A label longer than 80 bytes is cut
     between characters."""
     cut = label.encode()[:LABEL_BYTES].decode(errors="ignore").encode()
@@ -221,6 +230,11 @@ def describe(path: Path, frame: int, label: str, sums: Mapping[str, int | np.uin
             file[name][frame] = numbers[name]
         for name, total in sums.items():
             file[checksum_of(name)][frame] = total
+        if vtk_group.GROUP in file:
+            vtk_group.update(file)
+        else:
+            # An earlier version began it.
+            vtk_group.add(file, layout)
 
 
 def reserve(path: Path, size: int) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -25,9 +27,16 @@ MOST_ROWS = 100_000
 def read_path(path: str | Path, of: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Times [s] and displacements [m], negative when the punch is pushed in, or loads [N], positive in compression.
 
-    of: "displacement", whose column is called indentation and grows inwards, or "load". Raises MeasurementError for a
-    file that can't be read, or whose times do not grow; OSError where there is none.
+    of: "displacement", whose column is called indentation and grows inwards, or "load". A file that has not changed is read
+    once. Raises MeasurementError for a file that can't be read, or whose times do not grow; OSError where there is none.
     """
+    found = os.stat(path)
+    return _read(str(path), of, (found.st_mtime_ns, found.st_size))
+
+
+@lru_cache(maxsize=8)
+def _read(path: str, of: str, version: tuple[int, int]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """As `read_path`; version: of the file."""
     table = read_table(path, Vocabulary(NAMES), EXAMPLE[of])
     wanted = "indentation" if of == "displacement" else "force"
     columns = {}

@@ -10,6 +10,7 @@ import errno
 import json
 import math
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -32,6 +33,7 @@ SITES_FILE = "sites.csv"
 FIELDS_FILE = "fields.h5"
 RUN_FILE = "run.json"
 ANALYSIS_FILE = "analysis.json"
+REPORT_FILE = "report.html"
 SCENE_FILE = "scene.resolved.toml"
 CHECKPOINT_FILE = "checkpoint.h5"
 PREVIOUS_CHECKPOINT_FILE = "checkpoint.previous.h5"
@@ -42,6 +44,11 @@ RESULTS = (*CHECKPOINT_FILES, RUN_FILE, ANALYSIS_FILE, ENERGY_FILE, EVENTS_FILE,
            FIELDS_FILE + UNDO_SUFFIX, FIELDS_FILE, SCENE_FILE, CURVE_FILE)  # fmt: skip
 """The files of a run, in the order in which they are moved away: if this is interrupted, the rest must not look like a
 run that can be continued, nor, as long as there is a curve, like an empty folder."""
+
+CHECKPOINT_COPIES = 3
+"""Number of checkpoints that exist at the same time: the newest, the one before, and the one being written."""
+PICTURES = ("png", "pdf", "svg", "mp4", "gif")
+"""Suffixes of pictures and movies, which are drawn into the folder of a run."""
 
 Value = TypeVar("Value")
 
@@ -122,9 +129,27 @@ def set_aside(directory: Path) -> Path | None:
         return None
     target = next(folder for k in range(1, 10**6) if not os.path.lexists(folder := directory / f"previous-{k}"))
     target.mkdir()
-    for file in (*old, *sorted(directory.glob("*.png"))):
+    pictures = [path for path in sorted(directory.iterdir()) if path.suffix.removeprefix(".") in PICTURES]
+    for file in (*old, *pictures, *directory.glob(REPORT_FILE)):
         file.rename(target / file.name)
     return target
+
+
+def require_space(folder: Path, checkpoint_bytes: int, snapshot_bytes: int) -> None:
+    """Raises ResultError if there is not enough space for checkpoints (of this size each) and snapshots (in total).
+    Files that already exist in the folder of a continued run count as space."""
+    about = shutil.disk_usage(folder)
+    if about.total == 0:
+        # Some file systems in user space do not report their free space. A full disk is then detected when it is full.
+        return
+    free = about.free + sum(file.stat().st_size for file in folder.iterdir() if file.suffix == ".h5")
+    needed = CHECKPOINT_COPIES * checkpoint_bytes + snapshot_bytes
+    if needed > free:
+        raise ResultError(
+            f"{folder}: the run needs {needed / 1e9:.3g} GB of disk space ({CHECKPOINT_COPIES} checkpoints of "
+            f"{checkpoint_bytes / 1e9:.3g} GB, and snapshots), but only {free / 1e9:.3g} GB are free. Make room, choose "
+            "another --out, or take fewer output.snapshots"
+        )
 
 
 def secure_space(path: Path, start: int, size: int) -> None:

@@ -51,6 +51,9 @@ def read_columns(path: Path, table: Table) -> dict[str, np.ndarray]:
         rows = 0
         for piece in pieces_of(path, table, most):
             count = len(piece[table.titles[0]])
+            if not rows:
+                # Whole numbers that are missing are NaN, which is none.
+                found = {title: np.empty(most, piece[title].dtype) for title in found}
             for title, values in piece.items():
                 found[title][rows : rows + count] = values
             rows += count

@@ -25,7 +25,8 @@ PIECE = 2**20
 class TableFile:
     """A table that grows by whole lines, each handed to the system at once. Only rank 0 writes; all ranks call.
 
-    A file that is already there is continued: its header must match, and a line cut short by a crash is dropped.
+    A file that is already there is continued, with the columns that it has: its header must be one of the table's layouts,
+    and a line cut short by a crash is dropped.
 
     Attributes:
         table: its declaration.
@@ -40,7 +41,7 @@ class TableFile:
             raise ValueError(f"every = {every}: expected at least 1")
         self.table, self.path, self.every = table, Path(path), every
         self._comm = comm
-        self._header = table.headers[0].encode()
+        self._columns, self._header = table.columns, table.headers[0].encode()
         self._file: Any = None
         self._digest = hashlib.sha256()
         self.rows = comm.bcast(on_root(comm, f"{self.path}: could not be opened", self._open))
@@ -75,7 +76,9 @@ class TableFile:
 
     def _hand_over(self, rows: Sequence[Any]) -> None:
         what = f"{self.path}: could not be written"
-        on_root(self._comm, what, lambda: self._write("".join(map(self.table.line, rows)).encode()))
+        on_root(
+            self._comm, what, lambda: self._write("".join(self.table.line(row, self._columns) for row in rows).encode())
+        )
         self.rows += len(rows)
 
     def mark(self) -> dict[str, Any] | None:
@@ -111,8 +114,12 @@ class TableFile:
             self._write(self._header)
             return 0
         self._file.seek(0)
-        if self._file.read(len(self._header)) != self._header:
+        start = self._file.read(len(self._header))
+        layouts = zip(self.table.layouts, self.table.headers, strict=True)
+        known = [(columns, header.encode()) for columns, header in layouts if start.startswith(header.encode())]
+        if not known:
             raise ResultError(f"{self.path}: its columns are not {self._header.decode().strip()}; move it away")
+        self._columns, self._header = known[0]
         self._keep(end)
         return count - 1
 

@@ -18,6 +18,9 @@ from typing import Any, get_type_hints
 from .storage import CURVE_FILE, ENERGY_FILE, EVENTS_FILE, PATCHES_FILE, SITES_FILE
 
 AS_IN_CURVE = "as in `curve.csv`"
+WITHOUT_PROGRAMMES = "0.2 without programmes"
+EARLIER = ("0.1", WITHOUT_PROGRAMMES)
+"""What wrote tables with fewer columns, oldest first: versions, and earlier builds of this one."""
 PHASES = ("approach", "turn", "dwell", "retract", "hold", "ramp", "oscillate", "follow")
 KINDS = ("summit", "saddle", "valley")
 """Of sites, as physics/contact_sites.py has them."""
@@ -43,7 +46,7 @@ def column(
 
     Args:
         unit: SI; empty for texts and counts. meaning: Markdown, for the reference page.
-        after: the last version whose tables do not have the column, such as "0.1"; empty if it was always there.
+        after: the last of EARLIER whose tables do not have the column; empty if it was always there.
         at_least: the least value. never_falls: whether no row has less than the row before. may_lack: whether NaN is a
         value. one_of: the texts that there are; empty for any.
         default: of a row that is made without it.
@@ -108,24 +111,22 @@ class Table:
     @cached_property
     def layouts(self) -> tuple[tuple[Column, ...], ...]:
         """The columns that tables of this version have, and of each earlier one that had others, newest first."""
-        versions = sorted({entry.after for entry in self.columns} - {""}, key=_numbers, reverse=True)
-        before = (
-            tuple(entry for entry in self.columns if _numbers(entry.after) < _numbers(version)) for version in versions
-        )
-        return (self.columns, *before)
+        found, left = [self.columns], self.columns
+        for k in reversed(range(len(EARLIER))):
+            left = tuple(entry for entry in left if entry.after not in EARLIER[k:])
+            if left != found[-1]:
+                found.append(left)
+        return tuple(found)
 
     @property
     def headers(self) -> list[str]:
         """First lines of `layouts`, each with its end."""
         return [",".join(entry.title for entry in columns) + "\n" for columns in self.layouts]
 
-    def line(self, row: Any) -> str:
-        """A row as the file has it. Raises ValueError for a text that fits in no cell."""
-        return ",".join(entry.written(getattr(row, entry.name)) for entry in self.columns) + "\n"
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in version.split(".")) if version else ()
+    def line(self, row: Any, columns: tuple[Column, ...] | None = None) -> str:
+        """A row as the file has it, with all columns or those of another layout. Raises ValueError for a text that fits in
+        no cell."""
+        return ",".join(entry.written(getattr(row, entry.name)) for entry in columns or self.columns) + "\n"
 
 
 @dataclass(frozen=True)
@@ -156,10 +157,12 @@ class CurveRow:
         "upward; 0 with a free boundary. No other column has it subtracted",
     )  # fmt: skip
     step: float = column("s", "length of the step that ended here", at_least=0.0)
-    cycle: int = column("", "number of the repeat of the programme, from 1", after="0.1", at_least=1, never_falls=True)
+    cycle: int = column(
+        "", "number of the repeat of the programme, from 1", after=WITHOUT_PROGRAMMES, at_least=1, never_falls=True
+    )
     stage: int = column(
-        "", "number of the step of the programme, from 1; a turn belongs to the step that it leads to", after="0.1",
-        at_least=1,
+        "", "number of the step of the programme, from 1; a turn belongs to the step that it leads to",
+        after=WITHOUT_PROGRAMMES, at_least=1,
     )  # fmt: skip
     phase: str = column(
         "", "part of the programme that the step belongs to: `approach`, `turn`, `dwell` (of the displacement), `hold` (of "

@@ -145,7 +145,7 @@ class Fit:
         return table
 
     def write(self) -> list[Path]:
-        """Writes fit.json, fitted.toml and fit.png beside the table of the runs; returns all four. ResultError."""
+        """Writes fit.json, fitted.toml and fit.png next to the table of the runs; returns all four. ResultError."""
         from pgfmd.plots.drawing import write_picture
         from pgfmd.plots.fitted_curve import fitted_figure
 

@@ -33,11 +33,11 @@ STEP = 0.1
 LEAST_GAIN = 1e-3
 """Share of the sum of squares by which a step has to make it smaller for the search to go on."""
 UNMOVED = 1e-5
-"""Change of the curve by such a step, as a share of its forces, up to which a number is said not to move it."""
+"""Change of the curve by such a step, as a fraction of its forces, up to which a number counts as without effect."""
 ALIKE = 0.99
-"""Correlation from which on two numbers are said not to be told apart."""
+"""Correlation above which two numbers count as indistinguishable."""
 UNKNOWN = math.log(10.0)
-"""Standard error of x, as of a factor of ten, from which on a number is said not to be determined."""
+"""Standard error of x, a factor of ten, above which a number counts as undetermined."""
 CONFIDENCE = 0.95
 
 
@@ -132,7 +132,7 @@ def derivatives(
     for k, parameter in enumerate(parameters):
         one, other = (residuals if end == x[k] else next(found) for end in ends[k])
         if one is None or other is None:
-            raise MissingRun("a run beside the present numbers could not be made; give narrower --bounds")
+            raise MissingRun("a run next to the present numbers could not be made; give narrower --bounds")
         change, step = one - other, ends[k][0] - ends[k][1]
         if np.sqrt(np.mean(change**2)) <= UNMOVED * scale:
             raise FitError(

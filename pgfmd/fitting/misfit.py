@@ -1,7 +1,7 @@
 """How far a simulated loop is from a measured one: differences of forces at places along the measured branches. Plain NumPy.
 
 Both are brought together as `pgfmd compare` does it (analysis/comparison.py). The places are evenly spaced in the measured
-indentation, from where a force is felt on the way in to where none is any more on the way out. Between its rows a run's force
+indentation, from where a force begins in the approach to where it ends in the retraction. Between its rows a run's force
 is a monotone cubic (PCHIP). Where the run has no row it has no contact, and no force; deeper than it went, its force is continued
 with the stiffness that it had there. A branch of next to no rows, as one that was not measured, does not count.
 """
@@ -27,7 +27,7 @@ FELT = 0.02
 MARGIN = 0.1
 """How far a branch is looked at before and after that, as a share of the depth."""
 END = 0.1
-"""Share of the way in, at its end, that the stiffness is taken from with which it is continued."""
+"""Fraction of the approach, at its end, from which the stiffness for its continuation is taken."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Misfit:
             found[name] = np.interp(np.linspace(max(place[0], first), place[-1], SAMPLES), place, number)
         if not found:
             raise MeasurementError(
-                f"{loop.name}: expected at least {LEAST_ROWS} rows on the way in, or on the way out, found "
+                f"{loop.name}: expected at least {LEAST_ROWS} rows in the approach, or in the retraction, found "
                 f"{len(loop.force)} in all"
             )
         return found

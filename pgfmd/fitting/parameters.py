@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from pgfmd.errors import PgfmdError
 from pgfmd.scene.fields import extra_of
-from pgfmd.scene.given import did_you_mean
 from pgfmd.scene.model import SECTIONS, unused_keys
+from pgfmd.scene.unresolved_scene import did_you_mean
 from pgfmd.units import DIMENSIONS, UnitError, format_quantity, handy_quantity, parse_quantity
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SECTIONS_TO_FIT = ("punch", "substrate", "rheology", "adhesion", "drive")
 FACTOR = 100.0
-"""Bounds of a number that has none of its own: so many times smaller and larger than at the start."""
+"""Default bounds of a number: factors relative to its start value."""
 
 
 class FitError(PgfmdError):

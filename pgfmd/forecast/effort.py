@@ -32,8 +32,8 @@ from pgfmd.scene_objects import automatic_range, machine_compliance, quasistatic
 from pgfmd.schemes import registry
 from pgfmd.symmetry import expected
 
+from .effort_constants import FITTED, Numbers
 from .estimate import depth_of, guessed_seconds, pair_cost, pair_seconds
-from .fitted import FITTED, Numbers
 from .indentation import Travel, pull_off_height, travels_of
 
 if TYPE_CHECKING:

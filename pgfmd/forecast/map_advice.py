@@ -1,4 +1,4 @@
-"""What a height map is like, in words, and what to warn of in it before it is run. No MPI."""
+"""Description of a height map, and warnings about it before a run. No MPI."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import functools
 import math
 import os
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from pgfmd.maps.preparing import MapFacts
 from pgfmd.maps.raw import unit_of
@@ -14,28 +15,33 @@ from pgfmd.physics.topography import Topography
 from pgfmd.scene_objects import topography_of
 from pgfmd.units import handy_quantity as shown
 
+if TYPE_CHECKING:
+    from pgfmd.scene import Scene
+    from pgfmd.scene.model import Punch
+
 ATOM = 1e-10
-"""Rise [m] of a tilt that is none."""
+"""Rise [m] of a tilt that is negligible."""
 SQUARE = 0.01
-"""Relative difference of the sides of a pixel that is no matter."""
+"""Relative difference of the sides of a pixel that is negligible."""
 SAME_SIZE = 0.005
-"""Relative difference of two sizes of a map that is no matter."""
+"""Relative difference of two sizes of a map that is negligible."""
 SAME_UNIT = 1e-6
-"""Relative difference of two units that is no matter."""
+"""Relative difference of two units that is negligible."""
 LIFTED = 0.25
 """Lift of a place by the tilt, in ranges of adhesion, from which on the tilt decides where contact begins."""
 BENT, TERRACE = 0.05, 0.1
-"""What heights may bend within a pixel, and the steps between their levels, in ranges of adhesion."""
+"""Largest bending of heights within a pixel, and largest step between levels, in ranges of adhesion, without a warning."""
 MANY_FILLED = 0.05
 """Share of the pixels under the punch that may be filled without a warning."""
-WHO = {"key": "by the scene", "file": "by the file", "": "as nothing else is said"}
+WHO = {"key": "by the scene", "file": "by the file", "": "by default"}
 
 Fact = tuple[str, float | int | str, str, str]
-"""A line of a report: name, value, SI unit, and what it says."""
+"""A line of a report: name, value, SI unit, and note."""
 
 
-def seen(scene) -> tuple[Topography, Survey]:
+def seen(scene: Scene) -> tuple[Topography, Survey]:
     """The face of a scene with the pattern "file", and what it is like. Raises ValueError, OSError."""
+    assert scene.punch.file is not None, 'the pattern is "file"'
     found = os.stat(scene.punch.file)
     return _seen(
         scene.punch, scene.grid.length / scene.grid.n, scene.adhesion.range, (found.st_mtime_ns, found.st_size)
@@ -43,14 +49,14 @@ def seen(scene) -> tuple[Topography, Survey]:
 
 
 @functools.lru_cache(maxsize=1)
-def _seen(punch, spacing: float, reach: float, stamp: tuple[int, int]) -> tuple[Topography, Survey]:
-    """stamp: what tells that a map has been written anew."""
+def _seen(punch: Punch, spacing: float, reach: float, stamp: tuple[int, int]) -> tuple[Topography, Survey]:
+    """stamp: time and size of the file, which show that it was rewritten."""
     face = topography_of(punch)
     return face, survey(face, spacing, reach)
 
 
-def facts_of(scene) -> Iterator[Fact]:
-    """Lines about the map of a scene, none for another punch; its height range and slope are told of any face."""
+def facts_of(scene: Scene) -> Iterator[Fact]:
+    """Lines about the map of a scene, none for another punch. Height range and slope are printed for any face."""
     if scene.punch.pattern != "file":
         return
     face, found = seen(scene)
@@ -82,7 +88,7 @@ def facts_of(scene) -> Iterator[Fact]:
         yield "next places", len(found.others), "", "; ".join(map(_next, found.others))
 
 
-def head(scene) -> list[str]:
+def head(scene: Scene) -> list[str]:
     """The same as lines for the head of a run."""
     if scene.punch.pattern != "file":
         return []
@@ -117,7 +123,7 @@ def _codes(facts: MapFacts) -> str:
     return f"; {numbers} taken for missing" if numbers else ""
 
 
-def _tilt(scene, facts: MapFacts) -> str:
+def _tilt(scene: Scene, facts: MapFacts) -> str:
     degrees = math.degrees(math.atan(math.hypot(*facts.tilt)))
     rise = math.hypot(*facts.tilt) * (2.0 * scene.punch.radius if scene.punch.radius else min(facts.size))
     if rise < ATOM:
@@ -136,7 +142,7 @@ def _next(place: Place) -> str:
     return f"{shown(place.height, 'length')} higher, {shown(place.distance, 'length')} away{rim}"
 
 
-def warnings(scene) -> Iterator[str]:
+def warnings(scene: Scene) -> Iterator[str]:
     """What may not be meant in the map of a scene."""
     if scene.punch.pattern != "file":
         return
@@ -147,7 +153,7 @@ def warnings(scene) -> Iterator[str]:
     yield from _numbers(face.map.facts, found)
 
 
-def _contradictions(scene, facts: MapFacts) -> Iterator[str]:
+def _contradictions(scene: Scene, facts: MapFacts) -> Iterator[str]:
     """Keys that say another thing than the file."""
     if facts.file_size is not None and any(
         abs(own - used) > SAME_SIZE * used for own, used in zip(facts.file_size, facts.size, strict=True)
@@ -173,7 +179,7 @@ def _contradictions(scene, facts: MapFacts) -> Iterator[str]:
         yield f"punch.file: {note}"
 
 
-def _pixels(scene, face: Topography, found: Survey) -> Iterator[str]:
+def _pixels(scene: Scene, face: Topography, found: Survey) -> Iterator[str]:
     spacing, reach, pixel = scene.grid.length / scene.grid.n, scene.adhesion.range, face.map.pixel
     if abs(pixel[0] / pixel[1] - 1.0) > SQUARE:
         yield (
@@ -198,7 +204,7 @@ def _pixels(scene, face: Topography, found: Survey) -> Iterator[str]:
         )
 
 
-def _first_contact(scene, found: Survey) -> Iterator[str]:
+def _first_contact(scene: Scene, found: Survey) -> Iterator[str]:
     reach = scene.adhesion.range
     if found.lift > LIFTED * reach:
         slope = math.hypot(*found.tilt)

@@ -24,7 +24,7 @@ from pgfmd.units import handy_quantity as shown
 
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
-    from pgfmd.scene.model import Punch
+    from pgfmd.scene.model import Grid, Punch
 
 STEEPEST = 1.0
 """Slope of a face, 45 degrees, beyond which nothing is left of small slopes."""
@@ -71,17 +71,17 @@ def face_of(scene: Scene) -> Face:
 
 
 @functools.lru_cache(maxsize=1)
-def _face_of(punch: Punch, grid, stamp) -> Face:
-    """stamp: what tells that a map has been written anew."""
+def _face_of(punch: Punch, grid: Grid, stamp: tuple[int, int] | None) -> Face:
+    """stamp: time and size of the file, which show that it was rewritten."""
     return _map_face(punch, grid) if punch.pattern == "file" else _pattern_face(punch, grid)
 
 
-def _map_face(punch: Punch, grid) -> Face:
+def _map_face(punch: Punch, grid: Grid) -> Face:
     face = topography_of(punch)
     return Face(*relief_and_slope(face, grid.length / grid.n), face.map.size)
 
 
-def _pattern_face(punch: Punch, grid) -> Face:
+def _pattern_face(punch: Punch, grid: Grid) -> Face:
     """From points that are spread over the outline without a period of their own (Roberts' R2 sequence), its centre and
     its rim."""
     reach = punch.radius if punch.radius is not None else 0.5 * grid.length

@@ -77,7 +77,7 @@ def _numba() -> str:
     import numpy as np
 
     @numba.njit
-    def total(values):
+    def total(values: np.ndarray) -> float:
         result = 0.0
         for value in values:
             result += value

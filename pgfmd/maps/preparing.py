@@ -17,7 +17,7 @@ from pgfmd.errors import MISSING, Problem
 from pgfmd.units import handy_quantity as shown
 
 from . import raw as limits
-from .oddities import Code, farthest, missing_codes, suspect_number
+from .bad_pixels import Code, farthest, missing_codes, suspect_number
 from .raw import METRE, Array, MapError, MapKeys, Peaks, RawMap, Unit, unit_of
 
 FEWEST_ACROSS = 4
@@ -186,7 +186,7 @@ def _size_in_file(raw: RawMap) -> tuple[float, float] | None:
 
 
 def _sizeless(raw: RawMap) -> Problem:
-    """What is said of a map without a size, or with one in no unit: that of the heights is often another."""
+    """The message for a map without a size, or with a size without a unit; the unit of the heights is often another."""
     if raw.size is None:
         cure = 'add file_size = ["840 um", "840 um"], with the size of the map along x and y, to [punch]'
         return Problem("punch.file_size", MISSING, "the size of the map, as the file does not say it", cure)
@@ -272,7 +272,7 @@ def _gone(numbers: Array, codes: list[float]) -> NDArray[np.bool_] | None:
 def _missing(
     keys: MapKeys, codes: list[Code], gone: NDArray[np.bool_], under: NDArray[np.bool_], size: tuple[float, float]
 ) -> Problem:
-    """What is said of missing pixels under the punch."""
+    """The message for missing pixels under the punch."""
     rows, columns = np.nonzero(gone)
     x, y = _middles(gone.shape[1])[columns[0]] * size[0], _middles(gone.shape[0])[rows[0]] * size[1]
     count, all_of_them = rows.size, int(np.count_nonzero(under))

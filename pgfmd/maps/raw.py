@@ -64,7 +64,7 @@ class MapError(ValueError):
 
 @dataclass(frozen=True)
 class MapKeys:
-    """What a scene says about its map, beside the file: see the keys `file_...` of `Topography`; None: nothing."""
+    """The keys of a scene about its map, in addition to the file: see the keys `file_...` of `Topography`; None: nothing."""
 
     size: tuple[float, float] | None = None
     unit: str | None = None

@@ -1,1 +1,1 @@
-"""What a run writes while it goes on. Collective."""
+"""What a run writes: observers and their files. Collective."""

@@ -133,7 +133,8 @@ class FieldsFile:
             size = fields_layout.reserve(self.path, self._layout.frame_bytes + BOOKKEEPING_BYTES)
             fields_layout.remember(self.path, self._layout, size)
             fields_layout.resize(self.path, self._layout, frame + 1)
-            fields_layout.describe(self.path, frame, label, sums, time=time, punch_position=displacement, force=force)
+            numbers = {"time": time, "punch_position": displacement, "force": force}
+            fields_layout.describe(self.path, self._layout, frame, label, sums, **numbers)
 
         on_root(self._comm, what, make_room)
         write = self._write_together if self.parallel else self._write_gathered

@@ -1,4 +1,4 @@
-"""What watches a run: the curve, the energy audit, events, snapshots and progress. Collective where they write."""
+"""Observers of a run: the curve, the energy audit, events, snapshots and progress. Writing is collective."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
 
 class Curve(Observer):
-    """Writes a row of `curve.csv`, and of `energy.csv` where energies are followed, for each accepted step.
+    """Writes a row of `curve.csv`, and with the audit one of `energy.csv`, for each accepted step.
 
-    A jump has a row before it and one after it, and the preload, the end of a phase and that of the run have theirs,
-    whatever rows `every` leaves out.
+    `every` leaves out rows, but never those before and after a jump, at the preload, at the end of a phase, and at the
+    end of the run.
     """
 
     def __init__(self, curve: TableFile, energy: TableFile | None):
@@ -41,7 +41,7 @@ class Curve(Observer):
         self.before: list = [None] * len(self.files)
 
     def before_step(self, simulation: Simulation) -> None:
-        # What the rows are now is known after a restart as well.
+        # The present length of the tables is also known after a restart.
         if self.files[0][0].every > 1 and simulation.state.started:
             if _at_turn_of_phase(simulation):
                 self._make_up(simulation)
@@ -50,16 +50,16 @@ class Curve(Observer):
     def observe(self, simulation: Simulation, event: Event) -> None:
         if event.kind in ("start", "step", "jump"):
             for (file, row), before in zip(self.files, self.before, strict=True):
-                # The first step's row is there in any case: it tells a run from one that never began.
+                # The row of the first step is always written. It shows that the run has begun.
                 first = simulation.state.counters.steps == 1
                 forced = first or event.kind != "step"
                 file.append(row(simulation), forced, before if event.kind == "jump" else None)
         elif event.kind in ("preload", STEP_END, "end"):
-            # That a step is the last of its phase, or of the run, is known only after it.
+            # Whether a step is the last of its phase, or of the run, is only known afterwards.
             self._make_up(simulation)
 
     def _make_up(self, simulation: Simulation) -> None:
-        """Writes the rows of the present state where `every` has left them out."""
+        """Writes the rows of the present state if `every` has left them out."""
         for file, row in self.files:
             if file.skipped:
                 file.append(row(simulation), force_write=True)
@@ -86,7 +86,7 @@ def curve_row(simulation: Simulation) -> CurveRow:
 
 
 def gaps_of(simulation: Simulation, scene: Scene) -> dict[str, float]:
-    """The gaps [m] below which points of the run are in contact, and near: what record and snapshots say of it."""
+    """The gaps [m] below which points of the run are in contact, and near, for the record and snapshots."""
     return {"contact_gap_m": simulation.scheme.law.contact_gap, "near_gap_m": scene.output.near_gap}
 
 
@@ -100,13 +100,13 @@ def energy_row(simulation: Simulation) -> EnergyRow:
 
 
 class Watch(Protocol):
-    """Who knows which contact the last jump has changed, as fields of an EventRow (patch_observer.ContactWatch)."""
+    """Gives the contacts that the last jump changed, as fields of an EventRow (patch_observer.ContactWatch)."""
 
     change: Any
 
 
 def event_row(simulation: Simulation, event: Event) -> EventRow:
-    """The row of a jump, the preload, or the end, which says how the run has ended."""
+    """The row of a jump, of the preload, or of the end with its reason."""
     state = simulation.state
     name = state.finished if event.kind == "end" else event.kind
     return EventRow(
@@ -117,7 +117,7 @@ def event_row(simulation: Simulation, event: Event) -> EventRow:
 class Events(Observer):
     """Writes `events.csv`: jumps with the energy they release, the preload, the end.
 
-    watch: who hears of a jump before, and knows what it has changed; or None.
+    watch: gives the contacts that a jump changed, or None. It is called before this observer.
     """
 
     def __init__(self, file: TableFile, watch: Watch | None = None):
@@ -137,8 +137,9 @@ def _nothing() -> np.ndarray:
 
 @dataclass
 class Frame:
-    """A surface kept back until it is known to be wanted; `kept`: what its whole cell is made of (Surface). length [m]: of
-    the machine's spring, if the surface is that seen from the machine."""
+    """A surface that is kept in memory, because only later steps decide whether it is written. kept: the vector from
+    which the surface of the whole cell is computed (Surface). length [m]: of the machine's spring, if the surface is that
+    seen from the machine."""
 
     held: bool = False
     time: float = 0.0
@@ -150,7 +151,7 @@ class Frame:
     kept: np.ndarray = field(default_factory=_nothing)
 
     def take(self, state: State, surface: Surface | None, compliance: float) -> Frame:
-        """Holds a copy of the present fields of the state, in the arrays of before where there are some."""
+        """Copies the present fields of the state, into existing arrays if there are any."""
         if (self.displacement.size, self.displacement.dtype) != (
             state.surface_displacement.size,
             state.surface_displacement.dtype,
@@ -169,9 +170,10 @@ class Frame:
 
 @dataclass(frozen=True)
 class Surface:
-    """How the surface of the whole cell is had: what is kept of a state, and how the surface is made of that.
+    """How the surface of the whole cell is computed: what is kept of a state, and how the surface follows from it.
 
-    keep: gives a vector, this rank's share, good until the next step. make: gives (rows of this rank, n) [m], and the first row's index.
+    keep: returns a vector, this rank's share, valid until the next step. make: returns (rows of this rank, n) [m], and
+    the index of the first row.
     Collective.
     """
 
@@ -181,7 +183,7 @@ class Surface:
 
 @dataclass
 class Agenda:
-    """What snapshots are still to come, and what a checkpoint has to know of them.
+    """The snapshots that are still to be taken, as a checkpoint holds them.
 
     wanted: times [s] with labels, in order; fractions: of the time t_pl from first contact to preload, whose times are
     not known yet. tension: the surface at the largest tension so far. regular: those at regular distances.
@@ -197,7 +199,7 @@ Producer = Callable[[], np.ndarray]
 
 
 class SnapshotFile(Protocol):
-    """Where snapshots go: into `fields.h5`, or into memory. frames: how many there are."""
+    """Storage of snapshots: `fields.h5`, or memory. frames: their number."""
 
     @property
     def frames(self) -> int: ...
@@ -206,17 +208,17 @@ class SnapshotFile(Protocol):
         self, label: str, time: float, position: float, force: float, gap: Producer, traction: Producer, displacement: Producer, /,
         surface: tuple[np.ndarray, int] | None = None,
     ) -> None:  # fmt: skip
-        """Adds one, of functions that make this rank's rows (fields_file.py). Collective."""
+        """Adds a snapshot. The functions return this rank's rows (fields_file.py). Collective."""
 
 
 class Snapshots(Observer):
     """Writes `fields.h5`: at wanted times, at the preload, and at the end of a step with the largest tension of the
     retraction.
 
-    wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface: how
-    to have the whole cell's surface, or None. follow: called with number, time [s], gap [m] and traction [Pa] of each snapshot
-    written, of the whole punch.
-    The largest tension is known only when it is over: the surface is kept back until then.
+    wanted: times [s] with labels; fractions: of the time t_pl from first contact to preload, above 1. surface: how to
+    compute the surface of the whole cell, or None. follow: called with number, time [s], gap [m] and traction [Pa] of
+    each snapshot, for the whole punch. The largest tension is only known afterwards, so its surface is kept in memory
+    until then.
     """
 
     def __init__(
@@ -229,7 +231,7 @@ class Snapshots(Observer):
     def replan(
         self, state: State, wanted: list[tuple[float, str]], fractions: list[float], rhythms: list[Rhythm]
     ) -> None:
-        """Other snapshots from now on; what is over already is left out."""
+        """Sets other snapshots from now on, without times that have passed."""
         self.agenda.regular = RegularSnapshots.of(rhythms, state)
         coming = [entry for entry in wanted if _is_to_come(entry, state) or not state.started]
         self.agenda.wanted, self.agenda.fractions = sorted(coming), fractions
@@ -237,7 +239,7 @@ class Snapshots(Observer):
             self._schedule(state)
 
     def recall(self, state: State, numbers: dict, read: Callable[[str, np.ndarray], None]) -> None:
-        """Takes up the agenda of a checkpoint (restart/packing.py)."""
+        """Restores the agenda of a checkpoint (files/packing.py)."""
         # The arrays that are to be filled.
         self.agenda.tension = Frame().take(state, self.surface, 0.0) if numbers["tension"]["held"] else Frame()
         unpack(self.agenda, numbers, read)
@@ -249,7 +251,8 @@ class Snapshots(Observer):
 
     def observe(self, simulation: Simulation, event: Event) -> None:
         state, tension = simulation.state, self.agenda.tension
-        if event.kind == "preload":
+        first = event.kind == "preload" and state.preload_time == state.time
+        if first:
             self._write_present(simulation, "preload")
             self._schedule(state)
         elif event.kind in ("step", "jump"):
@@ -261,15 +264,15 @@ class Snapshots(Observer):
         if event.kind in ("step", "jump"):
             for label in self.agenda.regular.take(state):
                 self._write_present(simulation, label)
-        elif event.kind == STEP_END and self.agenda.regular.step_ends:
+        elif event.kind in ("preload", STEP_END) and not first and self.agenda.regular.step_ends:
             phase = simulation.phases[state.stepped]
             self._write_present(simulation, f"end of step {phase.stage}, cycle {phase.cycle}")
         if event.kind != "end":
             self._write_due(simulation)
 
     def _write_due(self, simulation: Simulation) -> None:
-        """Writes what is wanted by now; twice the same time, or one that has passed, would ask for a step of no
-        length."""
+        """Writes the snapshots that are due. Equal times, and times that have passed, are removed, because they would
+        need a step of zero length."""
         state, wanted = simulation.state, self.agenda.wanted
         while wanted and not _is_to_come(wanted[0], state):
             _, label = wanted.pop(0)
@@ -292,10 +295,10 @@ class Snapshots(Observer):
 
     def _write(self, simulation: Simulation, label: str, frame: Frame) -> None:
         points, height = simulation.points, simulation.scheme.height
-        # The punch hangs on its spring, and so, seen from the machine, does the surface.
+        # Relative to the machine, punch and surface are displaced by the elongation of the spring.
         length = frame.length
 
-        def gap() -> np.ndarray:  # In double precision, whatever that of the fields.
+        def gap() -> np.ndarray:  # In double precision, also for fields in single precision.
             return points.unfold(np.float64(frame.position) + height - frame.displacement)
 
         def traction() -> np.ndarray:
@@ -313,7 +316,7 @@ class Snapshots(Observer):
 
 
 def _is_to_come(entry: tuple[float, str], state: State) -> bool:
-    """Whether a wanted time is more than rounding away."""
+    """Whether a time lies ahead by more than rounding."""
     return entry[0] > state.time + 1e-9 * state.last_step
 
 
@@ -325,7 +328,7 @@ def time_of(state: State, fraction: float) -> float:
 
 
 class Progress(Observer):
-    """Prints a line every few seconds: rank 0 alone, on its own clock, so that nothing waits for it."""
+    """Prints a line every few seconds, on rank 0 by its own clock, without communication."""
 
     def __init__(self, comm: Intracomm, say: Callable[[str], None], every: float = 5.0):
         self.silent, self.say, self.every = comm.rank != 0, say, every
@@ -337,19 +340,24 @@ class Progress(Observer):
             return
         now = time.perf_counter()
         if self.first_step is None:
-            # Of this process: the run may have been gone on with.
+            # Steps of this process, because the run may have been continued.
             self.first_step = max(0, simulation.state.counters.steps - 1)
         if now - self.last < self.every and event.kind not in ("preload", STEP_END, "end"):
             return
         self.last = now
-        state = simulation.state
-        area = state.contact_points * simulation.points.grid.cell_area
-        rate = (state.counters.steps - self.first_step) / max(now - self.began, 1e-9)
-        what = {"end": state.finished, "preload": "preload"}.get(event.kind, simulation.phases[state.stepped].name)
-        if simulation.has_cycles:
-            what = f"{simulation.phases[state.stepped].cycle} {what}"
-        self.say(
-            f"{what:>9}  t {state.time:.4g} s  indentation {-simulation.punch_position * 1e6:.4f} um"
-            f"  force {state.force * 1e3 + 0.0:.4f} mN  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s"
-            f"  {state.counters.steps} steps, {rate:.1f}/s"
-        )
+        rate = (simulation.state.counters.steps - self.first_step) / max(now - self.began, 1e-9)
+        self.say(progress_line(simulation, event, rate))
+
+
+def progress_line(simulation: Simulation, event: Event, rate: float) -> str:
+    """The present state in a line. rate: of steps per second."""
+    state = simulation.state
+    area = state.contact_points * simulation.points.grid.cell_area
+    what = {"end": state.finished, "preload": "preload"}.get(event.kind, simulation.phases[state.stepped].name)
+    if simulation.has_cycles:
+        what = f"{simulation.phases[state.stepped].cycle} {what}"
+    return (
+        f"{what:>9}  t {state.time:.4g} s  indentation {-simulation.punch_position * 1e6:.4f} um"
+        f"  force {state.force * 1e3 + 0.0:.4f} mN  contact {area * 1e6:.4f} mm^2  step {state.last_step:.2g} s"
+        f"  {state.counters.steps} steps, {rate:.1f}/s"
+    )

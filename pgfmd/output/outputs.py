@@ -1,4 +1,4 @@
-"""What a run writes while it goes on: the tables and the snapshots, with the observers that fill them."""
+"""The files of a run in progress: tables and snapshots, with the observers that fill them."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from pgfmd.schemes import registry
 from pgfmd.solver.sites import SitePoints
 
 from . import observers
-from .ahead import run_ahead
 from .fields_file import FieldsFile
 from .patch_observer import ContactWatch, PatchTable
+from .snapshot_times import run_ahead
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Intracomm
@@ -29,21 +29,21 @@ if TYPE_CHECKING:
     from pgfmd.scene import Scene
     from pgfmd.scene.output_section import Rhythm
     from pgfmd.solver.interruption import StopCondition
-    from pgfmd.solver.simulation import Simulation
+    from pgfmd.solver.simulation import Observer, Simulation
     from pgfmd.solver.state import State
 
 
 class Outputs:
-    """The open files of a run, and its observers, which are given to the simulation. Collective.
+    """The open files of a run, and the observers that it adds to the simulation. Collective.
 
-    Files that are there already are continued: cut them back first to what a checkpoint knows, by `cut_back`.
+    Existing files are continued. First cut them back to the state of the checkpoint, by `cut_back`.
     """
 
     def __init__(
         self, simulation: Simulation, scene: Scene, comm: Intracomm, folder: Path, say: Callable[[str], None],
-        guard: Callable[[], None] = lambda: None,
+        guard: Callable[[], None] = lambda: None, progress: Observer | None = None,
     ):  # fmt: skip
-        """guard: see FieldsFile."""
+        """guard: see FieldsFile. progress: what shows how far the run is; None for lines that are said."""
         output, points = scene.output, simulation.points.whole
         self.scene, self.comm, self.folder, self.say = scene, comm, folder, say
         self.tables: dict[str, TableFile] = {}
@@ -63,7 +63,7 @@ class Outputs:
             *([watch] if watch else []),
             observers.Events(events, watch),
             self.snapshots,
-            observers.Progress(comm, say),
+            progress or observers.Progress(comm, say),
         ]
 
     def _open(self, table: Table, every: int = 1) -> TableFile:
@@ -72,7 +72,7 @@ class Outputs:
         return self.tables[table.name]
 
     def _contact_observers(self, simulation: Simulation) -> tuple[ContactWatch, PatchTable]:
-        """Who watches the sites and the patches, with their tables."""
+        """The observers of sites and patches, with their tables."""
         scene, comm, points = self.scene, self.comm, simulation.points
         patches, contacts = self._open(PATCHES), self._open(SITES)
         periodic = scene.punch.radius is None
@@ -84,25 +84,25 @@ class Outputs:
         return watch, PatchTable(patches, points.whole, places, level, periodic)
 
     def plan_snapshots(self, state: State, stop: StopCondition | None = None) -> None:
-        """Has the snapshots taken that the scene asks for, as far as they are still to come.
+        """Plans the snapshots of the scene that are still to be taken.
 
-        That may take long. stop: whether the run has to stop meanwhile; Interrupted is raised then.
+        This may take long. stop: whether the run has to stop in the meantime; then Interrupted is raised.
         """
         self.snapshots.replan(state, *snapshots_wanted(self.scene, state, self.comm, self.say, stop))
 
     def marks(self) -> dict:
-        """What a checkpoint has to know of the files, which are brought to the disk for it. ResultError on every
+        """The sizes of the files for a checkpoint, after the files have been written to the disk. ResultError on every
         rank."""
         return {name: table.mark() for name, table in self.tables.items()} | {"fields": {"frames": self.fields.frames}}
 
     def cut_back(self, marks: dict) -> None:
-        """Takes back what was written after a checkpoint. ResultError on every rank."""
+        """Removes what was written after a checkpoint. ResultError on every rank."""
         for name, table in self.tables.items():
             table.cut_back(marks[name])
         self.fields.truncate(marks["fields"]["frames"])
 
     def close(self) -> None:
-        """Closes the files; nothing is lost without it."""
+        """Closes the files. Nothing is lost if this is not called."""
         for table in self.tables.values():
             table.close()
 
@@ -125,13 +125,13 @@ def _sites_of(scene: Scene) -> ContactSites:
 
 
 def _surface(simulation: Simulation, scene: Scene) -> observers.Surface:
-    """How this scene's whole surface is had."""
+    """How the surface of the whole cell is computed for this scene."""
     scheme, points = simulation.scheme, simulation.points
     if scene.substrate.boundary == "periodic" and not points.mirror:
         return observers.Surface(scheme.surface_of, scheme.whole_cell)
 
-    def whole_cell(load: np.ndarray) -> tuple[np.ndarray, int]:
-        # A free surface needs a larger transform of its own, and mirror images one that knows of none.
-        return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(load))
+    def whole_cell(effective_traction: np.ndarray) -> tuple[np.ndarray, int]:
+        # A free surface needs a larger transform, and a symmetric scene needs one of the whole plane.
+        return convolution_of(scene, points.whole, whole_cell=True).whole_cell(points.unfold(effective_traction))
 
     return observers.Surface(scheme.surface_of, whole_cell)

@@ -1,4 +1,4 @@
-"""What watches the contact: its patches in every snapshot, the sites that join and leave, what changes in a jump."""
+"""Observers of the contact: patches in every snapshot, sites that join and leave, changes in a jump."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pgfmd.solver.state import State
 
 SAME = 1e-6
-"""Relative difference below which the tractions of two points have changed as much."""
+"""Relative difference below which the changes of two tractions count as equal."""
 
 
 class PatchTable:
@@ -39,8 +39,8 @@ class PatchTable:
 
 @dataclass(frozen=True)
 class Change:
-    """What a jump changed: sites that joined and left, such as "1 summit; 3 saddle", the place x, y [m] where the
-    traction changed most, NaN where nobody looked, and the site nearest to it, such as "saddle 40"."""
+    """The changes in a jump: sites that joined and left, such as "1 summit; 3 saddle"; the point x, y [m] where the
+    traction changed most, NaN if not determined; and the site nearest to it, such as "saddle 40"."""
 
     joined: str = ""
     left: str = ""
@@ -50,12 +50,14 @@ class Change:
 
 
 class ContactWatch(Observer):
-    """Writes a row of `sites.csv` whenever a site joins the contact or leaves it; `change` tells of the last jump.
+    """Writes a row of `sites.csv` whenever a site joins the contact or leaves it. `change` has the changes in the last
+    jump.
 
-    A site is in contact while its grid point is, its gap below that of the scheme's law. jumps: whether the scene may jump; only then the
-    traction is kept from step to step. (It changes where the surface snaps; a machine's spring moves the whole surface.)
+    A site is in contact if its grid point is, that is if its gap is below the contact_gap of the law. jumps: whether
+    the scene may jump; only then the traction is kept from step to step. (The traction is used and not the
+    displacement, because a machine's spring moves the whole surface.)
 
-    What there was before a step is found from the state, so a checkpoint has to hold nothing of it.
+    The contact before a step follows from the state, so a checkpoint does not need it.
     """
 
     def __init__(self, file: TableFile, points: PunchPoints, places: SitePoints, jumps: bool):
@@ -129,7 +131,8 @@ class ContactWatch(Observer):
         return f"{KINDS[sites.kind[site]]} {site}"
 
     def _place(self, state: State) -> tuple[float, float]:
-        """x and y [m] of the point whose traction changed most in the last step; of several, the first. Collective."""
+        """x and y [m] of the point whose traction changed most in the last step, the first of equal ones.
+        Collective."""
         if self._traction is None:
             return math.nan, math.nan
         points, changed = self.points.whole, self.points.unfold(np.abs(state.traction - self._traction))

@@ -1,4 +1,4 @@
-"""The record of a run, `run.json`: how it ended, its main results, what it cost, and with what it was made."""
+"""The record of a run, `run.json`: how it ended, its main results, its cost, and the versions used."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from pgfmd import __version__
 from pgfmd.files.storage import plain
+from pgfmd.physics.drive import PRELOAD
 from pgfmd.restart.history import History
 from pgfmd.results import uncertainty
 from pgfmd.schemes import registry
@@ -29,7 +30,7 @@ _LIBRARIES = ("numpy", "numba", "mpi4py", "mpi4py-fft", "h5py")
 
 
 def record_of(simulation: Simulation, scene: Scene, comm: Intracomm, history: History) -> dict:
-    """The contents of `run.json` (docs: results): what does not apply, or is not known, is None. Collective."""
+    """The contents of `run.json` (docs: results). Numbers that do not apply, or are unknown, are None. Collective."""
     state, scheme = simulation.state, simulation.scheme
     counters, energies = state.counters, state.energies
     memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
@@ -59,7 +60,8 @@ def record_of(simulation: Simulation, scene: Scene, comm: Intracomm, history: Hi
         "viscous_J": energies.viscous if scene.output.energy else None,
         "released_J": energies.released,
         "energy_residual": energies.largest_residual / abs(energies.work) if audit else None,
-        # Indentation counts from the first touch of the undeformed surface. Readers ask, as it need not.
+        # Indentation counts from the first touch of the undeformed surface. Readers use this number, because other
+        # zeros are possible.
         "indentation_offset_m": 0.0,
         **_cycles(simulation),
         "peak_rss_bytes": memory,
@@ -70,12 +72,12 @@ def record_of(simulation: Simulation, scene: Scene, comm: Intracomm, history: Hi
 
 
 def accuracy_and_order(scene: Scene) -> dict:
-    """What the record tells of steps that follow an accuracy."""
+    """Entries for schemes whose steps follow an accuracy."""
     return {"accuracy": scene.solver.accuracy, "order": scene.solver.order}
 
 
 def _forces(simulation: Simulation, scene: Scene) -> dict:
-    """What the run found of forces (docs: reference, "Numbers"), and how far off that may be."""
+    """Forces (docs: reference, "Numbers") and their uncertainties."""
     state, share = simulation.state, uncertainty.share_of(vars(scene.solver))
     retracted = _has_retracted(simulation)
     pull_off = uncertainty.of_force(state.pull_off_force, state.pull_off_at_ends, share)
@@ -92,7 +94,7 @@ def _forces(simulation: Simulation, scene: Scene) -> dict:
 
 
 def _works(simulation: Simulation, scene: Scene) -> dict:
-    """Works of the punch, and how far off they may be where energies are followed."""
+    """Works of the punch, with uncertainties if there is an audit."""
     energies, share = simulation.state.energies, uncertainty.share_of(vars(scene.solver))
     retracted, separation = _has_retracted(simulation), energies.work_of_separation
     residual = energies.largest_residual if simulation.scheme.audit else math.nan
@@ -107,18 +109,22 @@ def _works(simulation: Simulation, scene: Scene) -> dict:
 
 
 def _cycles(simulation: Simulation) -> dict:
-    """The numbers of each cycle of a programme with repeats, the present one included; nothing of another programme."""
-    if not simulation.has_cycles:
-        return {}
+    """Of a programme: the numbers of each cycle, the present one included, if it has repeats; and steps that ended early."""
     state = simulation.state
+    unmet = {"unmet_ends": state.unmet} if state.unmet else {}
+    if not simulation.has_cycles:
+        return unmet
     rows = [*state.cycles, state.cycle.row(state)]
-    return {"cycles": [numbers_in_record(row) for row in rows]}
+    return unmet | {"cycles": [numbers_in_record(row) for row in rows]}
 
 
 def _has_retracted(simulation: Simulation) -> bool:
-    """Whether the punch has gone up again since the preload."""
+    """Whether the punch has gone up again since the preload; in a programme that has none, as where a file is followed,
+    whether it has gone up at all."""
     state, phases = simulation.state, simulation.phases
     before = any(phase.may_let_go and not phase.holds_load for phase in phases[: state.phase])
+    if simulation.drive.programme and all(phase.ends_with != PRELOAD for phase in phases):
+        return simulation.retracting or before or state.pull_off_at_ends < 0.0
     return state.preload_time is not None and (simulation.retracting or before)
 
 

@@ -1,4 +1,4 @@
-"""What a run in memory keeps: the rows of its tables and its snapshots, without a folder."""
+"""The results of a run in memory: rows of tables, and snapshots, without a folder."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ from pgfmd.solver.simulation import Event, Observer, Simulation
 from .observers import curve_row, energy_row, event_row
 
 CODES = {float: "d", int: "q"}
-"""Of arrays, by the kind of a column; texts are kept in a list."""
+"""Types of arrays, by the kind of a column. Texts are kept in a list."""
 Given = np.ndarray | Callable[[], np.ndarray]
 STEPS = ("start", "step", "jump")
 """Kinds of events that are ends of steps."""
 
 
 class Rows:
-    """Rows of a table (files/tables.py), column by column and eight bytes an entry: explicit steps make millions of them."""
+    """Rows of a table (files/tables.py), stored by columns with eight bytes per entry, because explicit schemes have
+    millions of rows."""
 
     def __init__(self, table: Table):
         self.table = table
@@ -39,12 +40,12 @@ class Rows:
             column.append(getattr(row, name))
 
     def column(self, name: str) -> np.ndarray:
-        """A field of all rows, (rows,): floats, whole numbers, or objects that are texts."""
+        """A field of all rows, (rows,): floats, integers, or texts as objects."""
         column = self._columns[name]
         return np.array(column, dtype=object if isinstance(column, list) else None)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """All columns, (rows,) each, by what the header calls them."""
+        """All columns, (rows,) each, by their name in the header."""
         return {each.title: self.column(each.name) for each in self.table.columns}
 
     def __len__(self) -> int:
@@ -52,9 +53,10 @@ class Rows:
 
 
 class Recorder(Observer):
-    """Keeps a row of the curve for each step, of the energies where the run follows them, and one for each event.
+    """Keeps a row of the curve, and with the audit one of the energies, for each step, and a row for each event.
 
-    measure: what else is kept of the state at the end of each step, in the list `measured`, an entry a row of the curve.
+    measure: a function of the simulation; its values at the ends of steps are kept in the list `measured`, one for each
+    row of the curve.
     """
 
     def __init__(self, measure: Callable[[Simulation], Any] | None = None) -> None:
@@ -82,7 +84,7 @@ class Recorder(Observer):
 
     @property
     def released(self) -> np.ndarray:
-        """Energy [J] that was released in the step of each row of the curve, (rows,)."""
+        """Energy [J] released in the step of each row of the curve, (rows,)."""
         return np.array(self._released)
 
     def rows(self, *names: str) -> np.ndarray:
@@ -90,7 +92,7 @@ class Recorder(Observer):
         return np.stack([self.curve.column(name) for name in names], axis=1)
 
     def loop(self, simulation: Simulation, name: str = "") -> Loop:
-        """The loop so far, with the works and the pull-off force that the run itself has found."""
+        """The loop so far, with the works and the pull-off force integrated by the run."""
         state = simulation.state
         columns = ("time", "displacement", "force", "contact_area", "u_inf", "phase")
         time, displacement, force, area, u_inf, phase = (self.curve.column(each) for each in columns)
@@ -101,7 +103,7 @@ class Recorder(Observer):
 
 
 class FieldsInMemory(Mapping):
-    """Snapshots in memory, by the names and with the axes of `fields.h5`: arrays (snapshots, y, x), NaN beyond the punch.
+    """Snapshots in memory, with the names and axes of `fields.h5`: arrays (snapshots, y, x), NaN outside of the punch.
 
     points: PunchPoints of the whole punch. Every rank has all rows.
     """
@@ -124,7 +126,7 @@ class FieldsInMemory(Mapping):
         self, label: str, time: float, punch_position: float, force: float, gap: Given, traction: Given,
         displacement: Given, surface: tuple[np.ndarray, int] | None = None,
     ) -> None:  # fmt: skip
-        """Adds a snapshot, of this rank's rows, or of functions that make them. Collective."""
+        """Adds a snapshot, given as this rank's rows or as functions that return them. Collective."""
         for name, value in zip(self._numbers, (label, time, punch_position, force), strict=True):
             self._numbers[name].append(value)
         for name, given in zip(self._arrays, (gap, traction, displacement), strict=True):
@@ -149,4 +151,4 @@ class FieldsInMemory(Mapping):
         return len(list(iter(self)))
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Does nothing, because no file is open."""

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from pgfmd.solver.state import State
 
 NEAR = 0.02
-"""How near to a multiple a value has to come, as a fraction of the distance."""
+"""How near to a multiple a displacement or a force has to come, as a fraction of the distance."""
+CLOSE = 1e-9
+"""The same of a time, which steps meet."""
 SHORTEST = 1e-3
 """Shortest step that ends at a multiple, as a fraction of the last step: a shorter one is not asked for."""
 
@@ -23,13 +25,14 @@ class RegularSnapshots:
     """Which snapshots are due because a value has reached the next multiple of a distance.
 
     kinds: "time", "t_pl", "displacement" or "force", one for each distance. sizes [s, a fraction of t_pl, m or N]. counts:
-    the multiple that was reached last. values, before: at the ends of the last two steps, from which the time of the next
-    multiple is estimated. step_ends: whether the ends of steps of the programme are wanted too.
+    the multiple that was reached last, or the place of the start in distances; below 0 for t_pl before the preload.
+    values, before: at the ends of the last two steps, from which the time of the next multiple is estimated. step_ends:
+    whether the ends of steps of the programme are wanted too.
     """
 
     kinds: list[str] = field(default_factory=list)
     sizes: list[float] = field(default_factory=list)
-    counts: list[int] = field(default_factory=list)
+    counts: list[float] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
     before: list[float] = field(default_factory=list)
     step_ends: bool = False
@@ -41,7 +44,7 @@ class RegularSnapshots:
         found = cls([rhythm.kind for rhythm in wanted], [rhythm.size for rhythm in wanted])
         found.values = [found._value(k, state) for k in range(len(wanted))]
         found.before = list(found.values)
-        found.counts = [found._nearest(k) for k in range(len(wanted))]
+        found.counts = [found._first(k, state) for k in range(len(wanted))]
         found.step_ends = len(wanted) < len(rhythms)
         return found
 
@@ -55,9 +58,9 @@ class RegularSnapshots:
         for k, kind in enumerate(self.kinds):
             value = self._value(k, state)
             self.before[k], self.values[k] = self.values[k], value
-            if kind == "t_pl" and self.counts[k] == 0:
+            if kind == "t_pl" and self.counts[k] < 0.0:
                 # Nothing before the preload, which has a snapshot of its own.
-                self.counts[k] = math.floor(value / self.sizes[k] + NEAR)
+                self.counts[k] = self._first(k, state)
                 continue
             count = self._reached(k)
             if count != self.counts[k]:
@@ -79,18 +82,22 @@ class RegularSnapshots:
         first = state.first_contact_time or 0.0
         return (state.time - first) / max(state.preload_time - first, 1e-300)
 
-    def _nearest(self, k: int) -> int:
-        return round(self.values[k] / self.sizes[k]) if math.isfinite(self.values[k]) else 0
+    def _first(self, k: int, state: State) -> float:
+        """Where a value starts, in distances; -1 for t_pl before the preload."""
+        if self.kinds[k] == "t_pl" and state.preload_time is None:
+            return -1.0
+        at = self.values[k] / self.sizes[k]
+        return float(round(at)) if abs(at - round(at)) <= self._tolerance(k) else at
 
-    def _reached(self, k: int) -> int:
-        """The multiple that a value has reached or passed, on its way from the one before."""
-        at, count = self.values[k] / self.sizes[k], self.counts[k]
-        if abs(at - round(at)) <= NEAR:
-            return round(at)
-        # Passed: the last one between.
-        if at > count + 1:
-            return math.floor(at)
-        return math.ceil(at) if at < count - 1 else count
+    def _reached(self, k: int) -> float:
+        """The last multiple that a value has reached or passed, on its way from the one before."""
+        at, count, near = self.values[k] / self.sizes[k], self.counts[k], self._tolerance(k)
+        if at > count:
+            return max(count, float(math.floor(at + near)))
+        return min(count, float(math.ceil(at - near)))
+
+    def _tolerance(self, k: int) -> float:
+        return CLOSE if self.kinds[k] in ("time", "t_pl") else NEAR
 
     def _when(self, k: int, state: State) -> float:
         if self.kinds[k] in ("time", "t_pl"):
@@ -100,17 +107,18 @@ class RegularSnapshots:
             unit = self.sizes[k] * ((state.preload_time or 0.0) - first if self.kinds[k] == "t_pl" else 1.0)
             if unit <= 0.0:
                 return math.inf
-            return first + unit * (math.floor((state.time - first) / unit + NEAR) + 1)
+            return first + unit * (math.floor((state.time - first) / unit + CLOSE) + 1)
         moved = self.values[k] - self.before[k]
         if moved == 0.0 or not state.last_step or not state.elapsed:
             return math.inf
-        target = (self.counts[k] + (1 if moved > 0.0 else -1)) * self.sizes[k]
+        count = self.counts[k]
+        target = (math.floor(count) + 1 if moved > 0.0 else math.ceil(count) - 1) * self.sizes[k]
         ahead = (target - self.values[k]) / moved * state.last_step
         return state.time + ahead if ahead > SHORTEST * state.last_step else math.inf
 
     def _label(self, k: int) -> str:
         kind, value, multiple = self.kinds[k], self.values[k], self.counts[k] * self.sizes[k]
-        value = 0.0 + (multiple if abs(value - multiple) <= NEAR * self.sizes[k] else value)
+        value = 0.0 + (multiple if abs(value - multiple) <= self._tolerance(k) * self.sizes[k] else value)
         if kind == "t_pl":
             return f"{value:.4g} t_pl"
         symbol, dimension = {"time": ("t", "time"), "displacement": ("d", "length"), "force": ("F", "force")}[kind]

@@ -5,22 +5,22 @@ valley a local maximum. The face is taken without its printing layers, whose pla
 curvature and unequal heights are included. Extrema that exist only because the face is cut off at the rim are not
 sites.
 
-A face that varies along one direction only has whole lines of them. It gets one site a line, where the line crosses
+A face that only varies along one direction has lines of such points. It gets one site per line, where the line crosses
 the x axis: a summit for each ridge, a valley for each trough. A flat face has no sites, a sphere or power law has one
 summit.
 
 A measured height map has an extremum every few pixels because of noise. Only prominent ones are sites (`persistence`):
 every path from a summit to a lower place climbs by at least `file_relief`; a valley likewise downwards; saddles are the
-passes between such summits, and those that close the ring around such a valley. They sit on pixels of the map, or of a
-coarser lattice where the map has more than MOST_SAMPLES along a side. On a plateau or a level ridge one pixel counts,
-whichever comes first.
+passes between such summits, and those that close the ring around such a valley. Their positions are pixels of the map,
+or of a coarser grid if the map has more than MOST_SAMPLES along a side. On a plateau or a level ridge the first pixel
+counts.
 
-A map is looked at beyond the outline too, as far as it goes, up to MARGIN: what is cut off by the outline still has its
-whole relief, and the outline makes no extrema. From a summit near the rim, a lower place beyond the outline, or at the
-edge of the map, may be less than `file_relief` of a climb away: then it is none, as the face goes on down there. The
-last pixels within the outline have no sites, as a map may end there, or drop from the face to the ground.
+A map is also examined outside of the outline, up to MARGIN. So features at the outline have their whole relief, and the
+outline makes no extrema. A summit near the rim does not count if a path with a climb of less than `file_relief` leads
+from it to a lower point outside of the outline, or at the edge of the map, because there the face continues downwards.
+The last pixels within the outline have no sites, because a map may end there, or drop from the face to the ground.
 
-A random face is looked at in the same way, on a lattice of eight points to its shortest wave.
+A random face is examined in the same way, on a grid of eight points per shortest wave.
 """
 
 from __future__ import annotations
@@ -53,20 +53,21 @@ MARGIN_ROWS = 3
 """Neighbouring rows on either side, which differences and their minima need."""
 MOST_ITERATIONS = 50
 FAR = 0.2
-"""A search that moves further than this from its start, in wavelengths, is abandoned: others start nearer."""
+"""A search that moves further than this from its start, in wavelengths, is abandoned, because other searches start
+nearer."""
 CLOSE = 1e-9
 """Last step of a search that has converged, in wavelengths."""
 SAME = 1e-3
 """Sites closer than this, in wavelengths, are the same."""
 DEGENERATE = 1e-6
-"""Ratio of the two curvatures below which the smaller one is taken for zero."""
+"""Ratio of the two curvatures below which the smaller one counts as zero."""
 SLACK = 1e-9
 """Relative width by which a site may be beyond the outline."""
 
 RELIEF = 0.05
-"""Least relief of the sites of a height map, over the height range of the face, where the scene has no other."""
+"""Default of the least relief of the sites of a height map, relative to the height range of the face."""
 FLAT = 1e-12
-"""Height range over the largest height below which a map is flat: what is left is rounding."""
+"""Height range relative to the largest height below which a map counts as flat, because the rest is rounding."""
 MARGIN = 0.5
 """Width of the region beyond the outline in which a height map is examined, in radii."""
 MOST_SAMPLES = 2048
@@ -94,7 +95,7 @@ class ContactSites:
         return [KINDS[kind] for kind in self.kind]
 
     def count(self, which: NDArray[np.bool_] | slice = slice(None)) -> list[int]:
-        """How many of a selection of the sites are summits, saddles and valleys."""
+        """Numbers of summits, saddles and valleys in a selection of the sites."""
         counts: list[int] = np.bincount(self.kind[which], minlength=len(KINDS)).tolist()
         return counts
 
@@ -102,12 +103,12 @@ class ContactSites:
 def contact_sites(topography: Topography, side: float | None = None) -> ContactSites:
     """The sites of a punch's lower face.
 
-    side [m]: of the cell that the face fills, where the punch has no radius. ValueError if neither is there. Raises
+    side [m]: of the cell that the face fills, if the punch has no radius. ValueError without both. Raises
     ValueError, OSError for a height map that can't be used.
     """
     if topography.radius is None and side is None:
         raise ValueError("a face without an outline: give the side of the cell")
-    # Where there is an outline, nobody asks for the cell.
+    # With an outline, the cell is not needed.
     side = math.nan if side is None else side
     face = replace(topography, layer_step=0.0)
     pattern = PATTERNS[face.pattern]
@@ -127,7 +128,7 @@ def _smallest_length(face: Topography, side: float) -> float:
 
 
 def _on_axis(face: Topography) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Of a face of revolution: its axis, unless it is flat there."""
+    """The sites of a face of revolution: its axis, unless it is flat there."""
     radius = 1e-3 * (face.radius or face.curvature_radius)
     middle, outside = face.heights(np.array([0.0, radius]), np.zeros(2))
     count = int(middle != outside)
@@ -135,7 +136,7 @@ def _on_axis(face: Topography) -> tuple[Array, Array, NDArray[np.int64]]:
 
 
 def _prominent(face: Topography, side: float) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Of a height map or a random face: the extrema that stand out, and their saddles."""
+    """The sites of a height map or a random face: prominent extrema, and their saddles."""
     x, y = _samples(face, side)
     z = face.heights(x, y[:, np.newaxis])
     inside = inner = np.ones(z.shape, bool)
@@ -154,7 +155,7 @@ def _prominent(face: Topography, side: float) -> tuple[Array, Array, NDArray[np.
 
 
 def _samples(face: Topography, side: float) -> tuple[Array, Array]:
-    """x and y [m] at which a height map, or a random face, is looked at: its pixels within outline and margin, or in the
+    """x and y [m] of the samples of a height map or a random face: its pixels within outline and margin, or in the
     cell."""
     radius = face.radius
     if face.pattern == "rough":
@@ -175,16 +176,16 @@ def _samples(face: Topography, side: float) -> tuple[Array, Array]:
         first, last = math.ceil(middle - reach), math.floor(middle + reach)
         if not periodic:
             first, last = max(first, 0), min(last, count - 1)
-        # Not a pixel may be under a small punch.
+        # There may be no pixel under a small punch.
         step = max(1, math.ceil((last - first + 1) / MOST_SAMPLES))
         lines.append((np.arange(first, last + 1, step, dtype=float) - middle) * pixel)
     return lines[0], lines[1]
 
 
 def _found(face: Topography, side: float, in_row: bool) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Of a pattern with a wavelength: Newton's method from where the slope is least on a fine lattice.
+    """The sites of a pattern with a wavelength, by Newton's method from the points of least slope of a fine lattice.
 
-    in_row: the pattern varies along x only; all sites are then sought on the x axis.
+    in_row: the pattern varies along x only; then all sites are on the x axis.
     """
     wave, reach = face.wavelength, face.radius or 0.5 * side
     x, y = _candidates(face, reach, in_row)
@@ -194,7 +195,7 @@ def _found(face: Topography, side: float, in_row: bool) -> tuple[Array, Array, N
         here = x[moving], y[moving]
         step_x, step_y = _newton_step(_derivatives(face.heights, *here, DIFFERENCE * wave), in_row)
         long = np.hypot(step_x, step_y)
-        # Where a curvature vanishes close by, the full step leads to another site far away.
+        # If a curvature vanishes nearby, the full step leads to another site far away.
         share = np.minimum(1.0, wave / PER_WAVE / np.maximum(long, 1e-300))
         x[moving], y[moving] = here[0] + share * step_x, here[1] + share * step_y
         arrived[moving] = long < CLOSE * wave
@@ -213,10 +214,10 @@ def _candidates(face: Topography, reach: float, in_row: bool) -> tuple[Array, Ar
     """Lattice points from which a Newton step by differences on the lattice is short, and those at which |grad z| is
     not larger than at any neighbour.
 
-    The latter alone miss one of two sites that are close together, as where macroscopic curvature is about to undo
-    them; the former alone, sites where the curvature is large on the scale of the lattice.
+    The latter alone miss one of two sites close together, for example if macroscopic curvature nearly removes them. The
+    former alone miss sites whose curvature is large on the scale of the lattice.
     """
-    # Beyond the outline too, so that a site at the rim has all its neighbours.
+    # Also outside of the outline, so that a site at the rim has all its neighbours.
     count = math.ceil(reach * PER_WAVE / face.wavelength) + 2
     line = np.arange(-count, count + 1, dtype=float) * (face.wavelength / PER_WAVE)
     if in_row:
@@ -267,7 +268,7 @@ def _derivatives(height: Callable[[Array, Array], Array], x: Array, y: Array, d:
 
 
 def _newton_step(derivatives: tuple[Array, ...], in_row: bool) -> tuple[Array, Array]:
-    """The step to where the slope vanishes; infinite, or any other number, where the face is not curved."""
+    """The step to the point where the slope vanishes; infinite, or arbitrary, if the face is not curved."""
     slope_x, slope_y, xx, yy, xy = derivatives
     with np.errstate(divide="ignore", invalid="ignore"):
         if in_row:
@@ -280,7 +281,7 @@ def _newton_step(derivatives: tuple[Array, ...], in_row: bool) -> tuple[Array, A
 
 
 def _kinds(derivatives: tuple[Array, ...], in_row: bool) -> NDArray[np.int64]:
-    """Indices of KINDS by the signs of the two curvatures; -1 where one is zero, unless the site stands for a line."""
+    """Indices of KINDS by the signs of the two curvatures; -1 if one is zero, unless the site represents a line."""
     _, _, xx, yy, xy = derivatives
     middle, radius = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
     low, high = middle - radius, middle + radius

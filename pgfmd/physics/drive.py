@@ -102,6 +102,11 @@ class Phase:
         return max(abs(self.velocity_start), abs(self.velocity_end))
 
     @property
+    def starts_at(self) -> float:
+        """The force [N] that the punch has to carry at the start; NaN for any."""
+        return math.nan
+
+    @property
     def longest_step(self) -> float:
         """Longest step [s] that still tells the motion of the drive; infinity where its velocity is linear in time."""
         return math.inf

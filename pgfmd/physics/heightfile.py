@@ -1,4 +1,4 @@
-"""Height maps between their pixels: what is read from a file (pgfmd.maps) as a function of x and y.
+"""Interpolation of height maps: the heights in a file (pgfmd.maps) as a function of x and y.
 
 A map is a 2-D array z[iy, ix] in metres with its physical size (x, y), over the whole cell or over the punch. Axis 0
 is y, axis 1 is x, and like the simulation grid's points the samples sit in the middle of their pixels, centred on the
@@ -24,18 +24,19 @@ from pgfmd.maps.raw import MapKeys
 Array = NDArray[np.float64]
 ORDERS = (1, 3)
 HIGHEST = 1e30
-"""Height [m] that no map may exceed: nothing real does, and squares of heights stay finite."""
+"""Largest allowed height [m], far beyond any real map. Squares of heights stay finite."""
 RADIUS_SLACK = 1e-9  # relative; a punch point on the very edge of the map is inside
 MARGIN = 48
-"""Rows and columns around a stripe, more than EDGE: what a cubic spline makes of a sample falls to 1e-27 over them."""
+"""Rows and columns around a stripe, more than EDGE. Over them, the influence of a sample on a cubic spline decreases to
+1e-27."""
 
 EDGE = 12
-"""Samples beyond a map's edge from which on it is level, as map_coordinates has it."""
+"""Number of samples beyond the edge of a map after which it is constant, as in map_coordinates."""
 
 
 class MapRequest(NamedTuple):
-    """What a map is read by: the file; what else a scene says; radius [m] of the punch, None where all of the map counts; whether
-    it repeats; order of the interpolation."""
+    """The arguments for reading a map: the file; further keys of the scene; radius [m] of the punch, None if the whole
+    map counts; whether it is periodic; order of the interpolation."""
 
     file: str
     keys: MapKeys
@@ -45,8 +46,8 @@ class MapRequest(NamedTuple):
 
 
 def map_bytes(path: str | Path, order: int = 1) -> float:
-    """About how much memory [bytes] the interpolation of a map takes, without reading it: a large one that is no .npy
-    file is held as a whole. OSError."""
+    """Approximate memory [bytes] for the interpolation of a map, without reading it. A large map is kept in memory
+    unless it is a .npy file. OSError."""
     path, copies = Path(path), 1 if order == 1 else 3
     samples = path.stat().st_size / 8
     if path.suffix == ".npz":
@@ -64,8 +65,8 @@ class HeightMap:
 
     heights: z[iy, ix] [m], at least 2 x 2, finite. size: (x, y) [m]. periodic: repeats over the plane, else it must
     cover every punch point and is continued by its edge values elsewhere. order: 1 bilinear, 3 bicubic spline. A large
-    map may be on the disk (numpy.memmap): of more than `WHOLE` samples only stripes are ever in memory. file_facts: of its
-    reading, where it comes from a file.
+    map may be on the disk (numpy.memmap): with more than `WHOLE` samples, only stripes are in memory. file_facts: facts
+    found while reading, if it is from a file.
     """
 
     heights: Array | Stripes
@@ -92,7 +93,7 @@ class HeightMap:
 
     @property
     def facts(self) -> MapFacts:
-        """What is known of the file that was read. Raises ValueError for a map that comes from none."""
+        """Facts about the file. Raises ValueError for a map that is not from a file."""
         if self.file_facts is None:
             raise ValueError("height map: made of an array, so there is no file to tell of")
         return self.file_facts
@@ -124,14 +125,15 @@ class HeightMap:
         mode = "grid-wrap" if self.periodic else "nearest"
         pad, coefficients = self._whole(mode)
         places = np.stack([rows + pad, columns + pad])
-        # Here and below, not at the top: only a map needs them.
+        # Imported here and below, because only a map needs them.
         from scipy.ndimage import map_coordinates
 
         found: Array = map_coordinates(coefficients, places, order=self.order, mode=mode, prefilter=False)
         return found
 
     def _whole(self, mode: str) -> tuple[int, Array]:
-        """What a small map is interpolated from, made once, and how many samples have been added around it."""
+        """The coefficients from which a small map is interpolated, computed once, and the number of samples added
+        around it."""
         if self.order == 1:
             return 0, self.heights[:]
         from scipy.ndimage import spline_filter
@@ -143,14 +145,14 @@ class HeightMap:
         return pad, self._kept["coefficients"]
 
     def _by_stripes(self, rows: Array, columns: Array) -> Array:
-        """Heights at places in pixels, from one stripe of the map after another.
+        """Heights at positions in pixels, from one stripe of the map after another.
 
-        Stripes are those of the map, whatever places are asked for: so a place has the same bits on any rank.
+        Stripes do not depend on the positions, so a height has the same bits on any rank.
         """
         if self.periodic:
             rows, columns = np.mod(rows, self.heights.shape[0]), np.mod(columns, self.heights.shape[1])
         else:
-            # The spline of samples that go on beyond the edge is level from a few of them on.
+            # A few samples beyond the edge, the spline is constant.
             ends = ((-EDGE, count - 1 + EDGE) for count in self.heights.shape)
             rows, columns = (np.clip(place, *end) for place, end in zip((rows, columns), ends, strict=True))
         from scipy.ndimage import map_coordinates
@@ -166,7 +168,7 @@ class HeightMap:
         return found
 
     def _coefficients(self, stripe: int, height: int) -> Array:
-        """What a stripe of so many rows, with its margin, is interpolated from; the last one asked for is kept."""
+        """The coefficients of a stripe of rows with its margin. The last one is kept."""
         if self._kept.get("stripe") != stripe:
             from scipy.ndimage import spline_filter
 
@@ -182,21 +184,21 @@ class HeightMap:
 
 
 Stamp = tuple[int, int]
-"""Time [ns] of the last change of a file, and its size: what tells that it has been written anew."""
+"""Time [ns] of the last change of a file, and its size, which show that it has been rewritten."""
 _KEPT: dict[MapRequest, tuple[HeightMap, Stamp]] = {}
-"""The last map that was read."""
+"""The last map, with its request and stamp."""
 
 
 def height_map(request: MapRequest) -> HeightMap:
-    """The map of a file. The last one is kept: a scene is looked at many times before it runs (see `forget`).
+    """The map of a file. The last one is kept, because a scene is examined several times before it runs (see `forget`).
 
-    Raises ValueError, of which MapError names the keys of a scene that are wrong; OSError.
+    Raises ValueError (its subclass MapError names the wrong keys of a scene), OSError.
     """
     found = os.stat(request.file)
     stamp = found.st_mtime_ns, found.st_size
     if request in _KEPT and _KEPT[request][1] == stamp:
         return _KEPT[request][0]
-    # Not at the top: of the other ranks of a run none reads the file.
+    # Imported here, because only rank 0 of a run reads the file.
     from pgfmd.maps.reading import read_map
 
     heights, facts = prepared(read_map(request.file), request.keys, request.radius)
@@ -206,17 +208,17 @@ def height_map(request: MapRequest) -> HeightMap:
 
 
 def kept(request: MapRequest) -> tuple[HeightMap, Stamp]:
-    """The map of a file, and the stamp by which it is kept. ValueError, OSError."""
+    """The map of a file, and the stamp of the file. ValueError, OSError."""
     height_map(request)
     return _KEPT[request]
 
 
 def remember(request: MapRequest, height_map: HeightMap, stamp: Stamp) -> None:
-    """Keep a map, in place of the one that was kept before."""
+    """Keeps a map instead of the previous one."""
     _KEPT.clear()
     _KEPT[request] = height_map, stamp
 
 
 def forget() -> None:
-    """Keep no map any more: a run has made its heights of it."""
+    """Drops the map, after a run has computed its heights."""
     _KEPT.clear()

@@ -1,7 +1,7 @@
-"""A look at the height map of a punch before it is run: what touches first, and what may not be meant. Plain NumPy.
+"""Examination of the height map of a punch before a run: first contact, and signs of errors. Plain NumPy.
 
-Heights are those of the face: of the map with its missing pixels filled and its trend taken off, and with the curvature of the
-whole punch; printing layers are left out.
+Heights are those of the face: the map with missing pixels filled and the trend subtracted, plus the curvature of the
+whole punch. Printing layers are not included.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgfmd.maps import raw as limits
-from pgfmd.maps.oddities import Code, Spike, extremes, lone_spikes
+from pgfmd.maps.bad_pixels import Code, Spike, extremes, lone_spikes
 
 from .heightfile import HeightMap
 from .persistence import critical_points
@@ -22,36 +22,38 @@ from .topography import Topography
 Array = NDArray[np.float64]
 
 MOST_ACROSS = 1024
-"""Most pixels along a side for which each is looked at: of more, the lowest and highest of blocks for places of contact and spikes,
-and each so many-th for statistics."""
+"""Largest number of pixels along a side at which every pixel is examined. In larger maps, contact and spikes are found
+from the lowest and highest pixels of blocks, and statistics from every second, third, ... pixel."""
 RELIEF = 0.05
-"""Least relief of a place, over the height range of the face, where the scene has no other."""
+"""Default of the least relief of a summit, relative to the height range of the face."""
 AT_RIM = 0.02
-"""Distance from the outline, in radii, within which a place is at the rim."""
+"""Distance from the outline, in radii, within which a point counts as at the rim."""
 OTHERS = 3
-"""Further places that are told."""
+"""Number of further summits in the report."""
 EQUAL = 1e-3
-"""Height above the lowest point, in ranges of adhesion, that is no matter."""
+"""Height above the lowest point, in ranges of adhesion, that is negligible."""
 NEARLY = 0.1
-"""Height above the lowest point, in ranges of adhesion, up to which a place touches first as well."""
+"""Height above the lowest point, in ranges of adhesion, up to which a point counts as touching first."""
 LOW = 2.0
-"""Heights above the lowest point, in ranges of adhesion, that the first contact is made of."""
+"""Height above the lowest point, in ranges of adhesion, up to which points belong to the first contact."""
 SMOOTHEST = 0.2
-"""Share of those heights that may be smoother than what is told of all."""
+"""Fraction of these heights that may be smoother than the reported value."""
 LEAST_SPIKE = 0.1
-"""Least height of a lone spike, in ranges of adhesion."""
+"""Least height of a single spike, in ranges of adhesion."""
 CLIPPED, CLIPPED_TIMES = 5, 4.0
-"""How many pixels at an end of the heights, and how many times as many as at the levels next to it, look clipped."""
+"""Number of pixels at an end of the range of heights, and ratio to the number at neighbouring levels, above which the
+range seems clipped."""
 TERRACES = 0.1
-"""Share of the neighbours, along either axis, that are equally high where heights come in steps."""
+"""Fraction of neighbours of equal height, along either axis, above which heights are taken to be discrete."""
 LEVELS = 8
-"""Levels next to an end of the heights that it is compared with; fewer in all are meant."""
+"""Number of levels with which an end of the range of heights is compared. Maps with fewer levels are taken to be
+intended."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """A place of a face: x, y [m] from the axis; height [m] above the first contact, and distance [m] from it; whether it is at
-    the rim of the outline."""
+    """A point of a face: x, y [m] from the axis; height [m] above the first contact, and distance [m] from it; whether
+    it is at the rim."""
 
     x: float
     y: float
@@ -62,14 +64,15 @@ class Place:
 
 @dataclass(frozen=True)
 class Survey:
-    """What a map is like, heights of the face in m.
+    """Properties of a map, with heights of the face in m.
 
     relief: from the lowest to the highest point; slope: the steepest, over a spacing of the grid where that is more than a pixel;
-    rms: of the heights about their mean; tilt: slopes along x and y of the plane through them. first: where contact begins;
-    others: the next summits. lift: how far the tilt lifts what would touch first without it, in the mean. sag: by how much heights
-    around the first contact bend within a pixel, at least; step: between levels of the heights, 0 where they have none. spikes: pixels
-    that stick out, by place and height (positive up, away from the substrate); clipped: the end of the heights that looks cut off, in
-    m. pixels: under the punch, (columns, rows) of the square around it.
+    rms: of the heights about their mean; tilt: slopes along x and y of the plane through them. first: first contact;
+    others: the next summits. lift: mean height by which the tilt lifts the point that would touch first without it.
+    sag: least bending of heights around the first contact within a pixel. step: between levels of the heights, 0 for
+    continuous heights. spikes: single pixels with large deviations, with position and height (positive up, away from
+    the substrate). clipped: the end of the range of heights that seems clipped, in m. pixels: under the punch,
+    (columns, rows) of the square around it.
     """
 
     relief: float
@@ -87,7 +90,7 @@ class Survey:
 
 
 def survey(face: Topography, spacing: float, reach: float) -> Survey:
-    """A look at a face with the pattern "file"; spacing [m]: of the grid; reach [m]: the range of adhesion.
+    """Examines a face with the pattern "file". spacing [m]: of the grid; reach [m]: the range of adhesion.
 
     Raises ValueError, OSError for a map that can't be used.
     """
@@ -117,21 +120,21 @@ def survey(face: Topography, spacing: float, reach: float) -> Survey:
 def relief_and_slope(face: Topography, spacing: float) -> tuple[float, float]:
     """Height range [m] of a face with the pattern "file", and its steepest slope.
 
-    From all pixels under the punch, a stripe of rows after another, as a large map stays on the disk. Slopes are those over a
-    spacing [m] of the grid, where that is more than a pixel: what is finer the grid does not see.
+    From all pixels under the punch, in stripes of rows, because a large map stays on the disk. Slopes are over a
+    spacing [m] of the grid, or a pixel if that is larger.
     """
     found = face.map
     count_y, count_x = found.heights.shape
     pixel_x, pixel_y = found.pixel
     step_x, step_y = (max(1, round(spacing / pixel)) for pixel in found.pixel)
-    # A map that is repeated goes on with its first rows and columns.
+    # A periodic map continues with its first rows and columns.
     repeated = face.radius is None and found.periodic
     step_x, step_y = (step_x, step_y) if repeated else (min(step_x, count_x - 1), min(step_y, count_y - 1))
     rows = np.arange(count_y + repeated * step_y) % count_y
     columns = np.arange(count_x + repeated * step_x) % count_x
     highest, lowest, slope = [], [], 0.0
     some = max(1, limits.WHOLE // count_x)
-    # Each stripe with as many rows of the next as a slope reaches over.
+    # Each stripe overlaps with the next by the rows of one difference.
     for first in range(0, len(rows) - step_y, some):
         heights = _under_the_punch(face, found, rows[first : first + some + step_y], columns)
         along_x = np.abs(heights[:, step_x:] - heights[:, :-step_x]) / (step_x * pixel_x)
@@ -145,11 +148,12 @@ def relief_and_slope(face: Topography, spacing: float) -> tuple[float, float]:
 
 
 def _under_the_punch(face: Topography, found: HeightMap, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
-    """Heights [m] of these rows and columns of a map, with the curvature of the whole punch; NaN beside the punch."""
+    """Heights [m] of these rows and columns of a map, with the curvature of the whole punch; NaN outside of the
+    punch."""
     x, y, heights = _taken(face, found, rows, columns)
     if face.radius is None:
         return heights
-    # With the pixels around, between which the rim lies.
+    # With the pixels on both sides of the rim.
     rim = face.radius + math.hypot(*found.pixel)
     return np.where(np.hypot(x, y[:, None]) <= rim, heights, np.nan)
 
@@ -167,12 +171,12 @@ def _taken(
 
 
 def _largest(values: Array) -> float:
-    """The largest number that is there; 0 where there is none."""
+    """The largest number that is not NaN; 0 if there is none."""
     return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
 
 
 def _lines(face: Topography) -> list[NDArray[np.int64]]:
-    """Columns and rows of the square around the punch; of a large map each so many-th."""
+    """Columns and rows of the square around the punch; for a large map every second, third, ..."""
     found, lines = face.map, []
     for count, pixel in zip(found.heights.shape[::-1], found.pixel, strict=True):
         middle = 0.5 * (count - 1)
@@ -187,8 +191,8 @@ def _step_of(line: NDArray[np.int64]) -> int:
 
 
 def _extremes(face: Topography, lines: list[NDArray[np.int64]]) -> tuple[Array, Array]:
-    """The lowest and the highest heights under the punch in the blocks of pixels that begin with these columns and rows; NaN where
-    a block lies beside the punch. A stripe of rows after another."""
+    """The lowest and the highest heights under the punch in the blocks of pixels that begin with these columns and
+    rows; NaN for blocks outside of the punch. In stripes of rows."""
     counts, steps = face.map.heights.shape[::-1], list(map(_step_of, lines))
     columns, rows = (
         np.arange(line[0], min(line[-1] + step, count)) for line, step, count in zip(lines, steps, counts, strict=True)
@@ -211,7 +215,7 @@ def _window(face: Topography, lines: list[NDArray[np.int64]]) -> tuple[Array, Ar
 
 
 def _levelled(z: Array, x: Array, y: Array) -> tuple[tuple[float, float], Array]:
-    """Slopes along x and y of the plane through heights, and the heights without it."""
+    """Slopes along x and y of the plane fitted to heights, and the heights minus this plane."""
     here = np.isfinite(z)
     if np.count_nonzero(here) < 3:
         return (0.0, 0.0), z
@@ -226,8 +230,8 @@ def _levelled(z: Array, x: Array, y: Array) -> tuple[tuple[float, float], Array]
 def _places(
     face: Topography, heights: Array, inside: NDArray[np.bool_], x: Array, y: Array, reach: float
 ) -> tuple[Place, tuple[Place, ...]]:
-    """Where contact begins, of equal places the one next to the axis, and the next summits that stand out, the lowest first;
-    at the rim the outline makes summits as well."""
+    """The first contact (of equal points the one nearest to the axis), and the next prominent summits, the lowest
+    first. At the rim, the outline makes summits as well."""
     if not inside.any():
         return Place(0.0, 0.0), ()
     lowest, highest = float(heights[inside].min()), float(heights[inside].max())
@@ -248,7 +252,7 @@ def _places(
     walled = np.where(inside, heights, highest + relief)
     points = critical_points(walled, relief, periodic=face.radius is None).minima
     summits = [place(*_index(point, heights.shape)) for point in points if inside.ravel()[point]]
-    # The summit that the first contact is on is none of the next.
+    # The summit of the first contact is not one of the next.
     own = min(summits, key=lambda other: (other.height > EQUAL * reach, other.distance), default=None)
     others = sorted((other for other in summits if other is not own), key=lambda other: (other.height, other.distance))
     return place(*first), tuple(others[:OTHERS])
@@ -260,7 +264,7 @@ def _index(flat: np.integer, shape: tuple[int, ...]) -> tuple[int, int]:
 
 
 def _sag(z: Array, below: float) -> float:
-    """What most heights below a level bend within a pixel at least, from their second differences [m]; edges may bend more."""
+    """Least bending within a pixel of most heights below a level, from second differences [m]. Edges may bend more."""
     with np.errstate(invalid="ignore"):
         low = z <= below
     bends = [
@@ -273,7 +277,7 @@ def _sag(z: Array, below: float) -> float:
 
 
 def _step(z: Array) -> float:
-    """Step between levels [m] of heights that come in whole steps, and have terraces, as those of a converter do; 0 for
+    """Step between levels [m] of discrete heights with terraces, as from an analog-to-digital converter; 0 for
     others."""
     level = [np.diff(z, axis=axis) for axis in (0, 1)]
     level = [steps[np.isfinite(steps)] for steps in level]
@@ -290,7 +294,7 @@ def _step(z: Array) -> float:
 
 
 def _clipped(z: Array) -> Code | None:
-    """The lowest or highest height, if it is there much more often than the levels next to it."""
+    """The lowest or highest height, if it is much more frequent than the levels next to it."""
     levels, counts = np.unique(z[np.isfinite(z)], return_counts=True)
     if levels.size < 2 * LEVELS:
         return None

@@ -2,12 +2,13 @@
 
 The surface is flooded from below. At each local minimum a lake begins. Where two lakes meet, at a pass, the one with
 the higher minimum ends: the height from there to the pass is its relief. Flooded from above, the surface has its maxima
-in the same way. What has less relief than asked for is noise; a pass that ends a lake of enough relief is a saddle. In
-a cell that repeats itself two more saddles count, where the water first reaches around the cell, and where it first
-does so in another direction: no lake ends there.
+in the same way. Extrema with less than the given relief are noise; a pass that ends a lake of sufficient relief is a
+saddle. In a periodic cell two more saddles count, at which no lake ends: where the water first connects around the
+cell, and where it first does so in another direction.
 
-Pixels of equal height are taken in the order of their indices, so plateaus need no care. Below, a pixel has eight
-neighbours, above it has four: so low and high ground never cross, and each saddle belongs to one of the two floods.
+Pixels of equal height are ordered by their indices, so plateaus need no special treatment. A pixel has eight neighbours
+in the flood from below, and four in that from above. So low and high regions never cross, and each saddle belongs to
+one of the two floods.
 
 Source: H. Edelsbrunner, D. Letscher, A. Zomorodian, Discrete Comput. Geom. 28 (2002) 511,
 doi:10.1007/s00454-002-2885-2.
@@ -30,15 +31,16 @@ FOUR: Steps = ((-1, 0), (0, -1), (0, 1), (1, 0))
 EIGHT: Steps = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 """Steps to the neighbours, by row and column. The second half are those of the first half backwards."""
 SPAN = 1024
-"""A way around the cell, so many times up and so many times to the right, is one whole number: up * SPAN + right."""
+"""A winding around the periodic cell, with numbers of periods up and to the right, is stored as one integer: up * SPAN
++ right."""
 
 
 @dataclass(frozen=True, eq=False)
 class CriticalPoints:
     """Flat indices of pixels, each array (count,) in rising order.
 
-    In a periodic cell there are as many saddles as minima and maxima together (Euler). A pixel where n lakes meet is
-    n - 1 saddles there, and then comes as often.
+    In a periodic cell there are as many saddles as minima and maxima together (Euler). A pixel where n lakes meet
+    counts as n - 1 saddles, and is listed n - 1 times.
     """
 
     minima: Numbers
@@ -49,8 +51,9 @@ class CriticalPoints:
 def critical_points(z: Array, relief: float, periodic: bool = False) -> CriticalPoints:
     """The extrema of heights z[iy, ix] whose relief is not less than asked for, and the saddles that belong to them.
 
-    relief >= 0: in the unit of z. periodic: the array repeats itself over the plane; else it ends at its border, where
-    extrema and saddles count like others, and those that only the border makes are the caller's to drop. The relief of
+    relief >= 0: in the unit of z. periodic: the array is repeated over the plane. Otherwise it ends at its border,
+    where extrema and saddles count like others; the caller drops those that only exist because of the border. The
+    relief of
     the lowest minimum and of the highest maximum is the height range of all; a plane has no points at all.
     """
     order = np.argsort(z, axis=None, kind="stable")
@@ -58,11 +61,11 @@ def critical_points(z: Array, relief: float, periodic: bool = False) -> Critical
     places[order] = np.arange(z.size, dtype=np.int32)
     rank, height = places.reshape(z.shape), z.ravel()[order]
     minima, low, around = _flooded(rank, height, relief, EIGHT, periodic)
-    # From above: the same order backwards. The water gets around the cell at the same two saddles.
+    # From above, in the reverse order. The water connects around the cell at the same two saddles.
     last = z.size - 1
     maxima, high = (last - ranks for ranks in _flooded(last - rank, -height[::-1], relief, FOUR, periodic)[:2])
     if not periodic:
-        # Beside the border both floods may end a lake at one saddle.
+        # Next to the border both floods may end a lake at the same saddle.
         high = high[~np.isin(high, low)]
     saddles = np.concatenate([low, high, around])
     return CriticalPoints(*(np.sort(order[ranks]) for ranks in (minima, saddles, maxima)))
@@ -71,7 +74,8 @@ def critical_points(z: Array, relief: float, periodic: bool = False) -> Critical
 def _flooded(
     rank: Numbers, height: Array, relief: float, steps: Steps, periodic: bool
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Ranks of the minima that stand out, of the passes that end them, and of those where the water gets around.
+    """Ranks of the prominent minima, of the passes that end their lakes, and of those where the water connects around
+    the cell.
 
     rank: of each pixel in the order of heights. height: of each rank.
     """
@@ -79,14 +83,14 @@ def _flooded(
     end, around = _joined(minima.size, _passes(rank, basin, winding, minima.size, steps, periodic))
     never = end < 0
     rise = np.where(never, height[-1], height[end]) - height[minima]
-    # Equal heights are told apart by their order alone.
+    # Equal heights only differ by their order.
     out = (rise >= relief) & (rise > 0.0)
     return minima[out], end[out & ~never], around if out.any() else around[:0]
 
 
 def _basins(rank: Numbers, steps: Steps, periodic: bool) -> tuple[Numbers, Numbers, Numbers]:
-    """Number of each pixel's basin, the way around the cell that leads from the pixel to its minimum, and the ranks of
-    the basins' minima in rising order."""
+    """Number of each pixel's basin, the winding of the path from the pixel to its minimum, and the ranks of the basins'
+    minima in rising order."""
     lowest, first = rank.copy(), np.zeros(rank.shape, np.int32)
     for there, seam in _neighbours(rank, steps, periodic):
         lower = there < lowest
@@ -103,8 +107,8 @@ def _basins(rank: Numbers, steps: Steps, periodic: bool) -> tuple[Numbers, Numbe
 
 
 def _neighbours(values: Numbers, steps: Steps, periodic: bool) -> Iterator[tuple[Numbers, Numbers]]:
-    """For each step the values of all pixels' neighbours there, and the way around the cell to them. Beyond a border
-    the value is the number of pixels, more than any rank or basin."""
+    """For each step, the values of all pixels' neighbours, and the winding of the step. Beyond a border the value is
+    the number of pixels, which is larger than any rank or basin."""
     padded = np.pad(values, 1, mode="wrap") if periodic else np.pad(values, 1, constant_values=values.size)
     rows, columns = values.shape
     up, right = (np.zeros(count + 2, np.int32) for count in values.shape)
@@ -116,10 +120,10 @@ def _neighbours(values: Numbers, steps: Steps, periodic: bool) -> Iterator[tuple
 
 
 def _passes(rank: Numbers, basin: Numbers, winding: Numbers, count: int, steps: Steps, periodic: bool) -> Passes:
-    """The lowest pass between any two basins, in rising order: the basins' numbers, the way around the cell from the
-    first one's minimum to the second one's across this pass, and the rank of its higher pixel; each (passes,).
+    """The lowest pass between any two basins, in rising order: the numbers of the basins, the winding of the path from
+    the first minimum to the second one across this pass, and the rank of its higher pixel; each (passes,).
 
-    Two basins that meet across several sides of the cell have a pass for each way. A basin that meets itself around
+    Two basins that meet across several sides of the cell have a pass for each winding. A basin that meets itself around
     the cell has one too.
     """
     found, half = [], steps[: len(steps) // 2]
@@ -134,7 +138,8 @@ def _passes(rank: Numbers, basin: Numbers, winding: Numbers, count: int, steps: 
 
 
 def _lowest(one: Numbers, two: Numbers, turn: Numbers, top: Numbers, count: int) -> Passes:
-    """Of passes in rising order the first one between the same two lakes on the same way, the older lake first."""
+    """The first of the passes, in rising order, between the same two lakes with the same winding; the older lake is
+    first."""
     turn = np.where(one > two, -turn, turn)
     one, two = np.minimum(one, two), np.maximum(one, two)
     key = (one.astype(np.int64) * count + two) * SPAN**2 + turn
@@ -144,10 +149,11 @@ def _lowest(one: Numbers, two: Numbers, turn: Numbers, top: Numbers, count: int)
 
 def _joined(count: int, passes: Passes) -> tuple[Numbers, Numbers]:
     """For each basin the rank of the pass where its lake ends, -1 if it never does, and the ranks of the passes across
-    which the water first gets around the cell, one way and another.
+    which the water first connects around the cell, in two directions.
 
-    In each round every lake ends whose lowest pass leads to an older one: the water gets there before anywhere else.
-    What is between the others is then looked at again. Basins are numbered in the order of their minima.
+    In each round, every lake ends whose lowest pass leads to an older one, because the water rises over this pass
+    first. Then the passes between the remaining lakes are examined again. Basins are numbered in the order of their
+    minima.
     """
     one, two, turn, top = passes
     end, still = np.full(count, -1, np.int64), np.arange(count)
@@ -168,7 +174,7 @@ def _joined(count: int, passes: Passes) -> tuple[Numbers, Numbers]:
         one, two = to[one], to[two]
         kept = (one != two) | (turn != 0)
         one, two, turn, top = _lowest(one[kept], two[kept], turn[kept], top[kept], count)
-    # Passes are left that lead from the last lake around the cell to itself.
+    # The remaining passes lead from the last lake around the cell to itself.
     up = np.rint(turn / SPAN).astype(np.int64)
     right = turn - SPAN * up
     another = up[:1] * right != right[:1] * up
@@ -176,7 +182,7 @@ def _joined(count: int, passes: Passes) -> tuple[Numbers, Numbers]:
 
 
 def _followed(to: Numbers, winding: Numbers) -> tuple[Numbers, Numbers]:
-    """Where pointers that each lead downwards end, and the ways around the cell summed up on the way."""
+    """The ends of chains of pointers, and the windings summed along them."""
     while True:
         further = to[to]
         if np.array_equal(further, to):

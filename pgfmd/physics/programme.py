@@ -137,9 +137,11 @@ class Path:
 
 @dataclass(frozen=True)
 class Following(Phase):
-    """A phase in which the drive follows a path."""
+    """A phase in which the drive follows a path from where it is. first [N]: of a load to follow, what the punch has to
+    carry at the start; NaN for a displacement, which is counted from where the punch is."""
 
     path: Path = Path((0.0, 1.0), (0.0, 0.0))
+    first: float = math.nan
 
     def displacement(self, elapsed: float) -> float:
         """Displacement [m] of the drive since the start of the phase."""
@@ -153,6 +155,11 @@ class Following(Phase):
     def fastest(self) -> float:
         """The largest speed [m/s] within the phase."""
         return self.path.fastest
+
+    @property
+    def starts_at(self) -> float:
+        """The force [N] that the punch has to carry at the start; NaN for any."""
+        return self.first
 
     @property
     def longest_step(self) -> float:
@@ -236,7 +243,8 @@ def phases_of(
         phase = _phase_of(step, machine, cycle, number)
         if found:
             before = velocity if control == step.control else 0.0
-            if before != phase.velocity_start:
+            # A turn before a file would shift all of it.
+            if before != phase.velocity_start and step.do != "follow":
                 found.append(_turn(before, phase, step, machine))
         found.append(phase)
         velocity, control = phase.velocity_end, step.control
@@ -281,13 +289,21 @@ def _phase_of(step: Step, machine: Machine, cycle: int, number: int) -> Phase:
         path = Path(tuple((times - times[0]).tolist()), tuple((sign * (values - values[0])).tolist()))
         ends = path.velocity(0.0), path.velocity(path.times[-1])
         return Following(
-            step.do, *ends, path.times[-1], endings=endings, control=control, cycle=cycle, stage=number, path=path
+            step.do,
+            *ends,
+            path.times[-1],
+            endings=endings,
+            control=control,
+            cycle=cycle,
+            stage=number,
+            path=path,
+            first=float(values[0]) if control == LOAD else math.nan,
         )
     name, velocity = step.do, machine.drive_velocity(control, step.rate)
     if step.do == "hold":
         name, velocity = "dwell" if control == DISPLACEMENT else "hold", 0.0
-    pressed = step.rate > 0.0 and any(quantity == FORCE for quantity, _ in step.until)
-    ends_with = PRELOAD if pressed else DETACHED if step.is_free else ""
+    # Where a step stops pressing the punch in is the preload, whatever ends it.
+    ends_with = PRELOAD if step.rate > 0.0 else DETACHED if step.is_free else ""
     return Phase(name, velocity, velocity, step.duration, ends_with, endings, control, cycle=cycle, stage=number)
 
 

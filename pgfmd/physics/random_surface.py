@@ -4,16 +4,17 @@
 
     C(q) = C_0 for q_L <= q < q_r,   C_0 (q/q_r)^(-2 - 2 H) for q_r <= q <= q_s,   0 elsewhere
 
-with k = (i, j) over half of the whole numbers, as a wave and its opposite are one. P is the period of the face along x and y; H
+with k = (i, j) over half of all integers, because k and -k are the same wave. P is the period of the face along x and
+y; H
 the Hurst exponent; q_L, q_r and q_s belong to the longest wave, the roll-off and the shortest one. C is the usual spectral
 density of heights per area of wave vectors, <z^2> = (2 pi)^-2 int C(q) d^2q: Persson et al., J. Phys.: Condens. Matter 17
-(2005) R1; Jacobs, Junge and Pastewka, Surf. Topogr. 5 (2017) 013001. Amplitudes are those of the spectrum, and the phases,
-which are uniform, a hash of (seed, i, j): so rms height, slope and curvature over a period are sums, exactly, and a longer or
-shorter cut-off leaves all other waves as they are.
+(2005) R1; Jacobs, Junge and Pastewka, Surf. Topogr. 5 (2017) 013001. Amplitudes follow the spectrum, and the uniform
+phases are a hash of (seed, i, j). So rms height, slope and curvature over a period are exact sums, and another cut-off
+does not change the other waves.
 
-No grid is part of this: the waves are summed on a grid of their own, at least four points to the shortest, and taken from there
-to a point by a Kaiser-Bessel window for which the amplitudes make up beforehand (a non-uniform fast Fourier transform: Dutt and
-Rokhlin, SIAM J. Sci. Comput. 14 (1993) 1368), to 1e-12 of the rms height.
+The face does not depend on the simulation grid. The waves are summed on a separate grid with at least four points per
+shortest wave, and interpolated with a Kaiser-Bessel window whose effect on the amplitudes is corrected beforehand (a
+non-uniform fast Fourier transform: Dutt and Rokhlin, SIAM J. Sci. Comput. 14 (1993) 1368), to 1e-12 of the rms height.
 """
 
 from __future__ import annotations
@@ -30,21 +31,20 @@ from .asperities import site_uniforms
 Array = NDArray[np.float64]
 
 MOST_WAVES = 2048
-"""Shortest waves along a period, at most: the grid of their sum then takes half a gigabyte."""
+"""Largest number of shortest waves along a period, at which the grid takes half a gigabyte."""
 WIDTH = 14
-"""Points of that grid, along a side, that a height is taken from."""
+"""Number of points of this grid, along a side, from which a height is interpolated."""
 BETA = 0.75 * math.pi * WIDTH
-"""Of the Kaiser-Bessel window where there are four points to the shortest wave."""
+"""Parameter of the Kaiser-Bessel window with four points per shortest wave."""
 FEW = 1 << 16
-"""Points whose heights are taken at a time."""
+"""Number of points whose heights are computed at a time."""
 ROUNDING = 1e-9
 """Relative width by which a wave may be longer or shorter than the cut-offs."""
 
 
 def automatic_period(radius: float | None, longest: float, side: float) -> float:
-    """The period [m] of a face of which nothing else is said: the side [m] of the cell that it fills; twice the larger of
-    longest wave and diameter of a punch with an outline, so that it depends on the punch alone, and none of it is repeated
-    below the punch."""
+    """The default period [m] of a face: the side [m] of a cell that it fills; with an outline, twice the larger of the
+    longest wave and the diameter, so that it only depends on the punch, and nothing is repeated under the punch."""
     return side if radius is None else 2.0 * max(2.0 * radius, longest)
 
 
@@ -146,7 +146,7 @@ class RandomSurface:
 
     @property
     def expected(self) -> Roughness:
-        """What the spectrum says of a whole period."""
+        """Statistics of a whole period, from the spectrum."""
         height, slope, bend = (math.sqrt(self.moment(power)) for power in (0, 2, 4))
         return Roughness(height, slope, 0.5 * bend)
 
@@ -157,7 +157,8 @@ class RandomSurface:
         return 0.375 * math.sqrt(math.pi / (0.375 * self.moment(4)))
 
     def realised(self, radius: float | None = None) -> Roughness:
-        """The same of the part below a punch of this radius [m], of a whole period without one, at the points of `points`."""
+        """The same for the part under a punch of this radius [m], or a whole period without one, at the points of
+        `points`."""
         across = (np.arange(self.points) / self.points + 0.5) % 1.0 - 0.5
         inside = np.ones((1, 1), bool)
         if radius is not None:
@@ -184,7 +185,7 @@ class RandomSurface:
         column, of_column = self._window(x)
         lines, line_of = np.unique(y, return_inverse=True)
         total = np.zeros(x.size)
-        # Both ways add in the same order, and so give the same bits: a line of the samples between its rows first.
+        # Both variants add in the same order and so give the same bits: first along a line of samples between the rows.
         if lines.size * len(samples) > x.size * WIDTH:
             for k in range(WIDTH):
                 along = np.zeros(x.size)
@@ -202,7 +203,8 @@ class RandomSurface:
         return total
 
     def _window(self, x: Array) -> tuple[NDArray[np.int64], Array]:
-        """Of coordinates [m], (count,): the first of the samples that each is taken from, and their weights (WIDTH, count)."""
+        """For coordinates [m], (count,): the first of the samples for each, and the weights of the samples (WIDTH,
+        count)."""
         from scipy.special import i0
 
         place = (x / self.period - np.floor(x / self.period)) * self.points
@@ -226,12 +228,12 @@ class RandomSurface:
 
     @functools.cached_property
     def _samples(self) -> Array:
-        """What heights are taken from by the window, [y, x], from the axis on."""
+        """The samples that the window interpolates, [y, x], from the axis on."""
         i, j, waves = self._half_waves()
         count = self.points
 
         def response(index: NDArray[np.int64]) -> Array:
-            """What the window makes of a wave of amplitude 1."""
+            """The factor by which the window changes the amplitude of a wave."""
             from scipy.special import i0
 
             root = np.sqrt(BETA**2 - (math.pi * WIDTH / count * index) ** 2)
@@ -249,7 +251,7 @@ def points_for(period: float, shortest: float) -> int:
 
 
 def surface_bytes(period: float, shortest: float) -> float:
-    """Memory [bytes] that such a face takes at most while heights are taken from it: amplitudes and their sum."""
+    """Largest memory [bytes] of such a face while heights are computed: amplitudes and their sum."""
     return 3.0 * 8.0 * points_for(period, shortest) ** 2
 
 

@@ -11,8 +11,8 @@ triangular lattice, on its mirror line x = 0: neither a summit nor a saddle, but
 (hex) or 16/9 z0 (tri).
 
 Additions, in this order: macroscopic curvature, height jitter of the asperities, printing layers. Heights are raw:
-the plane z = 0 is that of the pattern's formula. The programme wants min z = 0 over the punch, and since the points are
-shared out over ranks, the caller subtracts the minimum over all points with r <= a, on all ranks.
+the plane z = 0 is that of the pattern's formula. The programme needs min z = 0 over the punch. Since the points are
+distributed over ranks, the caller subtracts the minimum over all points with r <= a, on all ranks.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from .random_surface import RandomSurface
 
 Array = NDArray[np.float64]
 UNUSED: Any = None
-"""In the place of what a face's pattern does not ask for: whoever reads it has looked at the pattern."""
+"""Placeholder for fields that the pattern of a face does not need. Code that reads them has checked the pattern."""
 
 
 def _hexagonal(punch: Topography, x: Array, y: Array) -> Array:
@@ -96,8 +96,8 @@ def _sinusoid_lattice(punch: Topography) -> Lattice:
 class Pattern:
     """One row of the table: formula, the fields of Topography it needs, where its asperities sit, their summits.
 
-    round: curvature_radius belongs to the formula, so it is no macroscopic curvature on top. sampled: the face has no regular
-    summits, and is looked at on a grid for them.
+    round: curvature_radius belongs to the formula, so it is no macroscopic curvature on top. sampled: the face has no
+    regular summits, and they are searched for on a grid.
     """
 
     heights: Callable[[Topography, Array, Array], Array]
@@ -156,14 +156,14 @@ class Topography:
     seed: any integer; the offset of an asperity follows from the seed and the asperity's lattice indices alone, as does the
         phase of a wave of "rough".
     hurst, rms_height [m], rms_slope, longest, roll_off, shortest, period [m]: of "rough", see `pgfmd.physics.random_surface`;
-        one of rms_height and rms_slope, roll_off is `longest` unless said otherwise.
-    file, file_size (x, y) [m], file_periodic, file_order: see `pgfmd.physics.heightfile`; a map is periodic where nothing else
-        is said and there is no radius. file_unit: name of the unit of its heights, None for that of the file, metres where it has
-        none. file_peaks: "up" where larger heights touch first, "down" where lower ones do, None for what the file says, "down"
-        where it says nothing. file_detrend: what is taken off, "none", "tilt" or "curvature". file_missing: whether missing heights
-        are refused ("refuse") or made from those around ("fill"). file_missing_value: numbers that mean missing.
-    file_relief [m]: least height by which a summit or valley of a map stands out (`contact_sites`), no matter for the
-        heights; None, as for "rough", for a share of the height range.
+        one of rms_height and rms_slope; roll_off is `longest` by default.
+    file, file_size (x, y) [m], file_periodic, file_order: see `pgfmd.physics.heightfile`; a map is periodic by default
+    if there is no radius. file_unit: name of the unit of its heights, None for that of the file, or metres if it has
+    none. file_peaks: "up" if larger heights touch first, "down" if lower ones do, None for the sense given in the file,
+    or "down" if it has none. file_detrend: what is subtracted, "none", "tilt" or "curvature". file_missing: whether
+    missing heights are refused ("refuse") or interpolated ("fill"). file_missing_value: numbers that mean missing.
+    file_relief [m]: least height by which a summit or valley of a map stands out (`contact_sites`), without effect on
+    the heights; None, as for "rough", for a fraction of the height range.
 
     Raises ValueError naming the field that is wrong or missing.
     """
@@ -228,7 +228,7 @@ class Topography:
 
     @property
     def map_request(self) -> MapRequest:
-        """What the map of a face with the pattern "file" is read by."""
+        """The request for the map of a face with the pattern "file"."""
         keys = MapKeys(
             self.file_size,
             self.file_unit,

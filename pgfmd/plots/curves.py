@@ -1,6 +1,6 @@
 """Curves of runs: force and contact against indentation, both against time, any column against any other, energies.
 
-Several runs share a picture, each with a colour and a style of line of its own. Reads files only, no MPI.
+Several runs share a picture, each with its own colour and line style. Reads files only, no MPI.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.results.about import about
+from pgfmd.results.caption import about
 from pgfmd.results.curve import Array, Loop, Measures, column, measure
 from pgfmd.results.reading import Results, Run, opened
 from pgfmd.units import handy
@@ -42,14 +42,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ZOOM_BELOW = 0.1
-"""A tension below this share of the largest force has a panel of its own."""
+"""A tension below this fraction of the largest force gets a separate panel."""
 USUAL = {"m": (1e-6, "µm"), "N": (1e-3, "mN"), "m^2": (1e-6, "mm²")}
-"""Units that pictures have unless numbers in them would be very small or large."""
+"""Default units of pictures, unless their numbers would be very small or large."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a curve can be drawn of: what an axis calls it, its SI unit, and its rows in a run."""
+    """A quantity of a curve: label of the axis, SI unit, and its rows in a run."""
 
     name: str
     unit: str
@@ -92,11 +92,11 @@ QUANTITIES: dict[str, Quantity] = {
     **{kind: _area(kind) for kind in ("contact", "overlap", "near")},
     **{name: _of_energy(name) for name in ("work", "elastic", "adhesive", "viscous", "released", "residual")},
 }
-"""Columns of a run by what `pgfmd plot --x` and `--y` call them."""
+"""Columns of a run by their names for `pgfmd plot --x` and `--y`."""
 
 
 def axis_unit(values: Sequence[Array], unit: str) -> tuple[float, str]:
-    """Factor and name of the unit of an axis: the usual one where its numbers are handy, else one in which they are."""
+    """Factor and name of the unit of an axis: the default one, unless numbers would be very small or large in it."""
     largest = max((float(np.nanmax(np.abs(each), initial=0.0)) for each in values), default=0.0)
     if unit in USUAL:
         factor, name = USUAL[unit]
@@ -106,12 +106,12 @@ def axis_unit(values: Sequence[Array], unit: str) -> tuple[float, str]:
 
 
 def labelled(name: str, unit: str) -> str:
-    """What an axis says."""
+    """The label of an axis."""
     return f"{name} ({unit})" if unit else name
 
 
 def names_of(runs: Sequence[Results]) -> list[str]:
-    """What a legend calls runs: their folders, with those above them where they are called alike."""
+    """Names of runs in a legend: their folders, with parent folders if names are equal."""
     names = [run.directory.name for run in runs]
     if len(set(names)) < len(names):
         names = [f"{run.directory.parent.name}/{run.directory.name}" for run in runs]
@@ -122,14 +122,15 @@ def names_of(runs: Sequence[Results]) -> list[str]:
 
 
 def at_foot(figure: Figure, runs: Sequence[Results]) -> None:
-    """Writes what is shown at the foot of a figure: the run, or how many there are."""
+    """Writes the line at the foot of a figure: the run, or the number of runs."""
     text = about(runs[0])
     footer(figure, text if len(runs) == 1 else f"{len(runs)} runs; the first: {text}")
 
 
 @contextmanager
 def opened_together(runs: Sequence[Run]) -> Iterator[tuple[list[Results], list[Loop]]]:
-    """The results and loops of runs, for as long as they are drawn. ResultError if one can't be read, or is empty."""
+    """The results and loops of runs, which stay open while they are drawn. ResultError if one can't be read, or is
+    empty."""
     if not runs:
         raise TypeError("expected at least one run: its results, or its folder")
     with ExitStack() as stack:
@@ -139,10 +140,11 @@ def opened_together(runs: Sequence[Run]) -> Iterator[tuple[list[Results], list[L
 
 @picture
 def plot_force(*runs: Run) -> Figure:
-    """Force and, below, contact area against indentation; approach dashed, retraction full.
+    """Force and, below, contact area against indentation; approach dashed, retraction solid.
 
-    A tension that is under a tenth of the largest force has a third panel, which shows forces around zero. One run alone
-    has its preload, pull-off and snap-in marked. Of a run that counted overlap alone, that area instead, by its name.
+    If the tension is below a tenth of the largest force, a third panel shows forces around zero. For a single run,
+    preload, pull-off and snap-in are marked. For a run that counted only overlap, the overlap area is shown, and named
+    so.
 
     runs: results, or folders. Raises ResultError if one can't be read, or has no rows yet.
     """
@@ -158,7 +160,7 @@ def plot_force(*runs: Run) -> Figure:
             shown.append((close, along, [loop.force for loop in loops]))
         for axis, unit, values in shown:
             for number, (loop, rows, name) in enumerate(zip(loops, values, names_of(results), strict=True)):
-                _branches(axis, loop, loop.indentation / across[0], rows / unit[0], number, len(loops), name)
+                draw_branches(axis, loop, loop.indentation / across[0], rows / unit[0], number, len(loops), name)
         for axis in [upper] if close is None else [upper, close]:
             axis.axhline(0, color="0.8", linewidth=0.8, zorder=0)
             axis.set_ylabel(labelled("force", along[1]))
@@ -166,11 +168,13 @@ def plot_force(*runs: Run) -> Figure:
             for text, marker, x, y in _marks(loops[0], measure(loops[0]), along):
                 place: dict[str, Any] = {"color": RED, "markersize": 5, "linestyle": "none", "label": text}
                 upper.plot(x / across[0], y / along[0], marker, **place)
+                if close is not None:
+                    close.plot(x / across[0], y / along[0], marker, **place)
         else:
             _thin_is_approach(upper)
         upper.margins(y=0.08)
         if close is not None:
-            _zoom(close, loops, across[0], along[0], float(-lowest))
+            zoom_on_tension(close, loops, across[0], along[0], float(-lowest))
             close.set_xlabel(labelled("indentation", across[1]))
         kinds = " or ".join(dict.fromkeys(next(iter(loop.areas)) for loop in loops))
         lower.set(xlabel=labelled("indentation", across[1]), ylabel=labelled(kinds, area_axis[1]))
@@ -182,7 +186,7 @@ def plot_force(*runs: Run) -> Figure:
 
 
 def _panels(zoomed: bool) -> tuple[Figure, Axes, Axes, Axes | None]:
-    """A figure, and the axes of the forces, of the areas below, and of the forces around zero: beside them, or below on a narrow page."""
+    """A figure, and its axes: forces, areas below, and forces around zero to the right, or below on a narrow page."""
     if not zoomed:
         figure = new_figure(5.2, 5.2)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
@@ -201,8 +205,8 @@ def _panels(zoomed: bool) -> tuple[Figure, Axes, Axes, Axes | None]:
     return figure, upper, lower, figure.add_subplot(places[2])
 
 
-def _branches(axis: Axes, loop: Loop, x: Array, y: Array, number: int, of: int, name: str) -> None:
-    """The way in, dashed and grey, or thin where there are several runs, and the way out."""
+def draw_branches(axis: Axes, loop: Loop, x: Array, y: Array, number: int, of: int, name: str) -> None:
+    """Draws the approach, dashed and grey, or thin if there are several runs, and the retraction."""
     colour, line = PALETTE[number % len(PALETTE)], LINES[number % len(LINES)]
     alone: dict[str, dict[str, Any]] = {
         "approach": {"color": GREY, "linestyle": DASHES, "label": "approach"},
@@ -218,13 +222,13 @@ def _branches(axis: Axes, loop: Loop, x: Array, y: Array, number: int, of: int, 
 
 
 def _thin_is_approach(axis: Axes) -> None:
-    """Has the legend say which line of a run is the way in."""
+    """Adds a legend entry for the approach."""
     axis.plot([], [], color="0.3", linewidth=0.6, label="approach")
 
 
 def _marks(loop: Loop, found: Measures, unit: tuple[float, str]) -> Iterator[tuple[str, str, float, float]]:
-    """Text, marker, indentation [m] and force [N] of what is marked on the curve: the numbers of `run.json`, where
-    there is one (results/curve.py)."""
+    """Text, marker, indentation [m] and force [N] of the marks on the curve: the numbers of `run.json`, if it exists
+    (results/curve.py)."""
     factor, name = unit
     if found.preload is not None and found.preload > 0.0:
         yield (
@@ -240,8 +244,8 @@ def _marks(loop: Loop, found: Measures, unit: tuple[float, str]) -> Iterator[tup
         yield f"{mark}  {signed(-dip.tension / factor)}{spread} {name}", markers[mark], place, -dip.tension
 
 
-def _zoom(axis: Axes, loops: Sequence[Loop], across: float, along: float, tension: float) -> None:
-    """Shows the forces from the largest tension to twice as much compression, and where the punch meets them."""
+def zoom_on_tension(axis: Axes, loops: Sequence[Loop], across: float, along: float, tension: float) -> None:
+    """Limits the axes to forces from the largest tension to twice as much compression, and their indentations."""
     most = 2.0 * tension
     places = np.concatenate([loop.indentation[loop.force <= most] for loop in loops]) / across
     margin = 0.04 * float(np.ptp(places))
@@ -251,7 +255,7 @@ def _zoom(axis: Axes, loops: Sequence[Loop], across: float, along: float, tensio
 
 @picture
 def plot_time(*runs: Run) -> Figure:
-    """Force and indentation against time; ticks at the foot of the forces where the surface jumped.
+    """Force and indentation against time. Ticks at the bottom of the forces mark jumps of the surface.
 
     runs: results, or folders. Raises ResultError if one can't be read, or has no rows yet.
     """
@@ -285,12 +289,12 @@ def plot_time(*runs: Run) -> Figure:
 
 @picture
 def plot_curve(*runs: Run, x: str = "indentation", y: str = "force", log: str = "") -> Figure:
-    """One column of runs against another, row by row.
+    """One column of runs against another.
 
     Args:
         runs: results, or folders.
         x, y: of QUANTITIES, such as "time", "force", "contact", "viscous".
-        log: axes with a logarithmic scale: "x", "y" or "xy". Numbers that are not above zero are not drawn there.
+        log: axes with a logarithmic scale: "x", "y" or "xy". Numbers up to zero are then not drawn.
 
     Raises:
         ResultError: if a run can't be read, has no such column, or nothing above zero for a logarithmic axis.
@@ -311,7 +315,7 @@ def plot_curve(*runs: Run, x: str = "indentation", y: str = "force", log: str = 
                     raise ResultError(
                         f"{loop.name}: its {called} is nowhere above zero, as a logarithmic axis needs it"
                     )
-            _branches(axis, loop, across, along, number, len(loops), name)
+            draw_branches(axis, loop, across, along, number, len(loops), name)
         for letter, name, (_, unit) in zip("xy", (x, y), units, strict=True):
             axis.set(**{f"{letter}label": labelled(QUANTITIES[name].name, unit)})
             if letter in log:
@@ -325,9 +329,9 @@ def plot_curve(*runs: Run, x: str = "indentation", y: str = "force", log: str = 
 
 @picture
 def plot_energy(run: Run) -> Figure:
-    """The terms of the energy audit against time, and what is left unexplained below.
+    """The terms of the energy audit against time, and the residual below.
 
-    run: results, or their folder. Raises ResultError if it can't be read, or kept no audit.
+    run: results, or their folder. Raises ResultError if it can't be read, or has no audit.
     """
     with opened(run) as results:
         energy = results.energy

@@ -1,15 +1,15 @@
-"""Drawing in the project's own manner, whatever matplotlib is set to by its user, and writing pictures: the style, the
-colours and lines, the widths of journals, how numbers are written, and which rows of a long curve are drawn.
+"""Style and writing of pictures, independent of the user's settings of matplotlib: colours and lines, widths for
+journals, format of numbers, and the rows of a long curve that are drawn.
 
-A function with the decorator `picture` returns a Figure. matplotlib is loaded when a picture is made, and without pyplot:
-the caller's own settings are not touched.
+A function with the decorator `picture` returns a Figure. matplotlib is only loaded when a picture is made, and without
+pyplot, so that the caller's settings do not change.
 """
 
 from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -38,8 +38,8 @@ STYLE = {
     "savefig.dpi": 150,
 }
 PALETTE = ("#00798c", "#8f1d14", "#d18f00", "#2d1657", "#e7a0c0", "#7a8f3c")
-"""Colours of curves. They are told apart by eyes without red or green receptors, and their lightness differs for prints in
-grey (tests/unit/test_palette.py)."""
+"""Colours of curves. Colour-blind readers can distinguish them, and their lightness differs for prints in grey
+(tests/unit/test_palette.py)."""
 TURQUOISE, RED, OCHRE, VIOLET = PALETTE[:4]
 GREY = "#8a8a8a"
 DASHES = (0, (4, 2))
@@ -53,21 +53,23 @@ FORMATS = ("png", "pdf", "svg")
 FOOTER = 0.17
 """Height [inch] of the line below a picture."""
 FOOTER_FONT = 6.5
+MOST_TICKS = 6
+"""Places on a logarithmic axis up to which each has its number."""
 _width: ContextVar[str | None] = ContextVar("width", default=None)
 CURVE_PARTS = 2000
-"""Parts of a curve of which the lowest and highest points are drawn: more than a picture has columns of pixels."""
+"""Number of parts of a curve of which the lowest and highest points are drawn: more than a picture has columns of
+pixels."""
 
 
 @contextmanager
 def drawing(width: str | None = None) -> Iterator[None]:
-    """Around the making and the writing of figures: matplotlib's defaults with STYLE. A user's matplotlibrc may ask for
-    LaTeX that is not there, for another size or for dark paper.
+    """Context in which figures are made and written: matplotlib's defaults with STYLE. A user's matplotlibrc may
+    require LaTeX, another size or a dark background.
 
-    width: one of WIDTHS for all figures that are made within this, with smaller letters; None leaves it as it is, and
-    each figure its own width.
+    width: one of WIDTHS for all figures in this context, with smaller letters; None for the width of each figure.
 
     Raises:
-        ResultError: if matplotlib can't be loaded with the user's set-up.
+        ResultError: if matplotlib can't be loaded.
     """
     try:
         import matplotlib
@@ -90,7 +92,7 @@ def drawing(width: str | None = None) -> Iterator[None]:
 
 
 def picture(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
-    """Makes a function that draws a figure do so with the project's settings, whatever those of its caller."""
+    """Decorator for functions that draw a figure with the project's settings, independent of the caller's."""
 
     @functools.wraps(draw)
     def drawn(*arguments: P.args, **options: P.kwargs) -> Drawn:
@@ -101,12 +103,13 @@ def picture(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
 
 
 def literal(text: str) -> str:
-    """A title or a name of a user's as text of a figure: its dollars don't begin a formula."""
+    """A title or name from a user as text in a figure, without formulas between dollar signs."""
     return text.replace("$", r"\$")
 
 
 def target_folder(directory: Path, out: str | Path | None) -> Path:
-    """The folder for the pictures of a results folder: `out`, which is made, or else the folder itself. ResultError."""
+    """The folder for the pictures of a results folder: `out`, which is created, or else the folder itself.
+    ResultError."""
     if out is None:
         return directory
     try:
@@ -117,7 +120,7 @@ def target_folder(directory: Path, out: str | Path | None) -> Path:
 
 
 def elsewhere(path: Path, directory: Path) -> str:
-    """What to do, added to a message, where a file could not be written into the results folder."""
+    """Advice for the message if a file could not be written into the results folder."""
     return "; --out DIR writes into another folder" if path.parent == directory else ""
 
 
@@ -134,11 +137,11 @@ def write_picture(figure: Any, path: str | Path, hint: str = "") -> Path:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, width and height in inches, that belongs to no window; within `drawing` of a journal's width, it
-    has that, and a height in proportion. It is written, and shown in a notebook, with the project's settings."""
+    """An empty figure without a window, width and height in inches. Within `drawing` with the width of a journal, it
+    has this width, and a height in proportion. It is written, and shown in a notebook, with the project's settings."""
     if name := _width.get():
         wide = WIDTHS[name]
-        # Letters don't shrink in proportion.
+        # Letters do not shrink in proportion, so the height is a little larger.
         width, height = wide, height * (wide / width) ** 0.7
     return _picture_class()(figsize=(width, height), layout="constrained")
 
@@ -148,7 +151,7 @@ def _picture_class() -> type[Figure]:
     from matplotlib.figure import Figure
 
     class Picture(Figure):
-        """A figure that does not take the settings of whoever saves it."""
+        """A figure that is saved with the project's settings, not those of the caller."""
 
         def savefig(self, fname: Any, **options: Any) -> None:
             with drawing():
@@ -164,13 +167,15 @@ def _picture_class() -> type[Figure]:
 
 
 def room(each: float, most: int) -> int:
-    """How many panels of a width [inch] fit beside each other in a picture of a journal's width; `most` in others."""
+    """Number of panels of a width [inch] in a row of a picture with the width of a journal; `most` in other
+    pictures."""
     width = _width.get()
     return max(1, min(most, int(WIDTHS[width] / each))) if width else most
 
 
 def footer(figure: Figure, text: str) -> None:
-    """Writes a small grey line at the foot of a finished figure, which grows by it; cut off where it is too long."""
+    """Writes a small grey line at the foot of a finished figure, which becomes taller by it. Text that is too long is
+    cut off."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     width, height = figure.get_size_inches()
@@ -180,11 +185,11 @@ def footer(figure: Figure, text: str) -> None:
     renderer = FigureCanvasAgg(figure).get_renderer()
     legends: list[Any] = figure.legends
     for legend in legends:
-        # The layout knows no legend that has a place of its own: room is left for it here.
+        # The layout does not include a legend outside of the axes, so room is reserved for it here.
         box = legend.get_window_extent(renderer).transformed(figure.transFigure.inverted())
         legend.set_bbox_to_anchor((0, share, 1, 1 - share), transform=figure.transFigure)
         pad = 2 * legend.borderaxespad * FOOTER_FONT / 72
-        # What matplotlib keeps to itself, and may call otherwise some day.
+        # A private attribute of matplotlib, which may be renamed in later versions.
         place = getattr(legend, "_outside_loc", None)
         bottom += (box.height + pad / height) * (place == "lower")
         top -= (box.height + pad / height) * (place == "upper")
@@ -194,6 +199,16 @@ def footer(figure: Figure, text: str) -> None:
     most = int(width * 72 / (0.5 * FOOTER_FONT))
     text = text if len(text) <= most else text[: most - 1] + "…"
     figure.text(0.05 / width, 0.3 * share, literal(text), fontsize=FOOTER_FONT, color="0.45", va="bottom")
+
+
+def place_ticks(axis: Any, places: Iterable[float]) -> bool:
+    """Has a logarithmic x axis show its places as ticks, if they are MOST_TICKS at most, and no others; returns whether."""
+    few = sorted(set(places))
+    if len(few) > MOST_TICKS:
+        return False
+    axis.set_xticks(few)
+    axis.set_xticks([], minor=True)
+    return True
 
 
 def signed(value: float) -> str:
@@ -217,24 +232,24 @@ def length_unit(size: float) -> tuple[float, str]:
     return 1e-9, "nm"
 
 
-def seen_rows(*curves: np.ndarray) -> np.ndarray:
-    """Numbers of the rows with which a line looks as with all of them, in their order.
+def seen_rows(*curves: np.ndarray, parts: int = CURVE_PARTS) -> np.ndarray:
+    """Indices of the rows that suffice to draw a line as with all of them, in order.
 
-    Of each of `CURVE_PARTS` equal parts the first row, and where each of the curves, (rows,), is lowest and highest.
-    All rows where they are not many.
+    From each of `parts` equal parts, the first row and the rows of the minimum and maximum of each curve,
+    (rows,). All rows if there are few.
     """
     count = len(curves[0])
-    size = -(-count // CURVE_PARTS)
-    if count <= 2 * CURVE_PARTS * (1 + len(curves)):
+    size = -(-count // parts)
+    if count <= 2 * parts * (1 + len(curves)):
         return np.arange(count)
     starts = np.arange(0, count, size)
     found: list[Any] = [starts, [count - 1]]
     whole = count // size * size
     for curve in curves:
-        parts = np.asarray(curve)[:whole].reshape(-1, size)
+        pieces = np.asarray(curve)[:whole].reshape(-1, size)
         rest = np.asarray(curve)[whole:]
         for place in (np.argmin, np.argmax):
-            found.append(starts[: len(parts)] + place(parts, axis=1))
+            found.append(starts[: len(pieces)] + place(pieces, axis=1))
             if rest.size:
                 found.append([whole + place(rest)])
     return np.unique(np.concatenate(found))

@@ -1,4 +1,4 @@
-"""A measured curve with the run that was fitted to it, and what is left between them. No MPI."""
+"""A measured curve with the run that was fitted to it, and the residuals. No MPI."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def fitted_figure(
     residuals: Array,
     branches: Sequence[str] = ("approach", "retraction"),
 ) -> Figure:
-    """Force [mN] against indentation [um]: measured, at the start and fitted; below, fitted less measured at the places that
-    were compared. depth [m], residuals [N]: (places,), as many on each of the branches, one after the other."""
+    """Force [mN] against indentation [um]: measured, at the start, and fitted. Below, the residuals, fitted minus
+    measured. depth [m], residuals [N]: (points,), equally many on each of the branches, one branch after the other."""
     figure = new_figure(5.6, 5.4)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     styles = ((measured, "black", 2.2, "measured"), (start, GREY, 0.9, "start"), (best, RED, 1.2, "fitted"))
@@ -37,7 +37,7 @@ def fitted_figure(
     upper.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     upper.set_ylabel("force (mN)")
     upper.legend(loc="best")
-    # The start may go far beyond what was measured.
+    # The start may be far outside of the measured range.
     room = 0.08 * np.ptp(depth)
     upper.set_xlim(1e6 * (depth.min() - room), 1e6 * (depth.max() + room))
     lower.axhline(0, color="0.8", linewidth=0.8, zorder=0)

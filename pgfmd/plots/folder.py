@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Draw = Callable[[], "Figure"]
+PAGED = ("contact-maps", "stress-maps")
+"""Pictures with several pages."""
 
 
 def plot_results(
@@ -36,12 +38,12 @@ def plot_results(
     width: str | None = None,
     limit: float | None = None,
 ) -> list[Path]:
-    """Makes every picture that the folder has data for; returns the files written, in it or in the folder `out`.
+    """Makes every picture for which the folder has data, in this folder or in `out`. Returns the files.
 
     `force-displacement.png` and `time.png` always; `contact-maps.png`, `stress-maps.png` with snapshots, more than
-    twelve on further pages, `contact-maps-2.png` and so on; `cycles.png` of a programme with repeats;
-    `energy.png` with an audit; `sites.png` where summits,
-    saddles or valleys have met the elastomer.
+    twelve on further pages, `contact-maps-2.png` and so on; `cycles.png` of a programme with repeats; `energy.png` with
+    an audit; `sites.png` where summits, saddles or valleys have met the elastomer. Further pages of an earlier plot are
+    removed.
 
     Args:
         greys, contact_gap, near_gap: of the maps of contact (`plot_contact_maps`).
@@ -61,15 +63,31 @@ def plot_results(
         for name, draw in pictures_of(results, contact, limit):
             path = folder / f"{name}.{form}"
             written.append(write_picture(draw(), path, elsewhere(path, results.directory)))
+        for kind in PAGED:
+            _remove_pages(folder, kind, form, len(pages_of(results)))
         return written
+
+
+def _remove_pages(folder: Path, kind: str, form: str, last: int) -> None:
+    """Removes pages of maps after the last, which are of an earlier run, or of this one before it was cut back."""
+    page = max(last, 1) + 1
+    while (path := folder / f"{_paged(kind, page)}.{form}").is_file():
+        try:
+            path.unlink()
+        except OSError as problem:
+            raise ResultError(
+                f"{path}: is of an earlier plot, and could not be removed: {problem.strerror}"
+            ) from problem
+        page += 1
 
 
 def pictures_of(
     results: Results, contact: Callable[..., Figure] | None = None, limit: float | None = None
 ) -> Iterator[tuple[str, Draw]]:
-    """Name, and what draws it, of each picture that a run has data for.
+    """Name of each picture for which a run has data, and the function that draws it.
 
-    contact: what draws a page of maps of contact; `plot_contact_maps` of the run unless said. limit: of the stress [Pa].
+    contact: function that draws a page of maps of contact; by default `plot_contact_maps` of the run. limit: of the
+    stress [Pa].
     """
     yield "force-displacement", partial(plot_force, results)
     yield "time", partial(plot_time, results)
@@ -101,7 +119,7 @@ def plot_against(
     Without x and y, `curves` (forces and contact against indentation) and `time`. Else one against the other: columns of
     the curves (`plot_curve`), or numbers of the runs (`plot_numbers`).
 
-    directories: results folders, and folders of studies, whose cases they stand for. Raises ResultError if one is
+    directories: results folders, and folders of studies, which stand for their cases. Raises ResultError if one is
     neither, can't be read, or a picture can't be written; ValueError for an unknown name.
     """
     runs = [run for directory in directories for run in runs_in(directory)]

@@ -1,5 +1,5 @@
-"""Maps of the punch, one a snapshot: overlap, contact, near and open in greys, by the thresholds of the run itself, and
-the normal traction."""
+"""Maps of the punch, one for each snapshot: overlap, contact, near and open in greys, with the thresholds of the run,
+and the normal traction."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pgfmd.errors import ResultError
 from pgfmd.results import Results
 from pgfmd.results.reading import Run, opened
-from pgfmd.units import handy_quantity, parse_quantity
+from pgfmd.units import UnitError, handy_quantity, parse_quantity
 
 from .curves import at_foot
 from .drawing import literal, new_figure, picture, room, signed
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 MOST_PANELS = 12
 """Maps on a page."""
 RANGE = "range"
-"""As a gap: the range of adhesion of the run, beyond which nothing attracts."""
+"""Name of a threshold: the range of adhesion of the run, beyond which there is no attraction."""
 OPEN = "#c4c9d6"
-"""Colour of points without traction in maps of stress: bluish grey, which no traction has."""
+"""Colour of points without traction in maps of stress: bluish grey, which is not in the scale."""
 NO_TRACTION = 1e-6
-"""Share of the largest traction below which a gap that is open carries none."""
+"""Fraction of the largest traction below which an open gap counts as having none."""
 MOST_PIXELS = 1024
 ROBUST_PERCENTILE = 99.5
 LEGEND_LINE = 0.17
@@ -39,15 +39,16 @@ LEGEND_LINE = 0.17
 GREYS = ("#2b2b2b", "#9a9a9a", "#e9e9e9")
 """The paper's three: contact, near, open."""
 FOUR_GREYS = ("#1c1c1c", "#606060", "#a5a5a5", "#ececec")
-"""Overlap, contact, near, open. Their lightness L* rises in steps of 25 to 31 (10, 41, 68, 93), so that prints and
-copies keep them apart."""
+"""Overlap, contact, near, open. Their lightness L* rises in steps of 25 to 31 (10, 41, 68, 93), so that they differ in
+prints and copies."""
 NEAR_LEVEL = 500e-9
 """Gap [m] below which the paper's figures are shaded."""
 
 
 @dataclass(frozen=True)
 class GapClass:
-    """Points whose gap is below `below` [m], infinite for the rest, and not in the class before; the grey they get."""
+    """Points whose gap is below `below` [m], infinite for the last class, and not in the previous class; and their
+    grey."""
 
     name: str
     below: float
@@ -55,7 +56,7 @@ class GapClass:
 
     @property
     def label(self) -> str:
-        """As a legend says it."""
+        """The text of a legend."""
         if math.isinf(self.below):
             return self.name
         bound = handy_quantity(self.below, "length").replace("um", "µm") if self.below else "0"
@@ -63,13 +64,13 @@ class GapClass:
 
 
 def gap_classes(contact_gap: float, near_gap: float, counts_overlap: bool = False, greys: int = 4) -> list[GapClass]:
-    """The classes of a map, from the smallest gaps to the largest; those that nothing can be in are left out.
+    """The classes of a map, from the smallest gaps to the largest, without classes that are always empty.
 
     Args:
         contact_gap: [m], below which a point is in contact. At 0 contact and overlap are the same.
-        near_gap: [m], below which a point is near. Nothing is only near where it is not above `contact_gap`.
-        counts_overlap: whether nothing but overlap is known of the run (`Results.counts_overlap`): then there is no
-            contact, unless `contact_gap` is above 0.
+        near_gap: [m], below which a point is near. If it is not above `contact_gap`, there is no class near.
+        counts_overlap: whether the run counted only overlap (`Results.counts_overlap`). Then there is no class contact,
+            unless `contact_gap` is above 0.
         greys: 4; or 3, the paper's, which have no overlap of its own.
     """
     bounds = {"overlap": 0.0, "contact": contact_gap, "near": near_gap, "open": math.inf}
@@ -92,7 +93,7 @@ def class_numbers(gap: NDArray[np.float64], classes: Sequence[GapClass]) -> NDAr
 
 
 def pages_of(run: Run) -> list[list[int]]:
-    """The snapshots of a run, page by page: as few pages as there have to be, with as many maps each as can be."""
+    """The snapshots of a run, page by page: the smallest number of pages, filled evenly."""
     with opened(run) as results:
         count = len(results.labels)
     pages = -(-count // MOST_PANELS)
@@ -100,15 +101,15 @@ def pages_of(run: Run) -> list[list[int]]:
 
 
 def thinned(results: Results, name: str, snapshot: int) -> NDArray[np.float64]:
-    """An array of a snapshot with at most MOST_PIXELS rows and columns, evenly chosen: drawing every point of a fine grid
-    takes minutes and can't be seen."""
+    """An array of a snapshot with at most MOST_PIXELS rows and columns, evenly chosen. Drawing every point of a fine
+    grid takes minutes and makes no visible difference."""
     values = results.frame(name, snapshot)
     stride = -(-len(values) // MOST_PIXELS)
     return values[::stride, ::stride]
 
 
 class Maps:
-    """A page of square maps of the punch block, one a snapshot, with label, time, force, and a scale bar.
+    """A page of square maps of the punch block, one for each snapshot, with label, time, force, and a scale bar.
 
     page: its number, from 1; right_margin: room [inch] for labels on the right. Raises ResultError if there is no such
     page.
@@ -119,14 +120,11 @@ class Maps:
         if not 1 <= page <= len(pages):
             there = f"{len(pages)} pages of maps" if pages else "no snapshots"
             raise ResultError(f"{results.directory}: has {there}, so no page {page}")
-        fields = results.fields
         self.results, self.snapshots = results, pages[page - 1]
-        x = np.asarray(fields["x"])
-        half = 0.5 * (x[-1] - x[0]) * (1 + 1 / max(x.size - 1, 1))
-        self.half = 1e6 * (half if x.size > 1 else 1e-6)
+        self.half = half_side(results)
         rows = -(-len(self.snapshots) // room(1.7, 4))
         self.rows, self.columns = rows, -(-len(self.snapshots) // rows)
-        # A single map needs room for its colour bar and legend.
+        # A single map needs space for its colour bar and legend.
         self.figure = new_figure(max(1.9 * self.columns + 0.9, 4.0), 1.0)
         side = min(2.2, (self.figure.get_figwidth() - right_margin) / self.columns)
         self.figure.set_figheight((side + 0.55) * rows + 0.75)
@@ -136,7 +134,7 @@ class Maps:
         self.axes = list(axes[: len(self.snapshots)])
         for axis, snapshot in zip(self.axes, self.snapshots, strict=True):
             self._frame(axis, snapshot)
-        self._scale_bar(self.axes[(rows - 1) * self.columns])
+        draw_scale_bar(self.axes[(rows - 1) * self.columns], self.half)
         if len(pages) > 1:
             self.figure.suptitle(f"page {page} of {len(pages)}", fontsize=8.5, color="0.4")
 
@@ -146,38 +144,70 @@ class Maps:
 
     def draw(self, axis: Axes, values: np.ndarray, **options: Any) -> AxesImage:
         """Show an array with y upward, and the outline of the punch where it does not fill the block."""
-        extent = (-self.half, self.half, -self.half, self.half)
-        outside = np.isnan(values)
-        if outside.any() and not outside.all():
-            middle = (np.arange(len(values)) + 0.5) / len(values) * 2 * self.half - self.half
-            # Padded, so that the outline closes where the punch touches the edge of the block.
-            step = middle[1] - middle[0] if len(middle) > 1 else self.half
-            wide = np.concatenate(([middle[0] - step], middle, [middle[-1] + step]))
-            axis.contour(wide, wide, np.pad(outside, 1, constant_values=True), [0.5], colors="0.25", linewidths=0.7)
-        options |= {"origin": "lower", "extent": extent, "interpolation": "nearest"}
-        image = axis.imshow(np.ma.masked_invalid(values), **options)
-        margin = 1.03 * self.half
-        axis.set(xlim=(-margin, margin), ylim=(-margin, margin))
-        return image
+        draw_outline(axis, values, self.half)
+        return draw_image(axis, np.ma.masked_invalid(values), self.half, **options)
 
     def _frame(self, axis: Axes, snapshot: int) -> None:
         fields, label = self.results.fields, self.results.labels[snapshot]
-        label = label if len(label) <= 30 else label[:29] + "…"
+        label = shortened(label, 30)
         time, force = float(fields["time"][snapshot]), 1e3 * float(fields["force"][snapshot])
         axis.set_title(f"{literal(label)}\n{time:.4g} s,  {signed(force)} mN", linespacing=1.3)
-        axis.set_aspect("equal")
-        axis.set_xticks([])
-        axis.set_yticks([])
-        for spine in axis.spines.values():
-            spine.set_visible(False)
+        bare(axis)
 
-    def _scale_bar(self, axis: Axes) -> None:
-        length = round_length(0.6 * self.half)
-        start, height = -self.half, -1.12 * self.half
-        line: dict[str, Any] = {"color": "black", "linewidth": 2, "solid_capstyle": "butt", "clip_on": False}
-        axis.plot([start, start + length], [height, height], **line)
-        text = f"{length:g} µm" if length < 1000 else f"{length / 1000:g} mm"
-        axis.text(start + length / 2, height - 0.06 * self.half, text, ha="center", va="top", fontsize=8)
+
+def shortened(label: str, most: int) -> str:
+    """What is shown of the label of a snapshot beside its time: nothing if that is all it says; at most so many letters."""
+    try:
+        parse_quantity(label.removeprefix("t = "), "time")
+    except UnitError:
+        return label if len(label) <= most else label[: most - 1] + "…"
+    return ""
+
+
+def half_side(results: Results) -> float:
+    """Half the side [µm] of the square of grid points that holds the punch."""
+    x = np.asarray(results.fields["x"])
+    return 1e6 * (0.5 * (x[-1] - x[0]) * (1 + 1 / (x.size - 1)) if x.size > 1 else 1e-6)
+
+
+def bare(axis: Axes) -> None:
+    """Leaves out the frame of a map, and its ticks: a bar shows the scale."""
+    axis.set_aspect("equal")
+    axis.set_xticks([])
+    axis.set_yticks([])
+    for spine in axis.spines.values():
+        spine.set_visible(False)
+
+
+def draw_image(axis: Axes, image: np.ndarray, half: float, **options: Any) -> AxesImage:
+    """Shows values, or colours, of the square of half side `half`, with y upward."""
+    options |= {"origin": "lower", "extent": (-half, half, -half, half), "interpolation": "nearest"}
+    shown = axis.imshow(image, **options)
+    margin = 1.03 * half
+    axis.set(xlim=(-margin, margin), ylim=(-margin, margin))
+    return shown
+
+
+def draw_outline(axis: Axes, values: np.ndarray, half: float) -> Any:
+    """Draws the outline of the punch, beyond which values are NaN; returns it, or None where it fills the square."""
+    outside = np.isnan(values)
+    if outside.all() or not outside.any():
+        return None
+    middle = (np.arange(len(values)) + 0.5) / len(values) * 2 * half - half
+    # Padded, so that the outline closes where the punch touches the edge of the block.
+    step = middle[1] - middle[0] if len(middle) > 1 else half
+    wide = np.concatenate(([middle[0] - step], middle, [middle[-1] + step]))
+    return axis.contour(wide, wide, np.pad(outside, 1, constant_values=True), [0.5], colors="0.25", linewidths=0.7)
+
+
+def draw_scale_bar(axis: Axes, half: float) -> None:
+    """Draws a bar of a round length below a map of half side `half` [µm]."""
+    length = round_length(0.6 * half)
+    start, height = -half, -1.12 * half
+    line: dict[str, Any] = {"color": "black", "linewidth": 2, "solid_capstyle": "butt", "clip_on": False}
+    axis.plot([start, start + length], [height, height], **line)
+    text = f"{length:g} µm" if length < 1000 else f"{length / 1000:g} mm"
+    axis.text(start + length / 2, height - 0.06 * half, text, ha="center", va="top", fontsize=8)
 
 
 def round_length(largest: float) -> float:
@@ -199,9 +229,9 @@ def plot_contact_maps(
     Args:
         run: results, or their folder.
         greys: 4; or 3, the paper's, which have no overlap of its own.
-        contact_gap, near_gap: thresholds [m] by hand, None for those of the run. near_gap may be "range", that of
-            adhesion: what is not open then attracts.
-        page: of the snapshots, from 1; `pages_of` tells how many there are.
+        contact_gap, near_gap: thresholds [m], None for those of the run. near_gap may be "range", the range of
+            adhesion: then all points that are not open are attracted.
+        page: of the snapshots, from 1; `pages_of` has their number.
 
     Raises:
         ResultError: if the run can't be read, or has no snapshots, or no such page.
@@ -225,7 +255,7 @@ def plot_contact_maps(
 
 
 def range_of(results: Results) -> float:
-    """The range of adhesion [m] of a run. ResultError where its scene does not tell."""
+    """The range of adhesion [m] of a run. ResultError if its scene does not have it."""
     text = results.scene.get("adhesion", {}).get("range")
     if text is None:
         raise ResultError(f"{results.directory}: its scene tells no range of adhesion; give a gap instead")
@@ -233,7 +263,7 @@ def range_of(results: Results) -> float:
 
 
 def _legend_below(maps: Maps, patches: list[Any]) -> None:
-    """A legend at the foot of a page, which grows by it."""
+    """A legend at the foot of a page, which becomes taller by it."""
     columns = len(patches) if len(maps.axes) > 2 else 2
     columns = min(columns, room(1.2, columns))
     maps.figure.set_figheight(maps.figure.get_figheight() + LEGEND_LINE * -(-len(patches) // columns))
@@ -242,8 +272,9 @@ def _legend_below(maps: Maps, patches: list[Any]) -> None:
 
 @picture
 def plot_stress_maps(run: Run, page: int = 1, limit: float | None = None) -> Figure:
-    """Normal traction under the punch, tension positive; one symmetric scale for all snapshots of the page. Where the
-    gap is open and nothing attracts, points are bluish grey: no traction is told from one that is zero.
+    """Normal traction under the punch, tension positive, with one symmetric scale for all snapshots of the page. Points
+    with an open gap and without attraction are bluish grey, which differs from the colour of zero traction in the
+    scale.
 
     Args:
         run: results, or their folder.
@@ -263,12 +294,12 @@ def plot_stress_maps(run: Run, page: int = 1, limit: float | None = None) -> Fig
         own, _ = robust_limit(frames.values())
         limit = own if limit is None else limit
         clipped = any(np.nanmax(np.abs(each), initial=0.0) > 1.001 * limit for each in frames.values())
-        factor, unit = (1e6, "MPa") if limit >= 1e6 else (1e3, "kPa") if limit >= 1e3 else (1.0, "Pa")
+        factor, unit = stress_unit(limit)
         image: Any = None
         any_open = False
         for axis, (snapshot, traction) in zip(maps.axes, frames.items(), strict=True):
             image = maps.draw(axis, traction / factor, cmap=cm.vik, vmin=-limit / factor, vmax=limit / factor)
-            is_open = (maps.values("gap", snapshot) > 0.0) & (np.abs(traction) <= NO_TRACTION * limit)
+            is_open = nothing_pulls(maps.values("gap", snapshot), traction, limit)
             if is_open.any():
                 any_open = True
                 extent = {"origin": "lower", "extent": image.get_extent(), "interpolation": "nearest"}
@@ -287,18 +318,28 @@ def plot_stress_maps(run: Run, page: int = 1, limit: float | None = None) -> Fig
     return maps.figure
 
 
+def stress_unit(limit: float) -> tuple[float, str]:
+    """Factor [Pa] and name of the unit of a scale that ends at `limit` [Pa]."""
+    return (1e6, "MPa") if limit >= 1e6 else (1e3, "kPa") if limit >= 1e3 else (1.0, "Pa")
+
+
+def nothing_pulls(gap: NDArray[np.float64], traction: NDArray[np.float64], limit: float) -> NDArray[np.bool_]:
+    """Where a gap [m] is open and the traction [Pa] no noticeable part of the scale's end."""
+    return (gap > 0.0) & (np.abs(traction) <= NO_TRACTION * limit)
+
+
 def stress_limit(run: Run) -> float:
-    """End [Pa] of a scale that suits all snapshots of a run: the largest of its pages' own. It must have snapshots."""
+    """End [Pa] of a scale for all snapshots of a run: the largest limit of its pages. The run must have snapshots."""
     with opened(run) as results:
         pages = pages_of(results)
         return max(robust_limit(thinned(results, "traction", k) for k in page)[0] for page in pages)
 
 
 def robust_limit(arrays: Iterable[NDArray[np.float64]]) -> tuple[float, bool]:
-    """A symmetric colour limit that a few extreme points do not set, and whether it leaves values out.
+    """A symmetric colour limit that is not determined by a few extreme points, and whether values exceed it.
 
-    The 99.5th percentile of the absolute values of all points that carry a noticeable part (over 1 %) of the largest,
-    so that snapshots without contact do not count.
+    The 99.5th percentile of the absolute values of all points above 1 % of the largest, so that snapshots without
+    contact do not count.
     """
     size = np.concatenate([np.abs(array[np.isfinite(array)]) for array in arrays] or [np.empty(0)])
     largest = float(size.max(initial=0.0))

@@ -1,6 +1,6 @@
 """Measured numbers of several runs against a key of their scenes, or against another number, with error bars.
 
-Runs that differ in further keys are lines of their own. Reads files only, no MPI.
+Runs that differ in further keys are separate lines. Reads files only, no MPI.
 """
 
 from __future__ import annotations
@@ -17,25 +17,23 @@ from pgfmd.results.reading import Results, Run
 from pgfmd.units import handy
 
 from .curves import at_foot, labelled, opened_together
-from .drawing import LINES, PALETTE, literal, new_figure, picture
+from .drawing import LINES, PALETTE, literal, new_figure, picture, place_ticks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKERS = "osD^vP"
-MOST_TICKS = 6
-"""Places on a logarithmic axis up to which each has its number."""
 FOLLOW = ("adhesion.q_ref", "adhesion.range", "drive.turn_time", "drive.clearance", "drive.retract_speed",
           "punch.file", "solver.precision")  # fmt: skip
-"""Keys whose values mostly follow from others: they part runs only where nothing else does."""
+"""Keys whose values mostly follow from others. They separate runs only if no other key does."""
 NO_MATTER = ("output", "title")
-"""Sections that change nothing of what is measured."""
+"""Sections without effect on measured numbers."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a tack test: what an axis calls it, its SI unit, and how it and its uncertainty are found; None where
-    the run has none, or none is known."""
+    """A number of a tack test: label of the axis, SI unit, and functions for the number and its uncertainty, which
+    return None if there is none, or it is unknown."""
 
     name: str
     unit: str
@@ -68,7 +66,7 @@ NUMBERS: dict[str, Number] = {
     "pull-off-area": Number("contact area at pull-off", "m^2", _area("at_pull_off")),
     "time-to-preload": Number("time to the preload", "s", lambda found: found.time_to_preload),
 }  # fmt: skip
-"""Numbers by what `pgfmd plot --y` calls them (docs: reference, "Numbers")."""
+"""Numbers by their names for `pgfmd plot --y` (docs: reference, "Numbers")."""
 
 
 @picture
@@ -77,13 +75,13 @@ def plot_numbers(*runs: Run, x: str = "", y: str = "pull-off", log: str = "") ->
 
     Args:
         runs: results, or folders.
-        x: a key, such as "drive.speed", or "speed" where one section alone has it; or another number, of NUMBERS. Empty
-            for the key in which the runs differ.
+        x: a key, such as "drive.speed", or "speed" if only one section has it; or another number of NUMBERS. Empty for
+            the key in which the runs differ.
         y: of NUMBERS.
         log: axes with a logarithmic scale: "x", "y" or "xy".
 
     Raises:
-        ResultError: if a run can't be read, or x is not clear, or no run has both numbers.
+        ResultError: if a run can't be read, x is ambiguous, or no run has both numbers.
         ValueError: if there is no y of this name.
     """
     if y not in NUMBERS:
@@ -123,10 +121,8 @@ def plot_numbers(*runs: Run, x: str = "", y: str = "pull-off", log: str = "") ->
             xlabel=labelled(NUMBERS[x].name if x in NUMBERS else x, wide[1]), ylabel=labelled(NUMBERS[y].name, along[1])
         )
         _scale(axis, log if not texts else log.replace("x", ""))
-        if "x" in log and not texts and len({at[k] for k in kept}) <= MOST_TICKS:
-            axis.set_xticks(sorted({at[k] / wide[0] for k in kept}), minor=False)
+        if "x" in log and not texts and place_ticks(axis, [at[k] / wide[0] for k in kept]):
             axis.xaxis.set_major_formatter("{x:.4g}")
-            axis.set_xticks([], minor=True)
         at_foot(figure, [results[k] for k in kept])
     return figure
 
@@ -137,14 +133,14 @@ def _scale(axis: Any, log: str) -> None:
 
 
 def _number(y: str, found: Measures) -> float:
-    """A number of a run that has it."""
+    """A number of a run; runs without it have been left out before."""
     value = NUMBERS[y].of(found)
     assert value is not None, "runs without it are left out"
     return value
 
 
 def _value(y: str, found: Measures, factor: float) -> tuple[float, float]:
-    """A number and its uncertainty, NaN where it is not known, in the unit of the axis."""
+    """A number and its uncertainty, NaN if unknown, in the unit of the axis."""
     spread = NUMBERS[y].uncertainty(found)
     return _number(y, found) / factor, np.nan if spread is None else spread / factor
 
@@ -165,7 +161,8 @@ def flat(results: Results) -> dict[str, Any]:
 
 
 def key_of(x: str, scenes: Sequence[dict[str, Any]]) -> str:
-    """The key of the scenes, or the number, that a user means by a name, or by none. ResultError where that is not clear."""
+    """The key of the scenes, or the number, for the name that a user gave, or for none. ResultError if it is
+    ambiguous."""
     keys = dict.fromkeys(key for scene in scenes for key in scene)
     if x in keys:
         return x
@@ -189,7 +186,7 @@ def key_of(x: str, scenes: Sequence[dict[str, Any]]) -> str:
 
 
 def differences(scenes: Sequence[dict[str, Any]]) -> list[str]:
-    """The keys in which scenes differ, but for those of what is written."""
+    """The keys in which scenes differ, without those of the output."""
     keys = dict.fromkeys(key for scene in scenes for key in scene)
     mattering = [key for key in keys if key.partition(".")[0] not in NO_MATTER]
     return [key for key in mattering if len({str(scene.get(key)) for scene in scenes}) > 1]
@@ -198,7 +195,7 @@ def differences(scenes: Sequence[dict[str, Any]]) -> list[str]:
 def groups(
     scenes: Sequence[dict[str, Any]], x: str, across: Sequence[Any], kept: Sequence[int]
 ) -> Iterator[tuple[str, list[int]]]:
-    """Label and numbers of the runs that belong to one line: those that differ in x alone, and in what follows from it."""
+    """Label and numbers of the runs of one line: those that only differ in x and in keys that follow from it."""
     others = [key for key in differences([scenes[k] for k in kept]) if key != x]
     parting = [key for key in others if key not in FOLLOW]
     found = _parted(scenes, parting, kept)
@@ -222,7 +219,7 @@ def _parted(
 
 
 def _plain(text: str) -> str:
-    """A value of a resolved scene as a legend says it: three digits, and a unit with a prefix."""
+    """A value of a resolved scene for a legend: three digits, and a unit with a prefix."""
     number, unit = split(text)
     if number is None:
         return text
@@ -231,7 +228,7 @@ def _plain(text: str) -> str:
 
 
 def split(value: Any) -> tuple[float | None, str]:
-    """Number and SI unit of a value of a resolved scene; None where it is no number."""
+    """Number and SI unit of a value of a resolved scene; None if it is not a number."""
     number, _, unit = str(value).partition(" ")
     try:
         return (None, "") if isinstance(value, bool) else (float(number), unit)
@@ -240,7 +237,7 @@ def split(value: Any) -> tuple[float | None, str]:
 
 
 def _place(x: str, scene: dict[str, Any], found: Measures) -> float | str | None:
-    """Where a run is drawn on an axis: a number in SI units, or a text that is none; None where it has none."""
+    """The value of a run on an axis: a number in SI units, or a text; None if it has none."""
     if x not in scene:
         return NUMBERS[x].of(found) if x in NUMBERS else None
     number, _ = split(scene[x])

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 MOST_PIXELS = 1024
 BINS = 80
 COLOURS = "viridis"
-"""Low places, which touch first, are dark. Not one of cmcrameri's maps, which loads pyplot."""
+"""Low points, which touch first, are dark. None of cmcrameri's maps is used, because it loads pyplot."""
 
 
 @picture
 def plot_punch(scene: Scene | str | Path | Mapping[str, Any]) -> Figure:
-    """The face at the points of the scene's grid, heights above the place that touches first: a map, profiles through that place,
-    and the histogram.
+    """The face at the points of the scene's grid, with heights above the first contact: a map, profiles through the
+    first contact, and the histogram.
 
     scene: a Scene, or what one is made from. Raises SceneError; ValueError, OSError for a map that can't be used.
     """
@@ -83,7 +83,7 @@ def _draw_profiles(axis: Axes, face: Face) -> None:
         label=f"along y at x = {_place(face.x[column], across)} {name}",
     )
     axis.plot(face.x[column] / across, 0.0, "+", color=RED, markersize=9, mew=1.6)
-    # As it hangs above the elastomer.
+    # In the orientation above the elastomer.
     axis.set(
         xlabel=f"x, y ({name})",
         ylabel=f"z ({unit})",
@@ -101,7 +101,7 @@ def _draw_profiles(axis: Axes, face: Face) -> None:
 
 
 def _draw_histogram(axis: Axes, face: Face) -> None:
-    """The share of the points in each of some intervals of height, and of those below a height."""
+    """The fraction of points in intervals of height, and the cumulative fraction below a height."""
     tall, unit = length_unit(face.relief)
     z = face.z[face.inside] / tall
     if face.relief > 0.0:
@@ -116,5 +116,5 @@ def _draw_histogram(axis: Axes, face: Face) -> None:
 
 
 def _place(value: float, unit: float) -> str:
-    """A coordinate in such units; next to nothing is 0."""
+    """A coordinate in these units. Rounding errors become 0."""
     return signed(round(value / unit, 6) + 0.0)

@@ -1,4 +1,4 @@
-"""Pictures of a rheology: modulus and creep of a series, in the manner of the paper's figure, and a fit to DMA data."""
+"""Pictures of a rheology: modulus and creep of a series, like the paper's figure, and a fit to DMA data."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 GUIDES = {0.8: "-", 0.5: (0, (5, 1.5))}
 """The power laws of the paper's figure and their line styles."""
 GFMD_PHASES = {1: OCHRE, 2: RED, 4: VIOLET, 8: TURQUOISE}
-"""omega_GFMD tau_min in units of pi, and colour; the paper works with 2 pi."""
+"""omega_GFMD tau_min in units of pi, and colour. The paper uses 2 pi."""
 MOST_TEMPERATURES = 8
 
 
@@ -32,7 +32,7 @@ MOST_TEMPERATURES = 8
 def plot_rheology(source: Scene | PronySeries, title: str = "") -> Figure:
     """The modulus ratio against frequency, and the creep of target and implemented model against time.
 
-    source: a scene, whose elastomer is drawn, or a series. title: of the picture; that of the scene unless said. Raises
+    source: a scene, whose elastomer is drawn, or a series. title: of the picture; by default that of the scene. Raises
     ValueError for a material without a relaxation.
     """
     series, title = (source, title) if isinstance(source, PronySeries) else (_series_of(source), title or source.title)
@@ -54,7 +54,8 @@ def _series_of(scene: Scene) -> PronySeries:
 
 
 def draw_modulus(axis: Axes, series: PronySeries) -> None:
-    """Storage and loss modulus over E(0), each element's share of the storage, and power laws through the middle."""
+    """Storage and loss modulus over E(0), the contribution of each element to the storage modulus, and power laws
+    through the middle."""
     omega = np.geomspace(1e-2 / series.tau[0], 1e2 / series.tau[-1], 600)
     storage, loss = series.storage(omega), series.loss(omega)
     axis.plot(omega, storage, color="black", label="storage, E′/E(0)", zorder=3)
@@ -63,9 +64,9 @@ def draw_modulus(axis: Axes, series: PronySeries) -> None:
         x = omega * time
         label = "storage of one element" if number == 0 else None
         axis.plot(omega, weight * x**2 / (1 + x**2), ":", color=TURQUOISE, linewidth=0.9, label=label)
-    # The legend stands on top of the curves' rise, where nothing else is.
+    # With space above the curves for the legend.
     bottom, top = 0.3 * min(1.0, float(series.kappa.min())), 12 * series.kappa_inf
-    # Through the frequency where E' is the geometric mean of its limits, as the paper compares them.
+    # Through the frequency where E' is the geometric mean of its limits, as in the paper.
     middle = np.sqrt(series.kappa_inf)
     at = np.exp(np.interp(np.log(middle), np.log(storage), np.log(omega)))
     for exponent, line in GUIDES.items():
@@ -79,7 +80,7 @@ def draw_modulus(axis: Axes, series: PronySeries) -> None:
 
 
 def draw_creep(axis: Axes, series: PronySeries) -> None:
-    """Response to a force switched on at time 0: the target, and what auxiliary masses and dampers make of it."""
+    """Response to a force switched on at time 0, without and with auxiliary masses and dampers."""
     shortest = float(series.tau[-1])
     creep = series.to_creep()
     time = np.geomspace(3e-2 * shortest, 20 * creep.retardation_times[0], 600)
@@ -98,13 +99,13 @@ def draw_creep(axis: Axes, series: PronySeries) -> None:
 
 @picture
 def plot_fit(material: Material) -> Figure:
-    """A fit of `fit_prony`: moduli (MPa) against angular frequency, or a relaxation against time, points measured and lines
-    fitted; the relative misfit below."""
+    """A fit of `fit_prony`: moduli (MPa) against angular frequency, or a relaxation against time. Points are measured,
+    lines are fitted. Below, the relative misfit."""
     if isinstance(material.fit, RelaxationFit):
         return _relaxation_figure(material.fit)
     fit, figure = material.fit, new_figure(5.6, 5.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    # The master curve is sorted: its points are told apart by temperature again from the sweeps.
+    # The master curve is sorted, so the temperatures of its points are taken from the sweeps.
     colours = _colours(len(material.sweeps))
     for sweep, shift, colour in zip(material.sweeps, material.shifts(), colours, strict=True):
         omega = sweep.omega * 10**shift
@@ -160,5 +161,5 @@ def _colours(count: int) -> list:
         return [TURQUOISE]
     from matplotlib import colormaps
 
-    # Not cmcrameri's, which loads pyplot. The palest end is hard to see on white.
+    # Not from cmcrameri, which loads pyplot. The palest end is hard to see on white.
     return [colormaps["viridis"](value) for value in np.linspace(0.0, 0.85, count)]

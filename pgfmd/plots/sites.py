@@ -1,4 +1,5 @@
-"""How many summits, saddles and valleys of the punch are in contact on the way in and out. Reads files only, no MPI."""
+"""Numbers of summits, saddles and valleys of the punch in contact during approach and retraction. Reads files only, no
+MPI."""
 
 from __future__ import annotations
 
@@ -22,11 +23,11 @@ PLURALS = {"summit": "summits", "saddle": "saddles", "valley": "valleys"}
 
 @picture
 def plot_sites(run: Run) -> Figure:
-    """Sites in contact against force [mN] and, below, against indentation [um]; approach dashed, the rest full.
+    """Sites in contact against force [mN] and, below, against indentation [um]; approach dashed, the rest solid.
 
-    Of a run that counted overlap alone, the sites that overlap, and the axes say so.
+    For a run that counted only overlap, the sites in overlap, and the labels say so.
 
-    run: results, or their folder. Raises ResultError if it can't be read, or none of its sites ever touched.
+    run: results, or their folder. Raises ResultError if it can't be read, or no site was ever in contact.
     """
     with opened(run) as results:
         histories = site_histories(results, Loop.of(results))
@@ -37,7 +38,7 @@ def plot_sites(run: Run) -> Figure:
         for history in histories:
             label, colour = f"{PLURALS[history.kind]}, of {history.of}", COLOURS[history.kind]
             for axis, across in ((upper, 1e3 * history.force), (lower, 1e6 * history.indentation)):
-                # Both branches have the point where one becomes the other.
+                # Both branches include the turning point.
                 approach, rest = slice(0, history.turn), slice(history.turn - 1, None)
                 axis.plot(*seen(across[approach], history.count[approach]), color=colour, **APPROACH)
                 axis.plot(*seen(across[rest], history.count[rest]), color=colour, label=label)

@@ -17,15 +17,15 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.physics.adhesion.registry import length_of
 from pgfmd.physics.drive import PRELOAD, Drive, Phase, automatic_turn
 from pgfmd.scene import parse_scene
-from pgfmd.scene.given import PATHS
 from pgfmd.scene.model import SECTIONS
+from pgfmd.scene.unresolved_scene import PATHS, Given
 from pgfmd.scene_objects import drive_of
 
 if TYPE_CHECKING:
     from pgfmd.scene import Scene
 
 UNIMPORTANT = ("title", "output.directory", "rheology.reference")
-"""Keys that change nothing of a run; weights of a resolved scene are shares of the relaxed modulus, said or not."""
+"""Keys without effect on a run. Weights of a resolved scene always refer to the relaxed modulus, with or without the key."""
 PRECISION = "solver.precision"
 """The key that a scene may leave open ("auto"). A continued run then keeps the precision that it began with."""
 PEAKS = "punch.file_peaks"
@@ -34,12 +34,19 @@ CHANGEABLE = ("output.every", "output.snapshots", "solver.accuracy", "solver.max
 DERIVED = ("adhesion.q_ref", "adhesion.range", "drive.clearance", "drive.turn_time")
 """Keys that are usually automatic."""
 NOT_THERE = "not there"
+STEPS = "drive.step"
 
 
 def contents_of(scene: Scene) -> dict[str, str]:
     """SHA-256 of each file that the scene names, by key. Raises OSError if one can't be read."""
     named = {dotted: getattr(scene.section(dotted.split(".")[0]), dotted.split(".")[1]) for dotted in PATHS}
+    named |= {_file_of(number): step.file for number, step in enumerate(scene.drive.step, 1)}
     return {key: _digest_of(path) for key, path in named.items() if path}
+
+
+def _file_of(number: int) -> str:
+    """The key of the file that a step, counted from 1, follows."""
+    return f"{STEPS}.{number}.file"
 
 
 def _digest_of(path: str) -> str:
@@ -89,12 +96,29 @@ def differing(text: str, scene: Scene, known: dict[str, str] | None = None) -> I
             if files.get(key) == known.get(key):
                 continue
             now = f"{now} with other contents" if before == now else now
+        elif known is not None and key == STEPS and _without_paths(before) == _without_paths(now):
+            if _same_files(files, known):
+                continue
+            now = f"{now} with other contents of a file"
         elif before == now or key in UNIMPORTANT or (key == PRECISION and scene.solver.automatic_precision):
             continue
         elif (key, before, now) == (PEAKS, NOT_THERE, "down"):
             # What was taken for granted before there was such a key.
             continue
         yield key, before, now
+
+
+def _same_files(files: dict[str, str], known: dict[str, str]) -> bool:
+    """Whether the files that steps follow have the contents of before."""
+    of_steps = ({key: digest for key, digest in each.items() if key.startswith(STEPS)} for each in (files, known))
+    return next(of_steps) == next(of_steps)
+
+
+def _without_paths(steps: object) -> object:
+    """Steps without the names of the files that they follow."""
+    if not isinstance(steps, list):
+        return steps
+    return [step | {"file": ""} if isinstance(step, dict) and "file" in step else step for step in steps]
 
 
 def precision_kept(text: str, scene: Scene) -> str | None:
@@ -130,9 +154,14 @@ def _drive_refusal(head: dict, scene: Scene) -> str:
     """Why the programme of the scene can't be used; empty if only future phases have changed."""
     if "state" not in head:
         return "the run is over"
-    before = parse_scene(head["scene"], source="the scene of the checkpoint", require_files=False)
+    text, changed = _with_present_files(head, scene)
+    before = parse_scene(text, source="the scene of the checkpoint", require_files=False)
     old, new, state = drive_of(before), drive_of(scene), head["state"]
     now = state["phase"]
+    if bool(old.programme) != bool(new.programme):
+        return "the run has a programme of the other kind, with steps or without"
+    if begun := changed & {phase.stage for phase in old.phases[: now + 1]}:
+        return f"step {min(begun)} has begun, and the file that it follows has other contents now"
     if scene.drive.controls_load and not before.drive.controls_load and before.solver.precision != "double":
         return 'a held load needs solver.precision = "double", which the run did not begin with'
     if old.clearance != new.clearance or _begun(old, now) != _begun(new, now):
@@ -146,6 +175,20 @@ def _drive_refusal(head: dict, scene: Scene) -> str:
     if old.phases[now].ends_with != PRELOAD:
         return "the preload has been met"
     return "" if new.preload > state["force"] else f"the force is {state['force']:.6g} N already"
+
+
+def _with_present_files(head: dict, scene: Scene) -> tuple[str, set[int]]:
+    """The scene of a checkpoint, with the files that the steps of a scene now follow in the place of its own, which may have
+    moved; and the numbers of the steps whose files have other contents now."""
+    tables, files = tomllib.loads(head["scene"]), contents_of(scene)
+    steps, changed = tables.get("drive", {}).get("step", []), set()
+    for number, (old, new) in enumerate(zip(steps, scene.drive.step, strict=False), 1):
+        if "file" in old and new.file:
+            old["file"] = new.file
+            if files[_file_of(number)] != head["files"].get(_file_of(number)):
+                changed.add(number)
+    title = str(tables.pop("title", ""))
+    return (Given.of(tables | {"title": title}).to_toml() if steps else head["scene"]), changed
 
 
 def _begun(drive: Drive, now: int) -> list[Phase]:

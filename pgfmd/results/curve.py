@@ -379,7 +379,8 @@ def measure(loop: Loop) -> Measures:
     if loop.retracted:
         row = loop.turning_row + int(np.argmin(loop.force[loop.turning_row :]))
         pull_off = _tension(loop, row, "pull_off_force")
-    snap = int(np.argmin(loop.force[: loop.preload_row + 1]))
+    inward = _inward_rows(loop)
+    snap = int(inward[np.argmin(loop.force[inward])])
     largest = loop.recorded.get("largest_force_N", float(np.max(loop.force)))
     return Measures(
         preload=loop.preload if loop.met_preload else None,
@@ -393,6 +394,15 @@ def measure(loop: Loop) -> Measures:
         work_of_separation_uncertainty=loop.recorded.get("work_of_separation_uncertainty_J"),
         hysteresis_uncertainty=loop.recorded.get("work_uncertainty_J"),
     )
+
+
+def _inward_rows(loop: Loop) -> NDArray[np.intp]:
+    """The rows of the approach; of a programme with several cycles, those of all of them."""
+    rows = np.arange(len(loop.force))
+    approaching = rows <= loop.preload_row
+    if loop.cycle is not None and loop.cycle[-1] > loop.cycle[0]:
+        approaching |= loop.phase == loop.phase[loop.preload_row]
+    return rows[approaching]
 
 
 def _areas(area: Array, loop: Loop, pull_off_row: int | None) -> Areas:

@@ -16,7 +16,7 @@ from pgfmd.restart.checkpoint_layout import Damaged, read_head
 
 from .reading import require_folder
 
-_HARMLESS = re.compile(r"previous-\d+|.*\.png")
+_HARMLESS = re.compile(rf"previous-\d+|report\.html|.*\.({'|'.join(storage.PICTURES)})")
 """Other files that may be in a folder without a run."""
 
 

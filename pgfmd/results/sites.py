@@ -21,7 +21,7 @@ class SiteHistory:
     after every join and leave, in the order of time.
 
     count, time [s], indentation [m] of the punch and force [N]: of shape (points,). turn: how many of these points
-    belong to the way in, the one included where the punch turns round.
+    belong to the approach, which includes the turning point.
     """
 
     kind: str

@@ -322,7 +322,9 @@ def inertia_is_given(partial: PartialScene) -> Iterator[Problem]:
         # Resolved scenes of old runs contain these keys with their defaults.
         if all(given) and partial[f"solver.gfmd.{name}"] != GfmdKeys.model_fields[name].default:
             yield partial.problem(
-                f"solver.gfmd.{name}", "no such key beside omega and dt, which say it all", "delete it"
+                f"solver.gfmd.{name}",
+                "no such key in addition to omega and dt, which determine the inertia",
+                "delete it",
             )
 
 

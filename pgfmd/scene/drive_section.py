@@ -33,9 +33,7 @@ class Drive(Section):
         "largest force, to which errors are relative",
         None,
     )
-    retract_speed: LikeAnother = quantity(
-        "speed", "speed of the retraction; that of the approach unless said otherwise", None
-    )
+    retract_speed: LikeAnother = quantity("speed", "speed of the retraction; by default that of the approach", None)
     dwell: float = quantity("time", "time for which the displacement is held after the turn", 0.0, at_least=0.0)
     control: Literal["displacement", "load"] = key(
         "what the machine controls: `displacement`, or `load`, by a very soft spring; steps say it themselves",

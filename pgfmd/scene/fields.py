@@ -210,7 +210,7 @@ def snapshot_time(text: str) -> tuple[float, bool]:
 
     Raises UnitError for anything else.
     """
-    expected = 'a time such as "3 s", or a fraction of the time to the preload such as "1.125 t_pl"'
+    expected = 'a time such as "3 s", a fraction of the time to the preload such as "1.125 t_pl", or "every 0.5 s"'
     match = _FRACTION.fullmatch(text) if isinstance(text, str) else None
     try:
         value = float(match["factor"]) if match else parse_quantity(text, "time")

@@ -27,7 +27,7 @@ from .solver_section import INSTEAD_OF_OMEGA_AND_DT, GfmdKeys, Solver
 if TYPE_CHECKING:
     from pgfmd.commands.check import Report
 
-    from .given import Given
+    from .unresolved_scene import Given
 
 Keywords = Mapping[str, Any] | None
 """Keys of a section by name, with SI numbers or texts with units."""
@@ -167,8 +167,8 @@ class Punch(Section):
     )
     file_relief: float | None = quantity(
         "length",
-        "least height by which a summit or a valley of the map must stand out to count as a site; 5 % of the height "
-        "range of the face unless said otherwise",
+        "least height by which a summit or a valley of the map must stand out to count as a site; by default 5 % of the "
+        "height range of the face",
         None,
     )
 
@@ -190,7 +190,7 @@ class Substrate(Section):
     poisson_ratio: float = number("Poisson's ratio", above=-1.0, at_most=0.5)
     thickness: float = quantity("length", "thickness of the film", math.inf, infinite=True)
     base: Literal["bonded", "sliding"] | None = key(
-        "how a film of finite thickness lies on its rigid base; `bonded` unless said otherwise", None
+        "how a film of finite thickness lies on its rigid base; by default `bonded`", None
     )
     boundary: Literal["periodic", "free"] = key(
         "`periodic` cell, or `free`: a punch alone on an infinite plane", "periodic"
@@ -234,7 +234,7 @@ class Rheology(Section):
     tau: NumbersIfUsed = quantity("time", "relaxation times tau_n, as many as weights", None, count=0)
     reference: Literal["relaxed", "instantaneous"] | None = key(
         "modulus of which `kappa` are shares, and which `substrate.youngs_modulus` is: the `relaxed` one of long times, as "
-        "in papers and unless said otherwise, or the `instantaneous` one, as in Prony tables of finite-element programs "
+        "in papers and by default, or the `instantaneous` one, as in Prony tables of finite-element programs "
         "(g_i of Abaqus, alpha_i of Ansys); kept as the relaxed one in a resolved scene",
         None,
     )
@@ -247,13 +247,13 @@ class Adhesion(Section):
     work_of_adhesion: OfLaw = quantity(
         "energy per area",
         "work of adhesion gamma; of `repulsive` it only sets the overlap's stiffness; of `table` the area under the traction "
-        "of the file unless said otherwise",
+        "of the file by default",
         None,
     )
     range: Automatic = quantity(
         "length",
         "range rho; `auto` makes the largest stiffness of the law range_factor q_ref E*: gamma pi^2/(2 rho^2) with `cosine`. "
-        "Of `table` the reach of the file unless said otherwise",
+        "Of `table` the reach of the file by default",
         "auto",
         words=("auto",),
     )
@@ -262,10 +262,10 @@ class Adhesion(Section):
         "wavenumber", "reference wavenumber of the automatic range; `grid` is 2 pi n/L", "grid", words=("grid",)
     )
     smoothing: float | None = number(
-        "width of the smooth ends of the traction, in ranges; 0.2 unless said otherwise", None, above=0.0, at_most=0.8
+        "width of the smooth ends of the traction, in ranges; by default 0.2", None, above=0.0, at_most=0.8
     )
     overlap_stiffness: float | None = quantity(
-        "stiffness per area", "stiffness of overlaps; the largest one of the law unless said otherwise", None
+        "stiffness per area", "stiffness of overlaps; by default the largest one of the law", None
     )
     file: str | None = key(
         "file with gaps and tractions, relative to the scene's folder; see [](../explanation/adhesion.md#your-own-law)",
@@ -325,8 +325,8 @@ class Scene(Section):
         solver: Keywords = None,
         output: Keywords = None,
     ):
-        from .given import Given, with_units
         from .reading import scene_of
+        from .unresolved_scene import Given, with_units
 
         if isinstance(source, Scene):
             given = source.given
@@ -346,8 +346,8 @@ class Scene(Section):
 
     @property
     def given(self) -> Given:
-        """The scene as given, before it was resolved (given.py); the complete scene if that is unknown."""
-        from .given import Given, parse_toml
+        """The scene as given, before it was resolved (unresolved_scene.py); the complete scene if that is unknown."""
+        from .unresolved_scene import Given, parse_toml
 
         return self._given or Given.of(parse_toml(self.to_toml()))
 

@@ -36,14 +36,14 @@ class Rhythm:
 class Output(Section):
     """What is written."""
 
-    directory: str | None = key("folder of the results; `out/<scene name>` unless said otherwise", None, min_length=1)
+    directory: str | None = key("folder of the results; by default `out/<scene name>`", None, min_length=1)
     snapshots: tuple[str, ...] = key(
         'when fields are written: times ("3 s"), fractions of the time to the preload ("1.125 t_pl"), regularly ("every '
         '0.1 s", "every 0.02 t_pl", "every 0.1 um" of the punch, "every 1 mN"), and at the ends of the steps of a programme '
         '("step ends")',
         (),
     )
-    every: int = key("a row of the curve is written every so many steps", 1, ge=1)
+    every: int = key("number of steps between two rows of the curve", 1, ge=1)
     surface: bool = key("whether snapshots hold the surface of the whole cell", False)
     near_gap: float = quantity(
         "length", "gap below which a point is near, as an optical image sees it: `near_area` of the curve", NEAR_GAP

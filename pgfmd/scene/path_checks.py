@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from pgfmd.errors import Problem
 
-from .given import PATHS
 from .partial_scene import PartialScene, Unread, is_unicode
+from .unresolved_scene import PATHS
 
 
 def paths_can_be_used(partial: PartialScene) -> Iterator[Problem]:

@@ -21,7 +21,7 @@ at 512, and a quarter at 1024; between 128 and 192 both cost the same."""
 
 
 SOFTEST = 1e-2
-"""Stiffness of a machine's spring beside that of the punch in contact, below which single corrections lose too much of the
+"""Stiffness of a machine's spring relative to that of the punch in contact, below which single corrections lose too much of the
 surface in the elongation of the spring."""
 
 
@@ -45,7 +45,7 @@ def best_precision(scene: Scene) -> Choice:
     Depends only on the resolved scene, not on its own precision.
     """
     solver, side, scheme = scene.solver, transform_side_about(scene), registry.scheme_of(scene)
-    if scene.drive.control == "load":
+    if scene.drive.controls_load:
         return Choice("double", "load control has no other")
     if is_soft(scene.drive.machine_stiffness, scene.substrate.contact_modulus, scene.punch.radius, scene.grid.length):
         return Choice("double", "the machine's spring is so soft that it nearly controls the load")

@@ -79,7 +79,8 @@ def followed_files_can_be_read(draft: PartialScene) -> Iterator[Problem]:
         path = draft.folder / os.path.expanduser(step.file)
         try:
             read_path(path, step.of)
-        except (MeasurementError, OSError) as error:
+        except (MeasurementError, OSError, ValueError) as error:
+            # ValueError: a path that can be none, with a character of code 0.
             yield Problem(f"drive.step.{number}.file", step.file, "a file to follow", str(error))
 
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
+from pgfmd.errors import MISSING
 from pgfmd.files.followed_path import read_path
 from pgfmd.physics.drive import AREA, DETACHED, FORCE, TRAVEL
 from pgfmd.units import UnitError, format_quantity, parse_quantity
@@ -26,7 +27,7 @@ STEPS: dict[str, tuple[frozenset[str], frozenset[str]]] = {
     "hold": (frozenset(), frozenset({"of", "until", "duration", "turn_time"})),
     "ramp": (frozenset({"rate"}), frozenset({"until", "to", "duration", "turn_time"})),
     "oscillate": (frozenset({"amplitude", "frequency", "cycles"}), frozenset({"turn_time"})),
-    "follow": (frozenset({"file", "of"}), frozenset({"turn_time"})),
+    "follow": (frozenset({"file", "of"}), frozenset()),
 }
 """For every kind of step the keys that it needs and those that it may have."""
 ALSO = {"for": "duration"}
@@ -151,6 +152,14 @@ def largest_force(steps: tuple[ProgrammeStep, ...]) -> float:
     return max(forces, default=0.0)
 
 
+def names_force(steps: object) -> bool:
+    """Whether steps that have not been read yet name a force that ends one; not if they can't be read."""
+    try:
+        return largest_force(read_steps(steps)) > 0.0
+    except PydanticCustomError:
+        return False
+
+
 class Repeat(Section):
     """Which steps of a programme are repeated."""
 
@@ -214,11 +223,23 @@ def read_steps(value: object) -> tuple[ProgrammeStep, ...]:
             problems.append((raw, "a table with the keys of a step", "", f".{number_}"))
             continue
         table = {ALSO.get(str(name), str(name)): entry for name, entry in raw.items()}
+        problems += [
+            (
+                raw[name],
+                f"no such key beside '{same}', which means the same",
+                "delete one of them",
+                f".{number_}.{name}",
+            )
+            for name, same in ALSO.items()
+            if name in raw and same in raw
+        ]
         found = _problems_of_keys(table, number_)
         try:
             steps.append(ProgrammeStep.model_validate(table))
         except ValidationError as error:
-            found = _problems_of_values(error, number_) + [p for p in found if p[1].startswith("a value")]
+            wrong = _problems_of_values(error, number_)
+            known = {problem[3] for problem in wrong}
+            found = wrong + [problem for problem in found if problem[3] not in known]
         problems += found
     if problems:
         raise PydanticCustomError("scene", "expected steps", {"problems": problems})
@@ -234,7 +255,7 @@ def _problems_of_values(error: ValidationError, number_: int) -> list[Problem]:
         if details["type"] == "scene":
             problems += [(*parts, dotted) for parts in details["ctx"]["problems"]]
         elif details["type"] == "missing":
-            problems.append(("missing", f"one of {', '.join(STEPS)}", 'add do = "approach", for instance', dotted))
+            problems.append((MISSING, f"one of {', '.join(STEPS)}", 'add do = "approach", for instance', dotted))
         elif details["type"] == "extra_forbidden":
             problems.append((given, f"a key of a step: {', '.join(ProgrammeStep.model_fields)}", "", dotted))
         else:
@@ -249,15 +270,13 @@ def _problems_of_keys(table: Mapping[str, Any], number_: int) -> list[Problem]:
         return []
     required, optional = STEPS[do]
     problems: list[Problem] = [
-        ("missing", f"a value for '{do}'", f"add {name} = ... to step {number_}", f".{number_}.{name}")
+        (MISSING, f"a value for '{do}'", f"add {name} = ... to step {number_}", f".{number_}.{name}")
         for name in sorted(required - table.keys())
     ]
-    for name in table.keys() & ProgrammeStep.model_fields.keys() - required - optional - {"do"}:
+    for name in sorted(table.keys() & ProgrammeStep.model_fields.keys() - required - optional - {"do"}):
         users = [other for other, keys in STEPS.items() if name in keys[0] | keys[1]]
         problems.append((table[name], f"no such key in '{do}'", f"only in {', '.join(users)}", f".{number_}.{name}"))
-    ends = {"until", "to", "duration"} & table.keys()
+    ends = [name for name in ("until", "to", "duration") if table.get(name) not in (None, [], ())]
     if do in ("approach", "hold", "ramp") and not ends:
-        problems.append(
-            ("missing", f"what ends '{do}'", 'add until = "40 mN" or duration = "60 s"', f".{number_}.until")
-        )
+        problems.append((MISSING, f"what ends '{do}'", 'add until = "40 mN" or duration = "60 s"', f".{number_}.until"))
     return problems

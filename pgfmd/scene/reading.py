@@ -2,7 +2,7 @@
 
     scene = load_scene("tri-tack", ["grid.n=512", "drive.speed=10 um/s"])
 
-What a scene says is in given.py, the models are in model.py, the rules across keys in checks.py.
+What a scene says is in unresolved_scene.py, the models are in model.py, the rules across keys in checks.py.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from pgfmd.physics.random_surface import automatic_period
 
 from .checks import check, refer_to_relaxed
 from .fields import expectation, extra_of, within_limits, written
-from .given import Given, did_you_mean, shipped_scenes, shipped_text
 from .model import SECTIONS, Adhesion, Scene
 from .partial_scene import MISSING, PartialScene, example, is_unicode
 from .precision import best_precision
-from .programme_section import largest_force
+from .programme_section import Repeat, largest_force
+from .unresolved_scene import Given, did_you_mean, shipped_scenes, shipped_text
 
 __all__ = ["Scene", "load_scene", "parse_scene", "scene_from_mapping", "shipped_scenes", "shipped_text"]
 
@@ -120,17 +120,31 @@ def _read_sections(mapping: Mapping[str, Any], partial: PartialScene) -> list[Pr
             model.model_validate(raw, context=partial.values[section])
         except ValidationError as error:
             for details in error.errors(include_url=False):
-                problems += _problems_of(section, model, details)
+                problems += _problems_of(section, model, details, raw)
     return problems
 
 
-def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any]) -> list[Problem]:
-    """A pydantic error in the words of the scene."""
+def _problems_of(
+    section: str, model: type[BaseModel], error: Mapping[str, Any], raw: Mapping[str, Any]
+) -> list[Problem]:
+    """A pydantic error in the words of the scene; raw: the section as given."""
     name, context = str(error["loc"][0]), error.get("ctx", {})
     dotted = ".".join([section, *(str(part) for part in error["loc"])])
     if error["type"] == "scene":
         # The fourth part, if there is one, is the rest of the key.
         return [Problem(dotted + "".join(parts[3:]), *parts[:3]) for parts in context["problems"]]
+    if error["type"] == "extra_forbidden" and section == "drive" and name.startswith("step."):
+        steps = raw.get("step")
+        count = len(steps) if isinstance(steps, list) else 0
+        expected = f"a step from 1 to {count}, and a key of it" if count else "a scene with steps, [[drive.step]]"
+        return [Problem(dotted, error["input"], expected, "for instance drive.step.1.duration=30 s" if count else "")]
+    if error["type"] in ("extra_forbidden", "missing") and len(error["loc"]) > 1:
+        # Of the table [drive.repeat], the one within a section.
+        if error["type"] == "missing":
+            return [Problem(dotted, MISSING, "a whole number", "add times = 3 to [drive.repeat]")]
+        inner = str(error["loc"][1])
+        expected = f"a key of [drive.repeat]: {', '.join(Repeat.model_fields)}"
+        return [Problem(dotted, error["input"], expected, did_you_mean(inner, list(Repeat.model_fields)))]
     if error["type"] == "extra_forbidden":
         owners = [other for other, fields in SECTIONS.items() if name in fields.model_fields]
         cure = f"move it to [{owners[0]}]" if owners else did_you_mean(name, list(model.model_fields))
@@ -144,6 +158,8 @@ def _problems_of(section: str, model: type[BaseModel], error: Mapping[str, Any])
     if error["type"] == "string_unicode":
         return [Problem(dotted, error["input"], "a text in UTF-8", "correct, or rename, what is not UTF-8 in it")]
     expected = error["msg"].removeprefix("Input should be ")
+    if error["type"] == "model_type":
+        expected = f"a table [{dotted}] with times, and perhaps first and last"
     if error["type"] == "literal_error":
         choices = [word.strip("' ") for word in context["expected"].replace(" or ", ",").split(",")]
         return [Problem(dotted, error["input"], context["expected"], did_you_mean(str(error["input"]), choices))]

@@ -74,7 +74,7 @@ class Solver(Section):
         "auto",
     )
     coarse_grid: Literal["auto", "always", "none"] = key(
-        "`auto`: conjugate gradients use a coarser grid beside the points in viscoelastic `inertialess` scenes whose transforms "
+        "`auto`: conjugate gradients use an additional coarser grid in viscoelastic `inertialess` scenes whose transforms "
         "have 1000 points a side or more; `always`: in smaller ones, too, where it can be; `none`: never",
         "auto",
     )

@@ -197,7 +197,7 @@ class PathFollowing:
         return c
 
     def _surface_of(self, w: np.ndarray, u: np.ndarray) -> None:
-        """u = G0 w [m] of a load w [Pa], as the state has it."""
+        """u = G0 w [m] of an effective traction w [Pa], as defined in State."""
         self.solver.convolve(w, u)
 
     def _extent(self, position: float) -> float:

@@ -1,9 +1,9 @@
-"""Compiling kernels, and keeping them for the next start wherever that works: no cache may stop a run.
+"""Compilation of kernels, and a cache for later starts. Problems of the cache never stop a run.
 
-numba keeps what it has compiled beside the sources, or in the user's cache folder; NUMBA_CACHE_DIR names another. None
-may be writable (an installation of an administrator's, a container, a compute node without homes), the disk may be
-full, and a crash may have left half a file. Kernels are then kept in a folder of the user's own in the temporary
-folder, or not at all and compiled at each start.
+numba stores compiled kernels next to the sources, or in the user's cache folder; NUMBA_CACHE_DIR sets another folder.
+These may not be writable (an installation by an administrator, a container, a compute node without home folders), the
+disk may be full, and a crash may have left an incomplete file. Then kernels are stored in the user's folder in the
+temporary folder, or not stored and compiled at each start.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from numba.extending import overload
 
 CURE = "NUMBA_CACHE_DIR names a folder to keep them in"
 _COMPILED = ("**/*kernels.py", "hashing.py", "solver/inlined_laws.py", "physics/adhesion/*.py")
-"""Sources, in the package, of what is compiled."""
+"""Sources of kernels in the package."""
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 
 def compiled(**options: Any) -> Callable[[Kernel], Kernel]:
-    """A decorator: `numba.njit` with these options and without Python's lock, and a cache that forgives everything."""
+    """A decorator: `numba.njit` with these options, without Python's lock, and with a cache that never raises."""
 
     def decorate(function: Kernel) -> Kernel:
         kernel: Any = numba.njit(nogil=True, **options)(function)
-        # A plain function where NUMBA_DISABLE_JIT is set.
+        # A plain function if NUMBA_DISABLE_JIT is set.
         if isinstance(kernel, Dispatcher):
             kernel = cast("Any", kernel)
-            # What `cache=True` sets, of another class.
+            # The attribute that `cache=True` sets, with another class.
             kernel._cache = KernelCache(function)
         return cast("Kernel", kernel)
 
@@ -48,7 +48,7 @@ def compiled(**options: Any) -> Callable[[Kernel], Kernel]:
 
 
 def inlined(function: Kernel) -> Kernel:
-    """A decorator for what kernels call: it becomes a part of each of them."""
+    """A decorator for functions that kernels call; they are inlined."""
     return cast("Kernel", numba.njit(inline="always")(function))
 
 
@@ -64,8 +64,8 @@ def overloading(function: Callable[..., Any], **options: Any) -> Callable[[Kerne
 
 
 def hear(listener: Callable[[str], None] | None) -> None:
-    """From here on, what is to be said of the cache goes to `listener`, what has been noted so far included; each
-    matter is told once in a process. None: nothing is said."""
+    """Sends messages about the cache to `listener` from now on, and earlier ones as well. Each message is sent once per
+    process. None: no messages."""
     global _listener
     _listener = listener or (lambda text: None)
     for text in _notes.values():
@@ -73,7 +73,7 @@ def hear(listener: Callable[[str], None] | None) -> None:
 
 
 def place() -> Path | None:
-    """The folder in which kernels of this module's folder are kept; None where there is none."""
+    """The folder in which kernels of this module's folder are stored; None if there is none."""
     cache = KernelCache(compiled)
     for one in (cache.first, cache.second):
         found = one()
@@ -83,13 +83,13 @@ def place() -> Path | None:
 
 
 def is_kept(what: str) -> bool:
-    """Whether the kernels for `what` are in the cache, as far as `remember` has been told."""
+    """Whether the kernels for `what` are in the cache, according to `remember`."""
     mark = _mark_of(what)
     return mark is not None and mark.exists()
 
 
 def remember(what: str) -> None:
-    """Notes that the kernels for `what` are in the cache now. Where that can't be noted, they will be looked for again."""
+    """Records that the kernels for `what` are in the cache now. If this fails, later starts search for them again."""
     mark = _mark_of(what)
     with contextlib.suppress(OSError):
         if mark is not None and any(mark.parent.glob("*.nbi")):
@@ -97,7 +97,8 @@ def remember(what: str) -> None:
 
 
 def _mark_of(what: str) -> Path | None:
-    """A file beside the cache that goes with these sources, this numba and this processor; None without a cache."""
+    """A file in the folder of the cache for these sources, this version of numba and this processor; None without a
+    cache."""
     folder = place()
     if folder is None:
         return None
@@ -107,7 +108,7 @@ def _mark_of(what: str) -> Path | None:
 
 @functools.cache
 def _sources() -> str:
-    """A digest of the sources of all kernels, wherever they are in the package, and of what is compiled into them."""
+    """A digest of the sources of all kernels in the package, and of the code that is compiled into them."""
     package = Path(__file__).parents[1]
     texts = (source.read_bytes() for pattern in _COMPILED for source in sorted(package.glob(pattern)))
     return hashlib.sha256(b"\0".join(texts)).hexdigest()
@@ -125,15 +126,15 @@ def _note(matter: str, text: str) -> None:
 
 
 class _Cache(FunctionCache):
-    """numba's own cache. It looks for changes in a kernel's own file; but kernels have what they call from other files
-    compiled in, and must not outlive it."""
+    """numba's own cache. It checks for changes in the kernel's own file. But kernels include code from other files, and
+    must be compiled again if that changes."""
 
     def _index_key(self, *about: Any) -> tuple[Any, ...]:
         return (*super()._index_key(*about), _sources())
 
 
 class KernelCache(NullCache):
-    """numba's own cache of a function, with a second one where that fails. Never raises."""
+    """numba's own cache of a function, with a second one if the first fails. Never raises."""
 
     def __init__(self, function: Callable[..., Any]):
         self._function = function
@@ -141,7 +142,7 @@ class KernelCache(NullCache):
 
     @property
     def cache_path(self) -> str | None:
-        """Where numba's own cache is."""
+        """The folder of numba's own cache."""
         first = self.first()
         return None if first is None else first.cache_path
 
@@ -150,11 +151,11 @@ class KernelCache(NullCache):
         return self._open(_Cache)
 
     def second(self) -> FunctionCache | None:
-        """The cache in the temporary folder, made if it is not there; None if it can't be."""
+        """The cache in the temporary folder, created if it does not exist; None if this fails."""
         return self._open(_TemporaryCache)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What is in either cache; None if it has to be compiled."""
+        """The kernel from either cache; None if it has to be compiled."""
         found = self._load(self.first(), sig, target_context)
         folder = temporary_folder()
         if found is None and folder is not None and folder.is_dir():
@@ -162,7 +163,7 @@ class KernelCache(NullCache):
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keeps what was compiled in the first cache that takes it."""
+        """Stores a compiled kernel in the first cache that accepts it."""
         first = self.first()
         problem = self._save(first, sig, data)
         if problem is None:
@@ -232,7 +233,8 @@ class _TemporaryLocator(_UserWideLocator):
         self._cache_path = str(folder / self.get_suitable_cache_subpath(file))
 
     def ensure_cache_path(self) -> None:
-        """Makes the folder; OSError if it can't be, or is not this user's alone: code is loaded from it."""
+        """Creates the folder. OSError if this fails, or if other users can write to it, because code is loaded from
+        it."""
         folder = Path(self._cache_path).parent
         folder.mkdir(mode=0o700, exist_ok=True)
         about = folder.lstat()

@@ -1,6 +1,6 @@
-"""Compiled kernels of the law of adhesion: what a surface does to the punch (kernels.py).
+"""Compiled kernels of the law of adhesion: traction and energy between surface and punch (kernels.py).
 
-Each stands beside the line of mathematics it evaluates.
+Each is documented by the mathematics it evaluates.
 """
 
 from __future__ import annotations
@@ -62,14 +62,14 @@ def evaluate(
             for j in range(count):
                 i = start + j
                 overlap = min(gaps[j], 0.0)
-                traction, load = law.overlap * overlap + f[i], w[i] + weight * t[i]
-                rest = traction - (load - history[i]) * inverse
+                traction, effective = law.overlap * overlap + f[i], w[i] + weight * t[i]
+                rest = traction - (effective - history[i]) * inverse
                 f[i] = traction
                 r[i] = rest
                 pull += traction
                 imbalance += rest
                 potential += 0.5 * law.overlap * overlap * overlap + depths[j]
-                growth += s[i] * (0.5 * (w[i] + load) - history[i])
+                growth += s[i] * (0.5 * (w[i] + effective) - history[i])
         rows[0, row] = pull
         rows[1, row] = imbalance
         rows[2, row] = potential

@@ -51,7 +51,7 @@ def probe(
         gz, gp, kzz, kzp, kpp = 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(np.uint64(offset[row]), np.uint64(offset[row + 1])):
             move = b * z[i] + c * p[i]
-            load = w[i] + compliance * (b * dz[i] + c * dp[i])
+            effective = w[i] + compliance * (b * dz[i] + c * dp[i])
             gap_before = position + height[i] - u[i]
             gap = gap_before - move
             overlap = min(gap, 0.0)
@@ -63,14 +63,14 @@ def probe(
             else:
                 traction, bend, below = pressed, 0.0, 0.0
             interacting = near or gap_before < law.reach
-            rest = traction - (load - history[i]) * inverse
+            rest = traction - (effective - history[i]) * inverse
             f[i] = traction
             k[i] = bend
             r[i] = rest
             pull += traction
             imbalance += rest
             potential += wall + below
-            growth += move * (0.5 * (w[i] + load) - history[i]) * inverse
+            growth += move * (0.5 * (w[i] + effective) - history[i]) * inverse
             largest = max(largest, abs(move) if interacting else 0.0)
             gz += z[i] * rest
             gp += p[i] * rest

@@ -51,6 +51,12 @@ def signs_at(phase: Phase, values: Sequence[float]) -> list[int]:
     return [ending.sign or (1 if value < ending.value else -1) for ending, value in pairs]
 
 
+def signs_of(state: State, phase: Phase, values: Sequence[float]) -> Sequence[int]:
+    """The same as the state has them since the phase began; from these values for a state that no loop has begun."""
+    known = len(state.phase_signs) == len(phase.endings)
+    return state.phase_signs if known else signs_at(phase, values)
+
+
 def is_over(phase: Phase, values: Sequence[float], signs: Sequence[int]) -> bool:
     """Whether one of these values has ended a phase."""
     triples = zip(phase.endings, values, signs, strict=True)
@@ -113,7 +119,7 @@ def search_of(
     """The search in a step of a scheme; arguments as of EndingSearch."""
     cell = scheme.points.grid.cell_area if phase.endings else 0.0
     start = scheme.values_of(state, phase)
-    return EndingSearch(phase, start, state.phase_signs, tolerance, preload, length, cell)
+    return EndingSearch(phase, start, signs_of(state, phase, start), tolerance, preload, length, cell)
 
 
 def _slack(ending: Ending, tolerance: float, preload: float, length: float, cell: float) -> float:

@@ -1,4 +1,4 @@
-"""Compiled kernels: one pass over memory where NumPy needs several. Each stands beside the line of mathematics it
+"""Compiled kernels: one pass over memory where NumPy needs several. Each is documented by the mathematics it
 evaluates.
 
 Sums are left as one partial sum a row of the punch block (`offset` marks the rows in a point vector);

@@ -5,13 +5,13 @@ end, the surface u' = u - (d - D) = G0 w - (1/k_M) F is that of a body with one 
 
     u' = G0' w,   G0' = G0 + 1 1^T h^2 / (J k_M),   w = J f
 
-so all that is said of equilibria with G0 holds for G0'. Load control is the limit of a soft spring.
+so everything about equilibria with G0 holds for G0'. Load control is the limit of a soft spring.
 
 In a step of a viscoelastic body J is that of a stage, w = J f + w_hist, and the spring knows f alone. What a solve
 changes is then the same: a change of w by J df moves u' by G0' of it. So a solve starts with the true surface and the
-punch where the load at its start has it (`Machine.begin`), and what the spring gave way meanwhile is taken off at its
-end (`Machine.end`). No field holds the way of the machine's end, which a soft spring makes thousands of times longer
-than that of the punch: nothing is rounded that was not rounded before.
+position of the punch that belongs to w at the start (`Machine.begin`). The elongation of the spring during the solve is
+subtracted at its end (`Machine.end`). No field contains the displacement of the machine's end, which a soft spring makes
+thousands of times larger than that of the punch. So rounding errors are those of a rigid machine.
 """
 
 from __future__ import annotations
@@ -98,8 +98,8 @@ def with_spring(convolve: Convolves, spring: float, compliance: float) -> Convol
 
 
 MISPLACED = 1e-3
-"""Ranges of adhesion by which the load at the start of a solve may misplace the punch. Where a soft spring makes more of
-a small error of the load, the load is corrected beforehand. (With 0.1, solves of a contact about to be torn off went over to
+"""Ranges of adhesion by which the effective traction at the start of a solve may misplace the punch. If a soft spring turns a
+small error of w into more, w is corrected beforehand. (With 0.1, solves of a contact about to be torn off went over to
 the other side too early, those that follow a jump did not, and steps of 1e-10 s followed each other by the hundred.)"""
 
 
@@ -162,8 +162,8 @@ class Machine:
         self, drive: float, u: np.ndarray, w: np.ndarray, history: np.ndarray, compliance: float, expected: float,
         traction: np.ndarray, exactly: bool = False,
     ) -> tuple[float, bool]:  # fmt: skip
-        """Before the solve of a stage with J = compliance and w = J f + history: the position [m] of the punch that the
-        load w has, and whether w and u were corrected for it to be near the one that is `expected`. Collective.
+        """Before the solve of a stage with J = compliance and w = J f + history: the position [m] of the punch that
+        belongs to w, and whether w and u were corrected so that it is close to `expected`. Collective.
 
         The correction is spread evenly over the points that interact, where `traction` is not zero. exactly: correct it
         however near it is, for a jump, whose energy is counted from there. A punch that is free is always where the machine
@@ -192,19 +192,18 @@ class Machine:
         return self.place(drive, force), force
 
     def surface_of(self, w: np.ndarray, u: np.ndarray) -> None:
-        """u = G0 w [m] of a load w [Pa], without the spring. Collective."""
+        """u = G0 w [m] of an effective traction w [Pa], without the spring. Collective."""
         self._convolve.convolve(w, u)
 
-    def _force(self, load: float, compliance: float) -> float:
-        """Force on the punch [N] that a load w asks for, by its sum over the points."""
-        return -(load - self._given) / compliance * self.points.grid.cell_area
+    def _force(self, sum_of_w: float, compliance: float) -> float:
+        """Force on the punch [N] that belongs to an effective traction w, by its sum over the points."""
+        return -(sum_of_w - self._given) / compliance * self.points.grid.cell_area
 
     def _correct(
         self, misplaced: float, u: np.ndarray, w: np.ndarray, history: np.ndarray, compliance: float, traction: np.ndarray,
         count: int,
     ) -> None:  # fmt: skip
-        """Changes the load until spring and elastomer give way alike, or to none where none of the points interacts. One
-        transform."""
+        """Changes w until it fits the elongation of the spring, or to none if no point interacts. One transform."""
         if count:
             force = -misplaced / (self.compliance + compliance / self.stiffness)
             w[np.flatnonzero(traction)] -= compliance * force / (self.points.grid.cell_area * count)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pgfmd.errors import RunError
 from pgfmd.files.packing import arrays_of
-from pgfmd.physics.drive import COMPLETED, DETACHED, FORCE, PRELOAD, STEP_END, Drive, Phase
+from pgfmd.physics.drive import AREA, COMPLETED, DETACHED, FORCE, LOAD, PLACE, PRELOAD, STEP_END, TRAVEL, Drive, Phase
 
 from .ending_search import PRELOAD_TOLERANCE, is_over, signs_at
 from .finite_check import not_finite_on
@@ -20,6 +20,8 @@ from .state import State
 if TYPE_CHECKING:
     from pgfmd.schemes.base import Scheme, StepController
 
+SAME_LOAD = 1e-2
+"""How far a load to follow may begin from that on the punch, as a fraction of the larger of it and the preload."""
 STOPPED_PRELOAD = "preload not reached"
 STOPPED_STEPS = "max_steps reached"
 
@@ -47,6 +49,14 @@ class Observer:
         """Called at the start, after each step or jump, at the preload, at requested times, and at the end."""
 
 
+def _goes_on_when_free(phase: Phase) -> bool:
+    """Whether a phase has an end that a punch out of reach of the surface still comes to: a time, or a place."""
+    if phase.ends_with == DETACHED:
+        return False
+    moves = any(ending.quantity in (PLACE, TRAVEL) for ending in phase.endings)
+    return moves or math.isfinite(phase.duration)
+
+
 class Simulation:
     """A tack test: scheme, controller, programme and state, with observers (`Observer`).
 
@@ -59,6 +69,8 @@ class Simulation:
         self.points, self.deepest, self.max_steps = scheme.points, deepest, max_steps
         self.phases = drive.phases
         self.has_cycles = self.phases[-1].cycle > 1
+        # A programme without repeats may get some when it is continued.
+        self._follows_cycles = bool(drive.programme)
         self.observers: list[Observer] = []
         self.state: State = scheme.new_state(drive.clearance)
 
@@ -106,7 +118,10 @@ class Simulation:
             phase = self.phase
             if not state.elapsed and state.phase and self._is_over(phase):
                 # The punch is there already.
-                self._end_phase(phase, True)
+                self._end_phase(phase)
+                continue
+            if not state.elapsed and state.phase and self._has_nothing_to_hold(phase):
+                self._end_phase(phase)
                 continue
             for observer in self.observers:
                 observer.before_step(self)
@@ -167,7 +182,7 @@ class Simulation:
         self.state.energies.adhesive_start = self.state.energies.adhesive
         self.state.energies.largest_residual = 0.0
         self._begin_phase()
-        if self.has_cycles:
+        if self._follows_cycles:
             self.state.cycle.begin(self.state, 1)
         self._note(Event("start"))
 
@@ -190,14 +205,17 @@ class Simulation:
         """Ends phases and the run."""
         state = self.state
         if why in ("duration", "ending"):
-            self._end_phase(phase, why == "ending")
+            self._end_phase(phase)
         elif (self.retracting or phase.holds_load) and state.smallest_gap >= self.scheme.law.reach:
             # After its deepest point the punch accelerates, and a surface without force decelerates, so that
             # the two don't meet again.
+            goes_on = not (phase.final or phase.holds_load) and _goes_on_when_free(phase)
+            if phase.endings and phase.ends_with != DETACHED and not goes_on:
+                state.unmet.append(f"cycle {phase.cycle}, step {phase.stage}: the punch was free before {_told(phase)}")
             if phase.final:
                 state.finished = DETACHED
-            elif math.isinf(phase.duration) or phase.holds_load:
-                self._end_phase(phase, False)
+            elif not goes_on:
+                self._end_phase(phase)
         elif phase.velocity_end < 0.0 and not phase.recedes(state.elapsed) and -self.punch_position > self.deepest:
             state.finished = STOPPED_PRELOAD
         if not state.finished and state.counters.steps >= self.max_steps:
@@ -206,6 +224,12 @@ class Simulation:
     def _begin_phase(self) -> None:
         """Keeps what the ends of a phase are counted from."""
         state, phase = self.state, self.phase
+        wrong = abs(state.force - phase.starts_at) > SAME_LOAD * max(abs(phase.starts_at), self.drive.preload)
+        if wrong:
+            raise RunError(
+                f"step {phase.stage} of the programme follows a load that begins at {phase.starts_at:.6g} N, but at t = "
+                f"{state.time:.6g} s the punch carries {state.force:.6g} N: add a step that ends at this load before it"
+            )
         state.phase_place = state.punch_displacement
         state.phase_signs = signs_at(phase, self.scheme.values_of(state, phase))
 
@@ -213,10 +237,16 @@ class Simulation:
         """Whether a phase that begins is over at once."""
         return is_over(phase, self.scheme.values_of(self.state, phase), self.state.phase_signs)
 
-    def _end_phase(self, phase: Phase, met: bool) -> None:
-        """Goes to the next phase, or ends the run; met: whether a value has ended the phase."""
+    def _has_nothing_to_hold(self, phase: Phase) -> bool:
+        """Whether a phase that does not press the punch in has a load to keep, and the punch is free: its soft spring would
+        only pull it far away."""
+        pulls = phase.control == LOAD and phase.velocity_end >= 0.0
+        return pulls and self.state.smallest_gap >= self.scheme.law.reach
+
+    def _end_phase(self, phase: Phase) -> None:
+        """Goes to the next phase, or ends the run."""
         state = self.state
-        if met and phase.ends_with == PRELOAD:
+        if phase.ends_with == PRELOAD:
             if state.preload_time is None:
                 state.preload_time, state.preload, state.preload_displacement = (
                     state.time,
@@ -236,7 +266,7 @@ class Simulation:
             self.scheme.control(self.phase.control, state)
         state.elapsed, state.phase_start, state.step = 0.0, self.scheme.drive_at(state), 0.0
         self._begin_phase()
-        if self.has_cycles and self.phase.cycle != phase.cycle:
+        if self.phase.cycle != phase.cycle:
             state.cycles.append(state.cycle.row(state))
             state.cycle.begin(state, self.phase.cycle)
 
@@ -260,7 +290,7 @@ class Simulation:
         elif recedes:
             state.pull_off_force = min(state.pull_off_force, state.least_force)
             state.pull_off_at_ends = min(state.pull_off_at_ends, state.force)
-        if self.has_cycles:
+        if self._follows_cycles:
             state.cycle.follow(state, approaches, recedes)
 
     def _require_finite(self) -> None:
@@ -277,3 +307,11 @@ class Simulation:
     def _note(self, event: Event) -> None:
         for observer in self.observers:
             observer.observe(self, event)
+
+
+def _told(phase: Phase) -> str:
+    """The values that were to end a phase, in SI units."""
+    units = {FORCE: "N", AREA: "m^2"}
+    return " or ".join(
+        f"{ending.quantity} {ending.value:.6g} {units.get(ending.quantity, 'm')}" for ending in phase.endings
+    )

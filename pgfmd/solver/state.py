@@ -94,6 +94,7 @@ class State:
     contact_points, overlap_points, near_points: numbers of points with a gap below the law's contact_gap, below zero,
     and below the scheme's near_gap.
     cycle, cycles: numbers of the present cycle of a programme with repeats, and of those that are over.
+    unmet: steps of a programme that ended because the punch was free, before what was to end them.
     started: whether the first equilibrium has been computed.
 
     The scheme quasistatic also keeps the softest mode of the last equilibrium, softest_mode [m], and its dual, the
@@ -145,6 +146,7 @@ class State:
     pull_off_at_ends: float = field(default=0.0, metadata={"unknown": np.nan})
     snap_in_at_ends: float = field(default=0.0, metadata={"unknown": np.nan})
     finished: str = ""
+    unmet: list[str] = field(default_factory=list)
     started: bool = False
     past_displacements: list[np.ndarray] = field(
         default_factory=list, metadata={"like": "surface_displacement", "stored": "past_u"}

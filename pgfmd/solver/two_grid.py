@@ -251,10 +251,10 @@ class TwoGrid(ConjugateGradients):
         kernels.largest_in_rows(self._sunk, self.curvature, points.offset, rows[1:])
         numbers = points.all_rows(rows[:2])
         held = points.total + compliance * float(points.summed(numbers[:1])[0])
-        load = imbalance / held if held > 0.0 else math.inf
-        if not abs(load) * compliance * float(numbers[1].max()) < most * self.law.length:
+        uniform = imbalance / held if held > 0.0 else math.inf
+        if not abs(uniform) * compliance * float(numbers[1].max()) < most * self.law.length:
             return False
-        kernels.move(self.s, self.t, self._sunk, self._even, load * compliance, load)
+        kernels.move(self.s, self.t, self._sunk, self._even, uniform * compliance, uniform)
         return True
 
     def _solve_coarse(self, compliance: float, tolerance: float, unbalanced: float, trust: float) -> float:

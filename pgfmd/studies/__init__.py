@@ -1,1 +1,2 @@
-"""Studies: many runs of one scene with other values, side by side or as an array of batch jobs; convergence. No MPI."""
+"""Studies: many runs of one scene with different values, in parallel or as an array of batch jobs; convergence. No
+MPI."""

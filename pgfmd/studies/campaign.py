@@ -1,4 +1,4 @@
-"""A study from its cases to its table: what is to be done, the jobs, and what came of it."""
+"""A study from its cases to its table: the cases that are to be run, the jobs, and their results."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
 class Unfinished(PgfmdError):
-    """Not every case could be finished. The exit code is that of a run that stopped, or of one that could not go on.
+    """Not every case could be finished. The exit code is that of a run that was stopped, or that failed.
 
-    table: the table of the study (table.StudyTable), where `study` or `converge` raises it.
+    table: the table of the study (table.StudyTable), if `study` or `converge` raises it.
     """
 
     table: Any = None
@@ -44,8 +44,8 @@ class Unfinished(PgfmdError):
 
 @dataclass(frozen=True)
 class Wishes:
-    """What is asked of a study besides running what is not finished: failed cases too (`retry`); changed and damaged
-    ones anew (`fresh`); keys that may have changed since a run began; time between checkpoints."""
+    """Options of a study. It runs unfinished cases. retry: also failed ones. fresh: also changed and damaged ones, from
+    the start. allow: keys that may have changed since a run began. checkpoint_every: time between checkpoints."""
 
     retry: bool = False
     fresh: bool = False
@@ -55,7 +55,7 @@ class Wishes:
 
 @dataclass
 class Campaign:
-    """The cases of a study and where their results go: OUT/<case>, what a job said in OUT/<case>.log."""
+    """The cases of a study. Results are in OUT/<case>, and the output of a job is in OUT/<case>.log."""
 
     cases: list[Case]
     out: Path
@@ -63,7 +63,7 @@ class Campaign:
     say: Callable[[str], None] = print
 
     def __post_init__(self) -> None:
-        """Raises StudyError for what must not be in a line of a script, or in one that a user may copy."""
+        """Raises StudyError for characters that must not be in a line of a script, or in one that a user may copy."""
         texts = [str(self.out), *(text for case in self.cases for text in (case.source, *case.overrides, case.name))]
         found = dict.fromkeys(text for text in texts if _CONTROL.search(text))
         if found:
@@ -71,7 +71,7 @@ class Campaign:
             raise StudyError("command line", [f"{text!r}: expected {expected}" for text in found])
 
     def folder(self, case: Case) -> Path:
-        """Where a case's results go."""
+        """The folder of a case's results."""
         return self.out / case.name
 
     def states(self) -> dict[str, CaseState]:
@@ -95,13 +95,14 @@ class Campaign:
         return replace(self, cases=kept) if patterns else self
 
     def agenda(self, states: dict[str, CaseState]) -> list[Case]:
-        """The cases that a job is to be started for."""
+        """The cases for which a job has to be started."""
         anew = (CHANGED, DAMAGED) if self.wishes.fresh else ()
         never = {FINISHED, RUNNING, CHANGED, DAMAGED, *(() if self.wishes.retry else (FAILED,))} - set(anew)
         return [case for case in self.cases if states[case.name].state not in never]
 
     def clear_folders(self, cases: Sequence[Case], states: dict[str, CaseState]) -> None:
-        """Moves aside what is in the folders of changed and damaged cases that are to begin anew. ResultError."""
+        """Moves the contents of the folders of changed and damaged cases aside, so that these can start again.
+        ResultError."""
         from pgfmd.host.run_lock import RunLock
 
         for case in cases:
@@ -117,16 +118,16 @@ class Campaign:
                 self.say(f"{case.name}: begins anew; what was there is in {aside}")
 
     def arguments(self, case: Case) -> tuple[str, ...]:
-        """What `pgfmd run` is given for a case, but for its folder."""
+        """The arguments of `pgfmd run` for a case, without its folder."""
         allowed = [part for key in self.wishes.allow for part in ("--allow", key)]
         return (case.source, *case.overrides, "--checkpoint-every", self.wishes.checkpoint_every, *allowed)
 
     def quoted(self, case: Case) -> str:
-        """The arguments of a case as a shell takes them."""
+        """The arguments of a case, quoted for a shell."""
         return shlex.join(self.arguments(case))
 
     def run(self, ranks: int, jobs: int) -> None:
-        """Runs what is not finished, on this machine. Raises Unfinished if a case is not finished afterwards."""
+        """Runs unfinished cases on this machine. Raises Unfinished if a case is not finished afterwards."""
         states = self.states()
         chosen = self.agenda(states)
         self.tell(states)
@@ -155,13 +156,13 @@ class Campaign:
         return Task(case.name, (*self.arguments(case), "--out", str(folder)), folder, self.out / f"{case.name}.log")
 
     def tell(self, states: dict[str, CaseState]) -> None:
-        """Says what is there already."""
+        """Prints the states of the cases."""
         counts = Counter(case_state.state for case_state in states.values())
         count = "1 case" if len(self.cases) == 1 else f"{len(self.cases)} cases"
         self.say(f"{count} in {self.out}: " + ", ".join(f"{counts[state]} {state}" for state in counts))
 
     def conclude(self, failures: dict[str, str], stopped: str) -> None:
-        """Raises Unfinished with what is not finished, why, and what to do."""
+        """Raises Unfinished with the unfinished cases, the reasons, and what to do."""
         states = self.states()
         lines, left = [], []
         for case in self.cases:
@@ -185,7 +186,7 @@ class Campaign:
         raise Unfinished(text, failed=bool(lines) and not stopped)
 
     def _outcome(self, task: Task, ending: Ending) -> str:
-        """How a job ended, in a line."""
+        """The end of a job, in one line."""
         if ending.code == Stopped.exit_code:
             return f"stopped with a checkpoint, {ending.seconds:.3g} s"
         if ending.code:

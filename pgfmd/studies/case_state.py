@@ -1,4 +1,4 @@
-"""The state of a case of a study: what its folder says, and whether it holds the case's scene. No MPI."""
+"""The state of a case of a study: the state of its folder, and whether the folder has the case's scene. No MPI."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FAILED, CHANGED, DAMAGED = "failed", "changed", "damaged"
 
 @dataclass(frozen=True)
 class CaseState:
-    """State and, where there is one, its reason. record: `run.json`, empty where there is none."""
+    """State, and a reason if there is one. record: `run.json`, None if there is none."""
 
     state: str
     why: str = ""
@@ -37,8 +37,8 @@ class CaseState:
 def case_state_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> CaseState:
     """The state of a case whose results are in `folder`; allow: keys that may differ from what the run began with.
 
-    `failed`: the run itself said that it can't go on. `changed`: the folder holds a run of another scene. `damaged`: no
-    run can go on there. Each of them with the message.
+    `failed`: the run ended with an error. `changed`: the folder has a run of another scene. `damaged`: no run can be
+    continued there. Each has a message.
     """
     from pgfmd.results.status import DAMAGED as BROKEN
     from pgfmd.results.status import EMPTY, status_of
@@ -56,7 +56,7 @@ def case_state_of(case: Case, folder: Path, allow: Sequence[str] = ()) -> CaseSt
     if status.state == RUNNING:
         return CaseState(RUNNING, status.why)
     if status.state == FINISHED:
-        # Its numbers are those of its own settings: only what is written may differ.
+        # Its numbers belong to its own settings, so only keys of the output may differ.
         allow = [key for key in allow if key.partition(".")[0] == "output"]
     changes = _changes(case, folder, allow)
     if changes:
@@ -76,7 +76,7 @@ def _record(folder: Path) -> dict | None:
 
 
 def _changes(case: Case, folder: Path, allow: Sequence[str]) -> str:
-    """Why the run in a folder is not one of this case; empty if it is. The run itself asks the same."""
+    """Why the run in a folder does not belong to this case; empty if it does. The run itself checks the same."""
     from pgfmd.restart.scene_changes import contents_of, review
     from pgfmd.results.inventory import take_inventory
 
@@ -92,7 +92,7 @@ def _changes(case: Case, folder: Path, allow: Sequence[str]) -> str:
     except SceneError as error:
         return str(error)
     except KeyError:
-        # Of a finished run without checkpoints nothing may change.
+        # For a finished run without checkpoints nothing may change.
         return f"{folder} holds a run of another scene: choose another --out, or start anew with --fresh"
     except (OSError, ResultError) as error:
         return str(error)

@@ -17,17 +17,17 @@ from .values import override_of, slug
 
 LONGEST_NAME = 150
 MOST_NAMED = 3
-"""Cases that a problem names; of more, it gives the number."""
+"""Number of cases that a message names; further ones are counted."""
 SUFFIXES = (".log", ".csv", ".txt", ".png", ".json", ".sh", ".toml")
-"""Endings of the files beside the folders of cases."""
+"""Suffixes of the files in the folder of a study."""
 _SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+_-]*")
 
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a study. name: of its folder; places: label of its place on each axis, by the axis's name, empty for a
-    single case; twin: name of the case that is its quasi-static twin, if it has one (twins.py); source and overrides: what
-    `pgfmd run` is given; scene: what that means."""
+    """One run of a study. name: of its folder; places: label of its value on each axis, by the name of the axis, empty
+    for a single case. twin: name of the case that is its quasi-static twin, if it has one (twins.py). source, overrides:
+    arguments of `pgfmd run`. scene: the resulting scene."""
 
     name: str
     source: str
@@ -40,7 +40,7 @@ class Case:
 def cases_of(study: Study) -> list[Case]:
     """Every case, the grid first, its first axis varying slowest.
 
-    Raises StudyError with all problems of the file and of all cases. Scenes of cases with wrong keys are not looked at.
+    Raises StudyError with all problems of the file and of all cases. Scenes of cases with wrong keys are not checked.
     """
     complaints: dict[str, list[str]] = {}
     cases = []
@@ -59,7 +59,7 @@ def cases_of(study: Study) -> list[Case]:
     problems = [*study.problems, *(f"{_named(names)}: {text}" for text, names in complaints.items())]
     problems += _names_refused(_proposed_cases(study))
     if not study.problems:
-        # Cases may be the same only for what is wrong.
+        # Cases with errors may seem to be the same.
         problems += _twins(cases)
     if problems:
         raise StudyError(study.source, problems)
@@ -80,7 +80,7 @@ def _proposed_cases(study: Study) -> Iterator[tuple[str, dict[str, str], dict[st
 
 
 def short_names(axes: Iterable[Axis]) -> dict[str, str]:
-    """What a key is called in names and legends: without its section where that is enough."""
+    """The short name of a key for names and legends: without its section if that is unique."""
     names = [axis.name for axis in axes]
     last = [name.rpartition(".")[2] for name in names]
     return {name: short if last.count(short) == 1 else name for name, short in zip(names, last, strict=True)}
@@ -94,7 +94,7 @@ def _names_refused(proposed: Iterable[tuple[str, dict[str, str], dict[str, Any]]
             yield str(Problem("case", name, f"a name of a folder: it has {what}", "rename it, or the axis's value"))
         elif len(name) > LONGEST_NAME:
             yield f"case {name}: its name is longer than {LONGEST_NAME}; give a bundle of keys a short name instead"
-        # Some file systems take no notice of capitals.
+        # Some file systems do not distinguish capitals.
         seen[name.lower()] = seen.get(name.lower(), 0) + 1
     for name, count in seen.items():
         if count > 1:

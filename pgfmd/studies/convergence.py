@@ -2,10 +2,10 @@
 
     q(h) = q_0 + c (h/h_1)^p          h_1: the coarsest h
 
-p is found by least squares, or given; q_0 and c then follow from a linear problem. Standard errors come from the
-residuals and the Jacobian of the fit; of one point more than parameters they say little, which Student's factor in the
-interval takes into account. That the points scatter about a power law is an assumption: the spread on leaving out one
-point makes none, and the doubts tell where the assumption fails.
+p is fitted by least squares, or given. Then q_0 and c follow from a linear problem. Standard errors follow from the
+residuals and the Jacobian of the fit. With only one point more than parameters they are uncertain, which the interval
+by Student's t takes into account. These errors assume that the points scatter about a power law. The spread on leaving
+out one point does not assume this, and the doubts show where the assumption fails.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from dataclasses import dataclass
 import numpy as np
 
 LOWEST, HIGHEST = 0.05, 6.0
-"""Powers that a fit looks for."""
+"""Range of powers of a fit."""
 AT_BOUND = 1.02
 DRIFT = 0.4
-"""Spread of the powers between levels, as a share of their mean, from which on a single power is doubted."""
+"""Spread of the powers between levels, relative to their mean, above which a single power is doubtful."""
 LARGE_RESIDUAL = 0.05
-"""Residual, as a share of the range of the data, from which on a power law is doubted."""
+"""Residual, relative to the range of the data, above which a power law is doubtful."""
 CONFIDENCE = 0.95
 
 
 Numbers = Sequence[float] | np.ndarray
-"""Of levels, one each."""
+"""Arrays with one number for each level."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Fit:
     """A power law through points.
 
     limit: q_0; amplitude: c; power: p. *_error: standard errors, NaN where there are as many parameters as points.
-    limit_interval: 95 % by Student's t. left_out: smallest and largest q_0 when one point is left out, NaN where that
-    leaves too few. residual: root mean square of the residuals. free: whether p was fitted.
+    limit_interval: 95 % by Student's t. left_out: smallest and largest q_0 when one point is left out, NaN if too few
+    points are left. residual: root mean square of the residuals. free: whether p was fitted.
     """
 
     limit: float
@@ -88,7 +88,8 @@ def _linear(share: np.ndarray, q: np.ndarray, power: float) -> tuple[float, floa
 
 
 def _best_power(share: np.ndarray, q: np.ndarray) -> float:
-    """The power of the least squares between LOWEST and HIGHEST: the best of a row, then of finer and finer ones."""
+    """The power with the least sum of squares between LOWEST and HIGHEST: the best of a sequence of values, then of
+    finer ones around it."""
     low, high, count = math.log(LOWEST), math.log(HIGHEST), 400
     while high - low > 1e-10:
         row = np.linspace(low, high, count)
@@ -98,7 +99,7 @@ def _best_power(share: np.ndarray, q: np.ndarray) -> float:
 
 
 def _misfits(share: np.ndarray, q: np.ndarray, powers: np.ndarray) -> np.ndarray:
-    """Sum of squares that the best q_0 and c leave over for each power."""
+    """Sum of squares of the residuals for the best q_0 and c, for each power."""
     basis = share ** powers[:, None]
     basis -= basis.mean(axis=1, keepdims=True)
     centred = q - q.mean()
@@ -124,7 +125,7 @@ def _errors(share: np.ndarray, amplitude: float, power: float, residuals: np.nda
 
 
 def _student(spare: int) -> float:
-    """Half the width of the 95 % interval in standard errors; NaN without a spare point."""
+    """Half the width of the 95 % interval in standard errors; NaN if there are as many parameters as points."""
     from scipy.special import stdtrit
 
     return float(stdtrit(spare, 0.5 + 0.5 * CONFIDENCE)) if spare > 0 else math.nan
@@ -143,7 +144,8 @@ def _left_out(h: np.ndarray, q: np.ndarray, power: float | None) -> tuple[float,
 
 def local_powers(sizes: Numbers, values: Numbers) -> list[float]:
     """The power between each three successive levels, coarsest first: ln of the ratio of the two differences over ln of
-    the ratio of the sizes. NaN where the differences have different signs, or one is 0. Sizes should fall evenly."""
+    the ratio of the sizes. NaN where the differences have different signs, or one is 0. Sizes should decrease by a
+    constant factor."""
     order = np.argsort(np.asarray(sizes, float))[::-1]
     h, steps = np.asarray(sizes, float)[order], np.diff(np.asarray(values, float)[order])
     return [
@@ -159,9 +161,9 @@ def finest_limit(sizes: Numbers, values: Numbers, power: float) -> float:
 
 
 def doubts(sizes: Numbers, values: Numbers, fit: Fit, noise: float = 0.0) -> list[str]:
-    """Why the data do not support the law, or its extrapolation; empty where nothing speaks against it.
+    """Reasons to doubt the law, or its extrapolation; empty if there are none.
 
-    noise: error of each value known from elsewhere, in their unit.
+    noise: independently known error of each value, in the unit of the values.
     """
     return list(_doubts(np.asarray(sizes, float), np.asarray(values, float), fit, noise))
 
@@ -200,7 +202,7 @@ def _doubts(sizes: np.ndarray, values: np.ndarray, fit: Fit, noise: float) -> It
 
 
 def disagreement(free: Fit, expected: float) -> str:
-    """What speaks against the expected power; empty if the fitted one agrees with it within two standard errors."""
+    """Reasons to doubt the expected power; empty if the fitted one agrees with it within two standard errors."""
     if math.isnan(free.power_error) or abs(free.power - expected) <= 2.0 * free.power_error:
         return ""
     return f"the fitted power, {free.power:.3g} ± {free.power_error:.2g}, is not the expected {expected:.3g}"

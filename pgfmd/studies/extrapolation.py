@@ -1,4 +1,4 @@
-"""A quantity over the levels of a refinement: the fits, what is to be thought of them, as text, JSON and a picture."""
+"""A quantity over the levels of a refinement: the fits and the doubts about them, as text, JSON and a picture."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ class Level:
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """What came out. fixed: with the power that is expected or was given, free: with a fitted one; None where there is
-    no such. finest: the limit from the two finest levels with the power of the first of these; local: the powers
-    between levels. doubts: why not to believe it; remarks: what was left out."""
+    """The result of an extrapolation. fixed: fit with the expected or given power; free: fit with a fitted power; None
+    if there is none. finest: the limit from the two finest levels with the power of the first of these fits. local: the
+    powers between levels. doubts: reasons to doubt the limit. remarks: levels that were left out."""
 
     axis: str
     quantity: str
@@ -61,20 +61,20 @@ class Extrapolation:
 
     @property
     def best(self) -> Fit | None:
-        """The fit whose limit is told first: with a known power, where there is one."""
+        """The fit whose limit is printed first: with a known power, if there is one."""
         return self.fixed or self.free
 
     @property
     def size_name(self) -> str:
-        """What the levels make smaller, in words."""
+        """The name of the size that decreases from level to level."""
         return "accuracy" if self.axis == ACCURACY else "mesh size h"
 
 
 def extrapolate(levels: Levels, rows: Sequence[Row], quantity: str, power: float | None = None) -> Extrapolation:
     """The limit of a quantity from the levels that are finished.
 
-    quantity: of refinement.MEASURES; power: known beforehand, instead of what the paper expects. Raises ResultError
-    where fewer than two levels are finished.
+    quantity: of refinement.MEASURES; power: a known power, instead of the one expected by the paper. Raises ResultError
+    if fewer than two levels are finished.
     """
     measure, remarks = MEASURES[quantity][0], list(levels.remarks)
     found = []
@@ -152,7 +152,7 @@ def _with_error(value: float, error: float) -> str:
 
 
 def _spread(fit: Fit, factor: float) -> str:
-    """The ranges of a limit that are known besides its standard error."""
+    """The ranges of a limit in addition to its standard error."""
     parts = []
     for name, (low, high) in (("95 %", fit.limit_interval), ("leaving one level out", fit.left_out)):
         if not math.isnan(low):
@@ -192,7 +192,7 @@ def plot_convergence(found: Extrapolation, title: str = "") -> Figure:
             x = (sizes.max() * fractions / scale) ** power
             left.plot(x, fit(fractions) / factor, color=colour, linestyle=style, label=f"p = {fit.power:.3g}, {word}")
             low, high = fit.limit_interval
-            # An interval that leaves the page says no more than that it is wide.
+            # An interval that is larger than the axes is cut off.
             if not math.isnan(low) and high - low < 4.0 * float(np.ptp(values)) * factor:
                 error = [[(fit.limit - low) / factor], [(high - fit.limit) / factor]]
                 left.errorbar([0.0], [fit.limit / factor], yerr=error, fmt="D", color=colour, markersize=4, capsize=3)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pgfmd.errors import ResultError
-from pgfmd.plots.drawing import LINES, drawing, footer, literal, new_figure, picture, seen, write_picture
+from pgfmd.plots.drawing import LINES, drawing, footer, literal, new_figure, picture, place_ticks, seen, write_picture
 from pgfmd.results import load
 from pgfmd.results.curve import Loop
 from pgfmd.units import handy
@@ -36,17 +36,17 @@ SHOWN = {
     "work of the loop": ("work [J]", "J"),
 }
 MOST_NAMED = 12
-"""Lines that a legend names; of more, it takes every second, third, ... colour."""
+"""Largest number of lines in a legend. If there are more, it shows every second, third, ... colour."""
 WIDE = 20.0
-"""Ratio of the largest to the smallest value from which on an axis is logarithmic."""
+"""Ratio of the largest to the smallest value above which an axis is logarithmic."""
 
 
 class Plan:
-    """Who is drawn how: groups of a study's rows by their places on the axes.
+    """Styles of a study's rows, by their values on the axes.
 
     Attributes:
-        colour_axis, panel_axis: the first and the second axis, None where there is none. styles: the combinations of
-        places on all further axes, in order; singles: rows of cases beside the grid.
+        colour_axis, panel_axis: the first and the second axis, None if there is none. styles: the combinations of
+            values on all further axes, in order. singles: rows of cases outside of the grid.
     """
 
     def __init__(self, rows: Sequence[Row], axes: Sequence[Axis]):
@@ -61,11 +61,11 @@ class Plan:
         self.names |= {axis.name: axis.name for axis in axes if axis.bundles}
 
     def label(self, row: Row, axis: Axis) -> str:
-        """A row's place on an axis, as the study's file writes it."""
+        """A row's value on an axis, as in the file of the study."""
         return row.case.places[axis.name]
 
     def labels(self, axis: Axis | None) -> list[str]:
-        """The places on an axis, those with numbers in their order."""
+        """The values on an axis; numbers are sorted."""
         if axis is None:
             return []
         found: dict[str, Any] = {self.label(row, axis): row.places[axis.name] for row in self.grid}
@@ -73,23 +73,23 @@ class Plan:
         return sorted(found, key=found.__getitem__) if numbers else list(found)
 
     def rest(self, row: Row) -> str:
-        """A row's places on the axes after the second."""
+        """A row's values on the axes after the second."""
         return ", ".join(f"{self.names[axis.name]} {self.label(row, axis)}" for axis in self.axes[2:])
 
     def rests(self) -> list[str]:
-        """Every combination of places on the axes after the second."""
+        """Every combination of values on the axes after the second."""
         return list(dict.fromkeys(self.rest(row) for row in self.grid))
 
 
 def colours(count: int) -> list[Any]:
-    """So many colours of a sequential map, dark to light, without its faint end."""
+    """A number of colours of a sequential map, dark to light, without its faint end."""
     from cmcrameri import cm
 
     return [cm.batlow(share) for share in np.linspace(0.0, 0.75, count)] if count > 1 else [cm.batlow(0.25)] * count
 
 
 def draw_study(table: StudyTable) -> list[Path]:
-    """Draws what there is so far; returns the files written. Raises ResultError if one can't be written."""
+    """Draws the results so far; returns the files. Raises ResultError if one can't be written."""
     plan = Plan(table.rows, table.axes)
     with drawing():
         figures = {CURVES: curves_figure(table.out, plan, table.title), MEASURES: measures_figure(plan, table.title)}
@@ -102,13 +102,13 @@ def draw_study(table: StudyTable) -> list[Path]:
 
 def plot_study_curves(table: StudyTable) -> Figure:
     """Force against indentation of all cases that have a curve: colour is the first axis, a panel the second, the style of
-    the line the others. ResultError where no case has one yet."""
+    the line the others. ResultError if no case has one yet."""
     return _with_footer(curves_figure(table.out, Plan(table.rows, table.axes), table.title), table)
 
 
 def plot_study_numbers(table: StudyTable) -> Figure:
     """Pull-off force, works and contact area, with their uncertainties, against the first axis that has numbers.
-    ResultError where no case is finished yet, or the study has no axes."""
+    ResultError if no case is finished yet, or the study has no axes."""
     return _with_footer(measures_figure(Plan(table.rows, table.axes), table.title), table)
 
 
@@ -157,7 +157,7 @@ def curves_figure(out: Path, plan: Plan, title: str) -> Figure | None:
             axis.set_title(name if name == "further cases" else f"{plan.names[plan.panel_axis.name]}  {name}")
         if number >= len(panels) - columns:
             axis.set_xlabel("indentation (µm)")
-            # Also where the place below is empty.
+            # Also if the panel below is empty.
             axis.tick_params(labelbottom=True)
         axis.set_ylabel("force (mN)" if number % columns == 0 else "")
     _legend(figure, plan, shades, styles)
@@ -174,7 +174,7 @@ def _draw_curve(axis: Axes, loop: Loop, colour: Any, style: Any, label: str | No
 
 
 def _loop(folder: Path) -> Loop | None:
-    """A case's curve; None where there is none, nothing in it, or where it can't be read, which the table tells."""
+    """A case's curve; None if there is none, it is empty, or it can't be read, which the table says."""
     try:
         with load(folder) as results:
             return Loop.of(results)
@@ -201,7 +201,8 @@ def _legend(figure: Figure, plan: Plan, shades: dict[str, Any], styles: dict[str
 
 @picture
 def measures_figure(plan: Plan, title: str) -> Figure | None:
-    """What was measured against the first axis with numbers, a line for each place on the others; None without any."""
+    """Measured numbers against the first axis with numbers, a line for each combination of values on the others; None
+    without such an axis."""
     done = [row for row in plan.rows if row.state.complete]
     if not done or not plan.axes:
         return None
@@ -240,7 +241,7 @@ def measures_figure(plan: Plan, title: str) -> Figure | None:
 
 
 def _areas_shown(done: Sequence[Row]) -> dict[str, tuple[str, str]]:
-    """The panel of contact areas, or of overlap if no case knows its contact; none if no area is known."""
+    """The panel of contact areas, or of overlap if no case has its contact; none if no area is known."""
     for kind in ("contact", "overlap"):
         if any(row.measured[AT_PRELOAD.format(kind)] is not None for row in done):
             return {f"{kind} area at the preload": (AT_PRELOAD.format(kind), "m^2")}
@@ -248,7 +249,7 @@ def _areas_shown(done: Sequence[Row]) -> dict[str, tuple[str, str]]:
 
 
 def _lines(plan: Plan, done: Sequence[Row], others: Sequence[Axis]) -> Iterator[tuple[str, list[Row]]]:
-    """Label and rows of every combination of places on the other axes."""
+    """Label and rows of every combination of values on the other axes."""
     groups: dict[str, list[Row]] = {}
     for row in done:
         if row.case.places:
@@ -260,7 +261,7 @@ def _lines(plan: Plan, done: Sequence[Row], others: Sequence[Axis]) -> Iterator[
 def _points(
     plan: Plan, rows: Sequence[Row], across: Axis, numeric: bool, measure: str
 ) -> Iterator[tuple[float, float, float]]:
-    """Place, value and uncertainty, 0 where it is not known, of the rows that have a place and a value."""
+    """Position, value and uncertainty, 0 if unknown, of the rows that have a position and a value."""
     known = measure.replace(" [", "_uncertainty [")
     for row in rows:
         place, value = _across(plan, row, across, numeric), row.measured[measure]
@@ -269,12 +270,12 @@ def _points(
 
 
 def _across(plan: Plan, row: Row, axis: Axis, numeric: bool) -> float:
-    """Where a row is drawn: its SI number, or the position of its name."""
+    """Where a row is drawn: at its SI number, or at the index of its name."""
     return row.places[axis.name] if numeric else plan.labels(axis).index(plan.label(row, axis))
 
 
 def _singles(panel: Axes, rows: Sequence[Row], axis: Axis, measure: str, factor: float, numeric: bool) -> None:
-    """Cases beside the grid, as stars where they have a number on the axis."""
+    """Cases outside of the grid, as stars, if they have a number on the axis."""
     for number, row in enumerate(rows):
         value, place = row.measured[measure], row.places[axis.name]
         if numeric and value is not None and isinstance(place, (int, float)):
@@ -293,5 +294,8 @@ def _x_axis(panel: Axes, plan: Plan, axis: Axis, numeric: bool, done: Sequence[R
     factor, unit = handy(values, unit_of(axis.name))
     if min(values) > 0.0 and max(values) / min(values) >= WIDE:
         panel.set_xscale("log")
+        place_ticks(panel, values)
+        # Between the decades there would be powers of ten in SI units, and over each other.
+        panel.xaxis.set_minor_formatter("")
     panel.xaxis.set_major_formatter(lambda value, position: f"{value / factor:g}")
     panel.set_xlabel(f"{name} ({unit})" if unit else name)

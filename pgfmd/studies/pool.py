@@ -1,7 +1,8 @@
-"""Jobs side by side on this machine: each a `pgfmd run` of its own, under mpirun where it has several ranks.
+"""Parallel jobs on this machine. Each is a separate `pgfmd run`, under mpirun if it has several ranks.
 
-No MPI here. A stop is passed on as USR1, which runs answer with a checkpoint however long their step takes. Jobs are
-process groups of their own, so that a terminal's Ctrl-C reaches them only this way: mpirun kills its ranks soon after.
+No MPI here. A stop is passed on as USR1, on which runs write a checkpoint, however long their step takes. Jobs have
+their own process groups, so that Ctrl-C in a terminal does not reach them directly, because mpirun would soon kill its
+ranks.
 """
 
 from __future__ import annotations
@@ -28,16 +29,15 @@ from pgfmd.host.walltime import LIMIT_OF_TIME
 
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGXCPU, signal.SIGUSR1)
 REMIND_AFTER = 3.0
-"""Time [s] after which USR1 is sent again: mpirun passes on none that comes before its ranks have started."""
+"""Time [s] after which USR1 is sent again, because mpirun does not pass it on before its ranks have started."""
 KILL_AFTER = 15.0
-"""Time [s] from a second Ctrl-C until what is left is killed."""
+"""Time [s] from a second Ctrl-C until remaining jobs are killed."""
 TICK = 0.05
 
 
 @dataclass(frozen=True)
 class Task:
-    """A job to be done: a name, the arguments of `pgfmd run`, the folder of its results, and the file that takes what
-    it says."""
+    """A job: a name, the arguments of `pgfmd run`, the folder of its results, and the file for its output."""
 
     name: str
     arguments: tuple[str, ...]
@@ -47,7 +47,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a job ended. why: its own last words where it failed. seconds: wall time of this process."""
+    """The end of a job. why: its message if it failed. seconds: wall time of this process."""
 
     code: int
     why: str
@@ -66,7 +66,7 @@ class Pool:
     """Runs tasks, `jobs` at a time, each on `ranks` ranks.
 
     Attributes:
-        stopped: why no further job was started: the name of a signal, or a limit of time; empty if all were.
+        stopped: why no further job was started: the name of a signal, or a time limit; empty if all were started.
     """
 
     def __init__(self, ranks: int = 1, jobs: int = 1, say: Callable[[str], None] = print):
@@ -95,7 +95,7 @@ class Pool:
                     self._answer()
                     self._gather(on_end)
             finally:
-                # Only where something unforeseen has ended the loop.
+                # Only if an unexpected error has ended the loop.
                 for job in self._running:
                     self._send(job, signal.SIGUSR1)
 
@@ -122,7 +122,7 @@ class Pool:
             self._running.remove(job)
             ending = job.ending()
             if ending.code == Stopped.exit_code and not self.stopped and ran_out_of_time(job.task.folder):
-                # What was started now had even less time.
+                # A job started now would have even less time.
                 self.stopped = LIMIT_OF_TIME
             on_end(job.task, ending)
 
@@ -155,7 +155,7 @@ class Pool:
 
     @contextmanager
     def _listening(self) -> Iterator[None]:
-        """Takes note of signals while jobs run; one that was ignored before (nohup) stays so."""
+        """Records signals while jobs run. Signals that were ignored before (nohup) stay ignored."""
         previous: dict[int, Any] = {}
         for number in STOPPING:
             if signal.getsignal(number) != signal.SIG_IGN:
@@ -168,18 +168,18 @@ class Pool:
 
 
 def launcher(ranks: int) -> list[str]:
-    """What starts so many ranks."""
+    """The command that starts a number of ranks."""
     return ["mpirun", "-n", str(ranks)] if ranks > 1 else []
 
 
 def program() -> list[str]:
     """`pgfmd run` of this very installation."""
-    # -P: a folder called pgfmd where the user is must not be taken for it.
+    # -P: a folder named pgfmd in the current folder must not be imported instead.
     return [sys.executable, "-P", "-m", "pgfmd.cli", "run"]
 
 
 def require_launcher(ranks: int) -> None:
-    """Raises LaunchError where there is no mpirun and one is needed."""
+    """Raises LaunchError if mpirun is needed and missing."""
     if ranks > 1 and shutil.which("mpirun") is None:
         raise LaunchError(
             f"mpirun is not there, and each job wants {ranks} ranks: install an MPI (`pgfmd doctor` tells more), load "
@@ -188,20 +188,21 @@ def require_launcher(ranks: int) -> None:
 
 
 def environment(ranks: int, jobs: int) -> dict[str, str]:
-    """The environment of each of so many jobs."""
+    """The environment of each of a number of jobs."""
     kept = environment_without()
     kept.setdefault("OMP_NUM_THREADS", "1")
     if jobs > 1:
         # mpirun would bind the ranks of each job to the first cores.
         kept.setdefault("OMPI_MCA_hwloc_base_binding_policy", "none")
     if ranks * jobs > cores():
-        # Ranks that wait would take the cores from those that compute; mpirun knows of its own ranks alone.
+        # Otherwise waiting ranks would occupy the cores of those that compute, because each mpirun only knows its own
+        # ranks.
         kept.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
     return kept
 
 
 def ran_out_of_time(folder: Path) -> bool:
-    """Whether the run in a folder, which has stopped with a checkpoint, did so for want of time."""
+    """Whether the run in a folder was stopped with a checkpoint by a time limit."""
     from pgfmd.results.inventory import take_inventory
 
     try:
@@ -212,8 +213,8 @@ def ran_out_of_time(folder: Path) -> bool:
 
 
 def last_words(log: Path, start: int) -> str:
-    """The message that a job ended with: pgfmd's own, which may have several lines, else the last line; of its output
-    from `start` [bytes] on."""
+    """The last message of a job: that of pgfmd, which may have several lines, else the last line, in its output from
+    `start` [bytes] on."""
     try:
         with open(log, "rb") as file:
             file.seek(start)
@@ -228,7 +229,7 @@ def last_words(log: Path, start: int) -> str:
 
 
 def _stop_with_parent() -> None:
-    """In a new job: asks the kernel for USR1 when the study dies, so that no job goes on that nobody watches."""
+    """In a new job: asks the kernel to send USR1 when the study's process dies, so that no job continues unattended."""
     signal_at_end_of_parent(signal.SIGUSR1)
 
 

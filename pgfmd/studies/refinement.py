@@ -1,4 +1,4 @@
-"""Levels of a refinement of a scene: finer grids with a shorter or the same range of adhesion, or smaller tolerances.
+"""Levels of a refinement of a scene: finer grids with a shorter or a constant range of adhesion, or smaller tolerances.
 
 The automatic range goes as n^-1/2: halving it takes a grid four times as fine, so that two doublings of n halve rho.
 """
@@ -23,7 +23,7 @@ RHO, N, ACCURACY = "rho", "n", "accuracy"
 HYSTERESIS_POWER = 1.0 / 3.0
 """Adhesion hysteresis converges with the cube root of the linear mesh size (paper, after Wang et al. 2021)."""
 FACTORS = {RHO: 2.0, N: 2.0, ACCURACY: math.sqrt(10.0)}
-"""Ratio of the sizes of two levels, unless said otherwise."""
+"""Default ratio of the sizes of two levels."""
 LARGEST_FACTOR = 1000.0
 KEYS = {RHO: Axis("grid.n"), N: Axis("grid.n"), ACCURACY: Axis("solver.accuracy")}
 FEWEST = 2
@@ -38,7 +38,7 @@ MEASURES = {
 
 @dataclass(frozen=True)
 class Levels:
-    """Cases from coarse to fine, and what there is to say about them. axis: "rho", "n" or "accuracy"."""
+    """Cases from coarse to fine, and remarks about them. axis: "rho", "n" or "accuracy"."""
 
     axis: str
     cases: list[Case]
@@ -46,11 +46,11 @@ class Levels:
 
     @property
     def key(self) -> Axis:
-        """The key that tells the levels apart."""
+        """The key that differs between levels."""
         return KEYS[self.axis]
 
     def lines(self) -> list[str]:
-        """What each level is."""
+        """The label of each level."""
         found = [(case.name, case.scene) for case in self.cases]
         return [
             f"{name}: n = {scene.grid.n}, rho = {scene.adhesion.range * 1e6:.4g} um, accuracy {scene.solver.accuracy:.3g}"
@@ -58,7 +58,7 @@ class Levels:
         ]
 
     def size_of(self, case: Case) -> float:
-        """What the levels make smaller: the mesh size h = L/n [m], or the accuracy."""
+        """The size that decreases from level to level: the grid spacing h = L/n [m], or the accuracy."""
         scene = case.scene
         return scene.solver.accuracy if self.axis == ACCURACY else scene.grid.length / scene.grid.n
 
@@ -69,8 +69,8 @@ def levels_of(
 ) -> Levels:  # fmt: skip
     """The levels of a scene, coarsest first, as many as asked for, memory and `largest_n` allow.
 
-    start: n, or the accuracy, of the coarsest; that of the scene unless given. Raises SceneError for a scene that can't
-    be run, and where fewer than two levels are possible.
+    start: n, or the accuracy, of the coarsest level; by default that of the scene. Raises SceneError for a scene that
+    can't be run, or if fewer than two levels are possible.
     """
     common = list(overrides)
     coarse = load_scene(source, common)
@@ -114,15 +114,15 @@ def _places(coarse: Scene, axis: str, count: int, start: str | None, factor: flo
 
 
 def _rounded(axis: str, first: float, factor: float, count: int) -> list:
-    """The places of levels by a constant factor."""
+    """The values of levels by a constant factor."""
     if axis == ACCURACY:
         return [float(f"{first / factor**k:.6g}") for k in range(count)]
-    # Even, as transforms are fastest and lattices are symmetric there.
+    # Even, because transforms are fastest and grids are symmetric there.
     return [first, *(2 * round(first * factor**k / 2.0) for k in range(1, count))]
 
 
 def _coincidence(axis: str, places: list, factor: float) -> Problem:
-    """What to say of levels that are the same, and the smallest factor, in hundredths, that parts them."""
+    """The message for levels that coincide, with the smallest factor, in hundredths, at which they differ."""
     repeated = [place for place in dict.fromkeys(places) if places.count(place) > 1]
     key = KEYS[axis].name
     same = [", ".join(f"{k}" for k, other in enumerate(places, 1) if other == place) for place in repeated]
@@ -161,5 +161,5 @@ def _refusal(case: Case, largest_n: int | None, ranks: int) -> str:
 
 
 def expected_power(axis: str, quantity: str) -> float | None:
-    """The power that the paper expects in the mesh size; None where it expects none."""
+    """The power of the grid spacing that the paper expects; None if it expects none."""
     return HYSTERESIS_POWER if (axis, quantity) == (RHO, "loop") else None

@@ -24,21 +24,22 @@ from .values import slug
 CASES, SCRIPT, SUBMITTED = "cases.txt", "array.sh", "submitted.txt"
 TEMPLATE = "jobs/slurm-array.sh"
 SPARE = 1.5
-"""Memory asked for, over what a run is expected to take."""
+"""Requested memory relative to the forecast of a run."""
 _OPTION = re.compile(r"#SBATCH --(?P<name>[a-z-]+)(?:=(?P<value>\S+))?")
 
 
 class SlurmError(PgfmdError):
-    """Slurm is not there, or refuses the array."""
+    """Slurm is missing, or refuses the array."""
 
     exit_code = 5
 
 
 def submit(campaign: Campaign, ranks: int, jobs: int | None, name: str, options: str, dry_run: bool) -> None:
-    """Writes OUT/cases.txt and OUT/array.sh for what is not finished, and submits that, each case a chain of jobs.
+    """Writes OUT/cases.txt and OUT/array.sh for unfinished cases, and submits the array, in which each case is a chain
+    of jobs.
 
-    jobs: how many may run at once; options: further ones of sbatch. dry_run: submits nothing. Raises SlurmError
-    where sbatch is missing or refuses, and where an array of this study is still in the queue.
+    jobs: how many may run at once; options: further ones of sbatch. dry_run: submits nothing. Raises SlurmError if
+    sbatch is missing or refuses, or if an array of this study is still in the queue.
     """
     if not dry_run and shutil.which("sbatch") is None:
         raise SlurmError("sbatch is not there: submit on a machine with Slurm; --dry-run writes the files alone")
@@ -56,7 +57,7 @@ def submit(campaign: Campaign, ranks: int, jobs: int | None, name: str, options:
     _write(out / CASES, cases_text(campaign, chosen))
     _write(out / SCRIPT, script_text(home, out, ranks, memory_per_rank(chosen, ranks), name))
     limit = f"%{jobs}" if jobs else ""
-    # In the names of Slurm's outputs, % stands for something.
+    # % has a special meaning in the names of Slurm's output files.
     output_option = f"--output={str(out).replace('%', '%%')}/slurm-%A_%a.txt"
     command = [
         "sbatch",
@@ -77,14 +78,14 @@ def submit(campaign: Campaign, ranks: int, jobs: int | None, name: str, options:
 
 
 def cases_text(campaign: Campaign, cases: Sequence[Case]) -> str:
-    """The file of cases as jobs/slurm-array.sh reads it: a folder, then what `pgfmd run` is given."""
+    """The file of cases for jobs/slurm-array.sh: in each line a folder, then the arguments of `pgfmd run`."""
     lines = [f"{case.name} {campaign.quoted(case)}" for case in cases]
     head = "# Written by pgfmd study. A line is a case: its folder, then what pgfmd run is given."
     return "\n".join([head, *lines, ""])
 
 
 def script_text(home: Path, out: Path, ranks: int, megabytes: int, name: str) -> str:
-    """The job script: jobs/slurm-array.sh with what it asks Slurm for, and its settings, filled in."""
+    """The job script: jobs/slurm-array.sh with its requests to Slurm and its settings."""
     own = {"job-name": slug(name) or "pgfmd", "ntasks": str(ranks), "mem-per-cpu": f"{megabytes}M"}
     try:
         template = (home / TEMPLATE).read_text(encoding="utf-8")
@@ -102,7 +103,7 @@ def script_text(home: Path, out: Path, ranks: int, megabytes: int, name: str) ->
 
 
 def memory_per_rank(cases: Sequence[Case], ranks: int) -> int:
-    """Memory [MB] to ask for per rank: what the largest case is expected to take, and half as much again."""
+    """Memory [MB] to request per rank: 1.5 times the forecast for the largest case."""
     from pgfmd.forecast.estimate import PROGRAM_BYTES, memory_of
 
     largest = max(memory_of(case.scene, ranks).peak for case in cases)
@@ -119,12 +120,12 @@ def home_of_jobs() -> Path:
 
 
 def _require_no_array(campaign: Campaign) -> None:
-    """Tasks of an array that is still queued look their cases up when they start: its file must stay."""
+    """Tasks of a queued array read their cases when they start, so its file must not change."""
     path = campaign.out / SUBMITTED
     number = path.read_text(encoding="utf-8").strip() if path.is_file() else ""
     if not re.fullmatch(r"\d+", number):
         return
-    # A job that Slurm has forgotten makes squeue fail.
+    # squeue fails for a job that Slurm no longer knows.
     found = asked("squeue", "--noheader", f"--jobs={number}", "--format=%i %T")
     if found is not None and found.returncode == 0 and found.stdout.strip():
         raise SlurmError(f"job {number} of this study is still in the queue: wait for it, or scancel {number}")
@@ -138,7 +139,7 @@ def _split(options: str) -> list[str]:
 
 
 def _submitted(command: list[str]) -> str:
-    """The number of the array's job."""
+    """The number of the job of the array."""
     try:
         done = subprocess.run(
             command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", timeout=120

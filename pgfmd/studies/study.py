@@ -1,4 +1,5 @@
-"""Studies from Python: many runs, their table, and what a quantity tends to on finer levels. Serial: starts processes.
+"""Studies from Python: many runs, their table, and the limit of a quantity on finer levels. A serial process that
+starts others.
 
 table = pgfmd.study(scene, {"drive.speed": ["1 um/s", "10 um/s"]}, out="out/speeds", jobs=2)
 table["pull_off_force [N]"]
@@ -19,8 +20,8 @@ from pgfmd.restart.scene_changes import require_known
 from pgfmd.scene import Scene
 from pgfmd.scene.dotted_keys import field_of
 from pgfmd.scene.fields import extra_of, written
-from pgfmd.scene.given import plain
 from pgfmd.scene.model import SECTIONS
+from pgfmd.scene.unresolved_scene import plain
 from pgfmd.units import DIMENSIONS, UnitError, handy_quantity, parse_quantity
 
 from .campaign import Campaign, Unfinished, Wishes, make_folder
@@ -33,14 +34,14 @@ from .table import FILE, StudyTable, rows_of
 
 OFF = "off"
 SCENE_FILE = "scene.toml"
-"""In the folder of a study: the scene of one that was made from a scene in memory."""
+"""File for the scene of a study that was made from a scene in memory, in the folder of the study."""
 Keys = Mapping[str, Any]
 Axes = Mapping[str, Sequence[Any] | Mapping[str, Keys]]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A study with its cases and the folder that they go to. axes, ranks, jobs: of the study; title: of pictures."""
+    """A study with its cases and their folder. axes, ranks, jobs: of the study; title: of pictures."""
 
     campaign: Campaign
     axes: tuple[Axis, ...]
@@ -49,15 +50,15 @@ class Plan:
     jobs: int = 1
 
     def table(self) -> StudyTable:
-        """The table of what there is so far. Raises ResultError if the folder can't be made."""
+        """The table of the results so far. Raises ResultError if the folder can't be made."""
         campaign = self.campaign
         make_folder(campaign.out)
         rows = rows_of(campaign.cases, self.axes, campaign.states(), campaign.out)
         return StudyTable(rows, self.axes, campaign.out, self.title)
 
     def run(self, only: Sequence[str] = ()) -> tuple[StudyTable, Unfinished | None]:
-        """Runs what is not finished; returns the table of all cases, and what there is to be raised where some are not
-        finished. only: names of the cases that are run, * stands for anything."""
+        """Runs unfinished cases. Returns the table of all cases, and the error to raise if some are still not finished.
+        only: names of the cases to run, with * as a wildcard."""
         problem = None
         try:
             self.campaign.only(only).run(self.ranks, self.jobs)
@@ -90,26 +91,26 @@ def study(
     run: bool = True,
     say: Callable[[str], None] = print,
 ) -> StudyTable:
-    """Runs many scenes, or goes on with them, and returns their table; as `pgfmd study`.
+    """Runs many scenes, or continues them, and returns their table, as `pgfmd study` does.
 
     Args:
         source: the file of a study, or the same as nested tables; with `axes` or `cases`, a scene or what one is made from.
-        axes: by key, such as "drive.speed", the values that all combinations are made of: SI numbers, or texts with
-            units; or by the name of an axis, bundles of keys by name.
+        axes: values by key, such as "drive.speed", as SI numbers or texts with units; or by the name of an axis,
+            bundles of keys by name. The study has all combinations.
         cases: further cases, by name: the keys that each changes.
-        out: the folder of the cases' folders, and of `table.csv` and pictures. May be left out for a file: out/NAME.
-        ranks: of each job; jobs: side by side. None for what the file says, or one.
-        only: names of the cases that are run, * stands for anything; the table has all.
-        retry, fresh, allow: go on with failed cases; begin changed and damaged ones anew; keys that may have changed.
+        out: the folder for the cases' folders, `table.csv` and pictures. For a file the default is out/NAME.
+        ranks: of each job; jobs: in parallel. None for the numbers in the file, or one.
+        only: names of the cases to run, with * as a wildcard. The table has all cases.
+        retry: also run failed cases. fresh: start changed and damaged cases again. allow: keys that may have changed.
         checkpoint_every: time between checkpoints, such as "10min", or "off".
         twins: run the quasi-static twins of the cases too, one for all that share it; the table then has the share of
             multistability in the hysteresis.
-        run: False starts nothing: the table of what there is.
+        run: False starts nothing and returns the table of existing results.
         say: called with lines of progress.
 
     Raises:
-        StudyError, SceneError: for a study, or a scene, that can't be; Unfinished, where cases could not be finished: its
-        `table` is the table; ResultError: if the folder can't be used.
+        StudyError, SceneError: for an invalid study or scene; Unfinished, if cases could not be finished: its `table`
+            is the table; ResultError: if the folder can't be used.
     """
     options = {"retry": retry, "fresh": fresh, "allow": allow, "say": say}
     plan = planned(source, axes, cases, out, ranks, jobs, checkpoint_every, twins, **options)
@@ -134,7 +135,7 @@ def planned(
     twins: bool = False,
     **options: Any,
 ) -> Plan:
-    """A study as it is going to be run. Arguments as of `study`. Raises StudyError, SceneError."""
+    """A study before it is run. The arguments are as in `study`. Raises StudyError, SceneError."""
     launch_alone()
     if axes is None and cases is None and not isinstance(source, Scene):
         if isinstance(source, Mapping):
@@ -164,8 +165,8 @@ def campaign_of(
     cases: list[Case], out: Path, every: str, retry: bool = False, fresh: bool = False, allow: Sequence[str] = (),
     say: Callable[[str], None] = print,
 ) -> Campaign:  # fmt: skip
-    """The cases with what is asked of them. Raises SceneError for a key that can't be allowed to change, StudyError for a
-    text that is no time."""
+    """The cases with their options. Raises SceneError for a key that may not change, StudyError for a text that is not
+    a time."""
     require_known(allow)
     try:
         _ = every == OFF or seconds_of(every)
@@ -175,7 +176,7 @@ def campaign_of(
 
 
 def launch_alone() -> None:
-    """Raises PgfmdError where mpirun has started this process: it starts its jobs with it."""
+    """Raises PgfmdError if mpirun has started this process, because a study starts mpirun itself."""
     processes, _ = launch.launched()
     if processes > 1:
         raise PgfmdError("start it without mpirun: it starts one for each of its jobs (--ranks)")
@@ -204,7 +205,7 @@ def _axes(axes: Axes) -> dict[str, Any]:
 
 
 def _keys(keys: Keys) -> dict[str, Any]:
-    """Keys with their values as a file has them; sections may be tables of their own."""
+    """Keys with their values as in a file; sections may be nested tables."""
     found: dict[str, Any] = {}
     for name, value in keys.items():
         if isinstance(value, Mapping):
@@ -217,7 +218,7 @@ def _keys(keys: Keys) -> dict[str, Any]:
 
 
 def _value(key: str, value: Any) -> Any:
-    """A value of Python as a file has it: a number of a quantity, which is in SI units, as a text with a handy one."""
+    """A Python value as in a file: the SI number of a quantity becomes a text with a suitable unit."""
     field = field_of(key)
     extra = extra_of(field) if field else {}
     value = plain(value)
@@ -249,19 +250,19 @@ def converge(
     checkpoint_every: str = "10min",
     say: Callable[[str], None] = print,
 ) -> Extrapolation:
-    """Runs a scene on finer and finer levels, fits a power law, and extrapolates; as `pgfmd converge`.
+    """Runs a scene on finer levels, fits a power law, and extrapolates, as `pgfmd converge` does.
 
     Args:
         scene: a scene, a file, or a shipped name.
-        axis: what is refined: "rho", "n" or "accuracy"; levels: how many; start: n, or the accuracy, of the coarsest;
-            factor: from level to level; largest_n: no finer grid.
-        quantity: what is extrapolated: "loop", "work" or "pull-off"; power: of its error, where it is known.
+        axis: what is refined: "rho", "n" or "accuracy"; levels: their number; start: n, or the accuracy, of the
+            coarsest level; factor: from level to level; largest_n: limit of the grid.
+        quantity: what is extrapolated: "loop", "work" or "pull-off"; power: of its error, if it is known.
         out: the folder of the levels' folders; out/converge-NAME-AXIS for a file or a shipped name.
         others: as of `study`.
 
     Raises:
-        SceneError: for a scene that can't be; Unfinished, where levels could not be finished; ResultError: where fewer
-        than two are.
+        SceneError: for an invalid scene; Unfinished, if levels could not be finished; ResultError: if fewer than two
+            are finished.
     """
     if out is None:
         if isinstance(scene, Scene):
@@ -285,7 +286,8 @@ def refined(
     source: str, overrides: Sequence[str], axis: str, levels: int, start: str | None, factor: float | None,
     largest_n: int | None, ranks: int, out: Path, every: str, **options: Any,
 ) -> tuple[Levels, Plan]:  # fmt: skip
-    """The levels of a refinement, and what is going to be run. Arguments as of `converge`. Raises SceneError."""
+    """The levels of a refinement, and the study that runs them. The arguments are as in `converge`. Raises
+    SceneError."""
     launch_alone()
     ladder = levels_of(source, overrides, axis, levels, start, factor, largest_n, ranks)
     campaign = campaign_of(ladder.cases, out, every, **options)

@@ -1,8 +1,8 @@
-"""The file of a study: a scene, what every case changes in it, the axes of a grid, further cases. No MPI.
+"""The file of a study: a scene, changes for every case, the axes of a grid, further cases. No MPI.
 
     study = read_study("preloads.toml")
 
-What only the scenes can tell, such as a value out of range, is found by `cases.cases_of`, which tells of all problems.
+Problems of the scenes, such as a value out of range, are found by `cases.cases_of`, which reports all problems.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from pgfmd.errors import PgfmdError, Problem
 from pgfmd.files.text import read_text
 from pgfmd.scene import shipped_scenes
 from pgfmd.scene.dotted_keys import field_of
-from pgfmd.scene.given import PATHS, parse_toml
 from pgfmd.scene.model import SECTIONS
 from pgfmd.scene.partial_scene import MISSING
+from pgfmd.scene.unresolved_scene import names_file, parse_toml
 
 from .values import label_of_value
 
 KEYS = tuple(f"{section}.{name}" for section, model in SECTIONS.items() for name in model.model_fields)
 """Every key of a scene, with its section."""
 OWN = "output.directory"
-"""The key that a study sets itself."""
+"""The key that is set by the study."""
 PARTS = ("title", "scene", "set", "axes", "case", "run")
 
 
 class StudyError(PgfmdError):
-    """A study that can't be started. Carries every problem that was found, as texts."""
+    """A study that can't be started. It has all problems, as texts."""
 
     exit_code = 2
 
@@ -45,7 +45,7 @@ class StudyError(PgfmdError):
 
 @dataclass(frozen=True)
 class Value:
-    """A place on an axis: how the file writes it, and the keys of the scene that it sets."""
+    """A value on an axis: its text in the file, and the keys of the scene that it sets."""
 
     label: str
     changes: dict[str, Any]
@@ -63,11 +63,11 @@ class Axis:
 @dataclass(frozen=True)
 class Study:
     """A study as its file has it. scene: a shipped name or an absolute path; common: changes for every case; singles:
-    further cases, their changes by name; ranks of each job, jobs side by side, time between checkpoints;
+    further cases, their changes by name; ranks of each job, number of parallel jobs, time between checkpoints;
     twins: whether the quasi-static twins of the cases are run too.
 
-    problems: what is wrong with the file, which `cases_of` raises with what is wrong with its cases. A wrong scene is
-    empty; changes keep keys that are wrong.
+    problems: errors of the file, which `cases_of` raises together with those of its cases. A wrong scene is empty;
+    changes keep wrong keys.
     """
 
     source: str
@@ -127,7 +127,7 @@ def is_settable(key: str) -> bool:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A hint at the nearest of the known words; empty if none is near. A key without its section is found, too."""
+    """A hint at the nearest known word; empty if none is near. A key without its section is found, too."""
     known = list(known)
     owners = [name for name in known if name.rpartition(".")[2] == word]
     near = owners or difflib.get_close_matches(word, known, n=1, cutoff=0.6)
@@ -135,7 +135,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 class _Reader:
-    """Reads the parts of a study, and collects what is wrong with them."""
+    """Reads the parts of a study, and collects their errors."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -182,8 +182,8 @@ class _Reader:
         return found
 
     def _at_home(self, name: str, value: Any) -> Any:
-        """A value; relative files start at the folder of the study."""
-        named = name in PATHS and isinstance(value, str)
+        """A value; relative paths of files start at the folder of the study."""
+        named = names_file(name) and isinstance(value, str)
         return os.path.normpath(self.folder / os.path.expanduser(value)) if named else value
 
     def axes(self, table: Any, common: dict[str, Any]) -> tuple[Axis, ...]:
@@ -219,7 +219,7 @@ class _Reader:
         if not values:
             self.wrong(f"axes: {name}", values, "at least one value")
         if not is_settable(name):
-            # Said once.
+            # Reported once.
             self.changes({name: values[0] if values else values}, "axes")
             return []
         places = {label_of_value(value): {name: self._at_home(name, value)} for value in values}

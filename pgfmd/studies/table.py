@@ -1,7 +1,8 @@
-"""The table of a study: a row a case, its axes and what came out. SI units, named in the header. No MPI.
+"""The table of a study: a row for each case, with its values on the axes and its results. SI units, named in the
+header. No MPI.
 
-Areas are of contact, overlap and what is near, each by its own name. A case that counted overlap alone has numbers in
-the columns of overlap only.
+Areas are contact, overlap and near, each with its own name. A case that counted only overlap has numbers in the columns
+of overlap only.
 """
 
 from __future__ import annotations
@@ -59,24 +60,24 @@ AREAS = {
         ("at_preload", "{}_area_at_preload"), ("largest", "largest_{}_area"), ("at_pull_off", "{}_area_at_pull_off"),
     )
 }  # fmt: skip
-"""Columns of the table, and of which of `Measures.areas` they are at which moment."""
+"""Columns of areas, with the kind of area in `Measures.areas` and the moment."""
 GAPS = {"contact_gap [m]": "contact", "near_gap [m]": "near"}
-"""Columns with the gaps below which points count, and for which of the areas."""
+"""Columns with the gaps below which points count, and their areas."""
 AREA_COLUMNS = (*AREAS, *GAPS)
 AT_PRELOAD = "{}_area_at_preload [m^2]"
 MOST_NAMED = 5
-"""Cases that a remark names."""
+"""Number of cases that a remark names."""
 COLUMNS = (*MEASURED, *AREA_COLUMNS)
 """All columns after the axes and the state."""
 OF_LOOP = ("work [J]", "energy_residual [1]", "work_uncertainty [J]")
-"""Columns that mean nothing where the loop is not closed."""
+"""Columns without meaning if the loop is not closed."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A case with its state. places: its value on each axis, an SI number, a text, or None for a single case on an
-    axis of bundles; measured: numbers by COLUMNS, None where there is none yet. trouble: why the curve of a case that
-    has run can't be read."""
+    """A case with its state. places: its value on each axis, an SI number, a text, or None for a single case on an axis
+    of bundles. measured: numbers by COLUMNS, None if there is none yet. trouble: why the curve of a case can't be
+    read."""
 
     case: Case
     state: CaseState
@@ -88,7 +89,8 @@ class Row:
 def rows_of(
     cases: Sequence[Case], axes: Sequence[Axis], states: dict[str, CaseState], out: Path | None = None
 ) -> list[Row]:
-    """The rows of a study, in the order of its cases. out: the folder of their folders; without it, without areas."""
+    """The rows of a study, in the order of its cases. out: the folder of their folders; without it there are no
+    areas."""
     rows = []
     for case in cases:
         state = states[case.name]
@@ -104,6 +106,9 @@ def rows_of(
             except ResultError as error:
                 trouble = str(error)
         rows.append(Row(case, state, {axis.name: place_of(case, axis) for axis in axes}, measured, trouble))
+    if any((row.state.record or {}).get("cycles") for row in rows):
+        for row in rows:
+            row.measured.update(_of_last_cycle(row.state.record or {}))
     if any(case.twin for case in cases):
         # Not at the top: few studies have twins.
         from .twins import add_shares
@@ -112,8 +117,22 @@ def rows_of(
     return rows
 
 
+LAST_CYCLE = {
+    "pull_off_force_of_last_cycle [N]": "pull_off_force_N",
+    "work_of_separation_of_last_cycle [J]": "work_of_separation_J",
+    "work_of_last_cycle [J]": "work_J",
+}
+"""Further columns of studies with a programme with repeats, and the key of a cycle in `run.json`."""
+
+
+def _of_last_cycle(record: Mapping[str, Any]) -> dict[str, float | None]:
+    """The number of cycles, and numbers of the last one, None for a run without repeats or that has not ended."""
+    cycles = record.get("cycles") or [{}]
+    return {"cycles": cycles[-1].get("cycle")} | {column: cycles[-1].get(key) for column, key in LAST_CYCLE.items()}
+
+
 def areas_of(folder: Path) -> dict[str, float | None]:
-    """Numbers by AREA_COLUMNS, None where they are not known. Raises ResultError if the curve can't be read."""
+    """Numbers by AREA_COLUMNS, None if unknown. Raises ResultError if the curve can't be read."""
     with load(folder) as results:
         found = measure(Loop.of(results)).areas
         gaps = {"contact": results.contact_gap, "near": results.near_gap}
@@ -122,7 +141,7 @@ def areas_of(folder: Path) -> dict[str, float | None]:
 
 
 def place_of(case: Case, axis: Axis) -> Any:
-    """Where a case is on an axis: the key's value in its scene, SI, or the name of its bundle."""
+    """The value of a case on an axis: that of the key in its scene, SI, or the name of its bundle."""
     if axis.bundles:
         return case.places.get(axis.name)
     value = value_of(case.scene, axis.name)
@@ -156,7 +175,7 @@ def _plain(cell: Any) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class StudyTable:
-    """The table of a study: a row a case, its places on the axes and what was measured. SI units.
+    """The table of a study: a row for each case, with its values on the axes and the measured numbers. SI units.
 
     `table["pull_off_force [N]"]` is a column. rows: in the order of the cases; axes: of the study; out: the folder of
     the cases' folders; title: of pictures.
@@ -173,7 +192,8 @@ class StudyTable:
         return ["case", *map(_head, self.axes), "state", *_columns(self.rows)]
 
     def __getitem__(self, name: str) -> list[Any]:
-        """A column, an entry a case: numbers, texts, or None where there is nothing yet. KeyError if there is none."""
+        """A column with an entry for each case: numbers, texts, or None if there is nothing yet. KeyError if there is
+        none."""
         if name not in self.columns:
             raise KeyError(f"{name!r}: expected one of {', '.join(self.columns)}")
         place = self.columns.index(name)
@@ -183,7 +203,7 @@ class StudyTable:
         return len(self.rows)
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
-        """The rows as mappings, by column."""
+        """The rows as mappings by column."""
         return (dict(zip(self.columns, cells, strict=True)) for cells in self._cells())
 
     def _cells(self) -> Iterator[list[Any]]:
@@ -192,14 +212,14 @@ class StudyTable:
 
     @property
     def remarks(self) -> list[str]:
-        """What is to be said of the numbers."""
+        """Remarks on the numbers."""
         return remarks(self.rows)
 
     def __repr__(self) -> str:
         return "\n".join(overview(self.rows))
 
     def _repr_html_(self) -> str:
-        """The numbers that are looked at first, for notebooks."""
+        """The most important numbers, for notebooks."""
         head, *body = overview_cells(self.rows)
         lines = [f"<tr>{''.join(f'<th>{html.escape(cell)}</th>' for cell in head)}</tr>"]
         lines += [f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>" for cells in body]
@@ -223,13 +243,13 @@ def _head(axis: Axis) -> str:
 
 
 def counted_overlap(numbers: Mapping[str, float | None]) -> bool:
-    """Whether a case knows its overlap, but not its contact."""
+    """Whether a case has its overlap, but not its contact."""
     largest = "largest_{}_area [m^2]"
     return numbers.get(largest.format("overlap")) is not None and numbers.get(largest.format("contact")) is None
 
 
 def remarks(rows: Sequence[Row]) -> list[str]:
-    """What is to be said of cases that have no curve any more, and of those that counted overlap alone."""
+    """Remarks on cases whose curve is missing, and on those that counted only overlap."""
     lost = [
         f"{row.case.name} has no areas and is in no picture of curves: {row.trouble}" for row in rows if row.trouble
     ]
@@ -253,7 +273,7 @@ def overview(rows: Sequence[Row]) -> list[str]:
 
 
 def overview_cells(rows: Sequence[Row]) -> list[list[str]]:
-    """The numbers that are looked at first, a head and a line a row; contact is that at the preload."""
+    """The most important numbers: a header and a line for each row. Contact is that at the preload."""
     columns = {
         "pull-off [mN]": ("pull_off_force [N]", 1e3),
         "separation [nJ]": ("work_of_separation [J]", 1e9),

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pgfmd.analysis.hysteresis import NO_TIME, SAME_SECTIONS
-from pgfmd.analysis.quasistatic_twin import CHANGES
 from pgfmd.physics.drive import ENDED_WELL
 from pgfmd.scene import load_scene
+from pgfmd.scene.quasistatic_twin import CHANGES, NO_TIME, SAME_SECTIONS
 from pgfmd.schemes import registry
 
 from .cases import Case

@@ -15,7 +15,7 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9.+_-]+")
 
 
 def label_of_value(value: Any) -> str:
-    """A value as a reader wants to see it: texts without quotes."""
+    """A value for readers: texts without quotes."""
     return value if isinstance(value, str) else toml_text(value)
 
 
@@ -25,7 +25,7 @@ def override_of(key: str, value: Any) -> str:
 
 
 def _is_bare(text: str) -> bool:
-    """Whether a text stays what it is without quotes: not "0.5", which is a number then."""
+    """Whether a text keeps its meaning without quotes; "0.5" would become a number."""
     if text != text.strip() or not text or "\n" in text:
         return False
     try:
@@ -36,7 +36,7 @@ def _is_bare(text: str) -> bool:
 
 
 def slug(text: str) -> str:
-    """A text as part of a file's name: "1 um/s" becomes "1um-s". Empty if nothing is left of it."""
+    """A text as part of a file name: "1 um/s" becomes "1um-s". May be empty."""
     text = unicodedata.normalize("NFKD", text.replace("µ", "u").replace("μ", "u"))
     text = re.sub(r"(?<=\d)\s+(?=[A-Za-z])", "", text.replace("^", ""))
     text = re.sub(r"(?<![\w.])-(?=[\d.])", "minus", text)
@@ -51,5 +51,5 @@ def unit_of(key: str) -> str:
 
 
 def header(name: str, unit: str) -> str:
-    """A column's head: "drive.speed [m/s]"."""
+    """The header of a column: "drive.speed [m/s]"."""
     return f"{name} [{unit}]" if unit else name

@@ -12,6 +12,8 @@ ENVIRONMENT = {name: value for name, value in environment_without().items() if n
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
     "OMPI_MCA_rmaps_base_oversubscribe": "1",
     "OMP_NUM_THREADS": "1",
+    # Ranks that wait leave their core to others: cores are few where tests run.
+    "OMPI_MCA_mpi_yield_when_idle": "1",
     # All ranks work, also where there are fewer cores.
     "PGFMD_ALL_RANKS": "1",
     # Shorter than in scripts/environment, for tests that end in another code than 0.

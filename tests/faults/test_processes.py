@@ -41,6 +41,14 @@ def alive(pid):
         return False
 
 
+def all_end(pids):
+    """Returns as soon as none of these processes lives, which must be within seconds."""
+    latest = time.monotonic() + 3.0
+    while any(map(alive, pids)):
+        assert time.monotonic() < latest
+        time.sleep(0.02)
+
+
 def pids_in(folder, ranks=2):
     return [int((folder / f"pid.{rank}").read_text()) for rank in range(ranks)]
 
@@ -70,7 +78,7 @@ def test_a_killed_rank_ends_the_job(tmp_path):
         os.kill(pids_in(tmp_path)[1], signal.SIGKILL)
         _, complaints = job.communicate(timeout=10.0)
         assert job.returncode != 0 and "Killed" in complaints
-        assert not any(map(alive, pids_in(tmp_path)))
+        all_end(pids_in(tmp_path))
 
 
 def test_a_rank_that_waits_in_vain_ends_itself_after_a_signal(tmp_path):
@@ -96,10 +104,7 @@ def test_a_killed_launcher_leaves_no_rank(tmp_path):
     with running(WAITING, tmp_path, 6) as job:
         assert all(map(alive, pids_in(tmp_path)))
         job.kill()
-        latest = time.monotonic() + 3.0
-        while any(map(alive, pids_in(tmp_path))):
-            assert time.monotonic() < latest
-            time.sleep(0.02)
+        all_end(pids_in(tmp_path))
 
 
 PARENT = """

@@ -280,7 +280,7 @@ def ends(run: Folder) -> Iterator[Fault]:
         yield Fault("contact at the end of a detached run")
     # A turn that is long may be what pulls the punch off.
     if run.column("phase")[-1] not in ("turn", "retract"):
-        yield Fault("a detached run that ends on the way in", str(run.column("phase")[-1]))
+        yield Fault("a detached run that ends in the approach", str(run.column("phase")[-1]))
     asked, met = run.scene.drive.preload, run.record["preload_N"]
     if (
         met is not None

@@ -31,7 +31,7 @@ from .scenes import make
 
 pytestmark = pytest.mark.skipif(launch.launched()[0] > 1, reason="starts processes of its own")
 
-SEED, CHECKS = 3, 160
+SEED, CHECKS = 3, 110
 RUNS = {1: "finished", 20: "refused"}
 """Scenes of SEED that are run, with what comes of them."""
 RELATED = {
@@ -69,8 +69,8 @@ def test_some_scenes_are_fine_and_some_are_not(found):
 
 def test_plausible_scenes_can_be_run(tmp_path):
     write_files(tmp_path)
-    outcomes = [campaign.check(make(SEED, k, "relate"), tmp_path, limit=None).outcome for k in range(30)]
-    assert outcomes.count("fine") >= 27
+    outcomes = [campaign.check(make(SEED, k, "relate"), tmp_path, limit=None).outcome for k in range(20)]
+    assert outcomes.count("fine") >= 18
 
 
 def test_every_key_and_every_choice_is_drawn():

@@ -3,8 +3,8 @@
 import pytest
 from mpi4py import MPI
 
-from pgfmd.output import ahead
-from pgfmd.output.ahead import run_ahead
+from pgfmd.output import snapshot_times
+from pgfmd.output.snapshot_times import run_ahead
 from pgfmd.scene import load_scene
 from pgfmd.solver.interruption import Interrupted
 
@@ -26,7 +26,7 @@ class CheckpointPolicy:
 def test_the_moments_are_the_same_on_all_and_on_a_part_of_the_ranks(monkeypatch, most):
     scene, said = load_scene("hex-tack", SCENE), []
     alone = run_ahead(scene, MPI.COMM_SELF, lambda line: None)
-    monkeypatch.setattr(ahead, "_most_ranks", lambda scene: most)
+    monkeypatch.setattr(snapshot_times, "_most_ranks", lambda scene: most)
     together = run_ahead(scene, COMM, said.append, CheckpointPolicy(False))
     assert together == alone and [label for _, label in alone] == ["0.25 t_pl", "0.5 t_pl"]
     assert bool(said) == (COMM.rank == 0)
@@ -34,6 +34,6 @@ def test_the_moments_are_the_same_on_all_and_on_a_part_of_the_ranks(monkeypatch,
 
 @pytest.mark.parametrize("most", [1, 8])
 def test_a_stop_is_heard_on_all_ranks(monkeypatch, most):
-    monkeypatch.setattr(ahead, "_most_ranks", lambda scene: most)
+    monkeypatch.setattr(snapshot_times, "_most_ranks", lambda scene: most)
     with pytest.raises(Interrupted):
         run_ahead(load_scene("hex-tack", SCENE), COMM, lambda line: None, CheckpointPolicy(COMM.rank == 0))

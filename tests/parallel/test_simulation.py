@@ -42,6 +42,13 @@ SCENES = {
     "whole plane, quasi-static": (PLANE, ["solver.scheme=quasistatic", "solver.accuracy=0.03"]),
     "without symmetry": ("tri-tack", ["grid.n=24", "drive.preload=2 mN", "solver.symmetry=none"]),
     "quarter, free": ("flat-punch", ["grid.n=26", "substrate.boundary=free"]),
+    "programme": (
+        "flat-punch",
+        ["grid.n=22", "rheology.relaxation_time=20 ms", "rheology.modulus_ratio=10",
+         'drive.step=[{do="approach",speed="20 um/s",until=["2 mN","0.5 mm^2"]},{do="hold",of="load",for="20 ms"},'
+         '{do="hold",for="20 ms"},{do="ramp",rate="-100 mN/s",until="-1 mN"},{do="retract",speed="20 um/s"}]',
+         "drive.repeat={times=2,first=2,last=4}"],
+    ),
     "another grid": ("tri-tack", ["grid.n=72", "drive.preload=1 mN"]),
 }  # fmt: skip
 
@@ -119,7 +126,7 @@ def test_snapshots_at_the_start_twice_at_once_and_around_the_preload(tmp_path_fa
     """Wanted times that are over, or equal, must not ask for a step of no length; each gets its frame at its time."""
     comm = MPI.COMM_WORLD
     folder = comm.bcast(str(tmp_path_factory.mktemp("snapshots")) if comm.rank == 0 else None)
-    wanted = '["1e-9 s", "1 s", "1 s", "0.5 t_pl", "1.1 t_pl", "1.1 t_pl"]'
+    wanted = '["1e-9 s", "1 s", "1 s", "0.5 t_pl", "1.1 t_pl", "1.1 t_pl", "every 2 s"]'
     scene = load_scene("hex-tack", ["grid.n=40", "drive.preload=2 mN", f"output.snapshots={wanted}"])
     record = run_scene(scene, comm, folder, lambda line: None)
     if comm.rank == 0:
@@ -131,4 +138,10 @@ def test_snapshots_at_the_start_twice_at_once_and_around_the_preload(tmp_path_fa
         assert {"t = 1e-09 s", "0.5 t_pl", "preload", "largest tension"} <= set(labels)
         assert np.all(times[[label == "t = 1 s" for label in labels]] == pytest.approx(1.0, abs=1e-12))
         assert np.all(np.diff(curve) > 0.0) and np.all(np.diff(times[:-1]) >= 0.0)
+        # Of the multiples of the interval each has one.
+        labels = np.array(labels)
+        assert curve[-1] > 4.0
+        for k in range(1, int(curve[-1] / 2.0) + 1):
+            assert list(times[labels == f"t = {2 * k} s"]) == [pytest.approx(2.0 * k, abs=1e-12)]
+        assert len(labels) == 8 + int(curve[-1] / 2.0)
     comm.Barrier()

@@ -74,7 +74,14 @@ def exact(scene: pgfmd.Scene) -> list[Stretch]:
         spring = springs[phase.control]
         driven = Driven(body, phase, place - spring * force, spring, place)
         span, inner = driven.solve(phi)
-        found.append(Stretch(begin, span, lambda t, x=driven, y=inner: x.force(t, y(t)), lambda t, x=driven, y=inner: x.place(t, y(t))))
+        found.append(
+            Stretch(
+                begin,
+                span,
+                lambda t, x=driven, y=inner: x.force(t, y(t)),
+                lambda t, x=driven, y=inner: x.place(t, y(t)),
+            )
+        )
         begin, phi, force, place = begin + span, inner(span), found[-1].force(span), found[-1].place(span)
     return found
 

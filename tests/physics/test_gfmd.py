@@ -30,8 +30,7 @@ def curve_error(result, truth):
     return np.sqrt(np.mean(difference**2)) / result.scene.drive.preload
 
 
-@pytest.mark.parametrize("name", ["tri-tack", "hex-tack"])
-@pytest.mark.parametrize("extra", [(), FIVE], ids=["N=1", "N=5"])
+@pytest.mark.parametrize(("name", "extra"), [("tri-tack", ()), ("hex-tack", FIVE)], ids=["tri, N=1", "hex, N=5"])
 def test_the_inertia_vanishes_as_one_over_omega(name, extra):
     truth = run(name, *FAST, *extra, "solver.accuracy=1e-5")
     errors = []

@@ -45,7 +45,8 @@ def write_folder(folder: Path, loop: Loop, scene: str, released: float = 0.0, vi
         loop.time, loop.displacement, loop.indentation, loop.force, loop.area, loop.area, loop.area, loop.u_inf,
         loop.time * 0 + 0.1,
     )  # fmt: skip
-    lines += [",".join([*map(repr, map(float, row)), phase]) for *row, phase in zip(*columns, loop.phase, strict=True)]
+    rows = zip(*columns, loop.phase, strict=True)
+    lines += [",".join([*map(repr, map(float, row)), "1", "1", phase]) for *row, phase in rows]
     (folder / "curve.csv").write_text("\n".join(lines) + "\n")
     audit = [ENERGY.titles, (0.0,) * 7, (float(loop.time[-1]), released + viscous, 0.0, 0.0, viscous, released, 0.0)]
     (folder / "energy.csv").write_text("".join(",".join(map(str, row)) + "\n" for row in audit))

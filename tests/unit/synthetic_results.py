@@ -93,10 +93,11 @@ def as_version_0_1(folder: Path) -> Path:
     header, *lines = (folder / "curve.csv").read_text().splitlines()
     names = header.split(",")
     contact, overlap, near = (names.index(f"{kind}_area [m^2]") for kind in ("contact", "overlap", "near"))
+    later = overlap, near, names.index("cycle"), names.index("stage")
     rows = [line.split(",") for line in lines]
     for row in rows:
         row[contact] = row[overlap]
-    kept = [[cell for k, cell in enumerate(row) if k not in (overlap, near)] for row in (names, *rows)]
+    kept = [[cell for k, cell in enumerate(row) if k not in later] for row in (names, *rows)]
     (folder / "curve.csv").write_text("".join(",".join(row) + "\n" for row in kept))
     if (folder / "run.json").exists():
         record = json.loads((folder / "run.json").read_text())

@@ -216,17 +216,12 @@ def test_memory_of_the_largest_grid_shrinks_with_the_ranks(n, more):
 @pytest.mark.parametrize(
     ("name", "overrides"),
     [
+        # Many more are in the table of counted runs that the forecast was fitted to.
         ("tri-tack", ["grid.n=64"]),
-        ("tri-tack", ["grid.n=96", "solver.accuracy=1e-3"]),
-        ("tri-tack", ["grid.n=96", "drive.speed=20 um/s"]),
-        ("hex-tack", ["grid.n=96", "output.snapshots=[]"]),
-        ("flat-punch", ["grid.n=128"]),
-        ("hertz", ["grid.n=128"]),
         ("hertz", ["grid.n=64", "drive.preload=20 mN"]),
         ("tri-tack", ["grid.n=32", "rheology.model=elastic"]),
         ("tri-tack", ["grid.n=32", "solver.scheme=gfmd", "drive.speed=200 um/s"]),
         ("hex-tack", ["grid.n=48", "solver.accuracy=0.03", *INSTANTANEOUS]),
-        ("tri-tack", ["grid.n=32", *INSTANTANEOUS]),
         ("flat-punch", ["grid.n=48", "solver.accuracy=0.03", *INSTANTANEOUS]),
     ],
 )

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import pgfmd
+from pgfmd import cli
 from pgfmd.forecast.advice import warnings as warnings_of
 from pgfmd.host import launch
 from pgfmd.host.launchers import LEFT_BEHIND, environment_without
@@ -35,6 +36,21 @@ def pgfmd_command(arguments: list[str], folder: Path, **variables: str) -> subpr
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=100)
 
 
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    """`pgfmd` in this process and a folder of its own, where it does not matter what is loaded."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+
+    def call(*arguments: str) -> subprocess.CompletedProcess:
+        with pytest.raises(SystemExit) as done:
+            cli.main(list(arguments))
+        said = capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, done.value.code, said.out, said.err)
+
+    return call
+
+
 @pytest.mark.parametrize(
     "arguments",
     [["-h"], ["--version"], ["run", "--help"], ["check", "tri-tack"], ["init", "hertz"], ["bench", "transform", "-h"],
@@ -47,8 +63,8 @@ def test_light_commands_load_nothing_heavy(arguments, tmp_path):
     assert done.stdout.strip()
 
 
-def test_version(tmp_path):
-    assert pgfmd_command(["--version"], tmp_path).stdout.strip() == pgfmd.__version__
+def test_version(call):
+    assert call("--version").stdout.strip() == pgfmd.__version__
 
 
 def test_the_version_is_the_same_wherever_it_is_written():
@@ -60,25 +76,25 @@ def test_the_version_is_the_same_wherever_it_is_written():
     assert declared.removesuffix(".0") == newest
 
 
-def test_init_writes_the_commented_scene_that_check_and_run_read(tmp_path):
+def test_init_writes_the_commented_scene_that_check_and_run_read(call, tmp_path):
     for name in shipped_scenes():
-        assert pgfmd_command(["init", name], tmp_path).returncode == 0
+        assert call("init", name).returncode == 0
         path = tmp_path / f"{name}.toml"
         assert path.read_text(encoding="utf-8") == shipped_text(name)
         assert load_scene(str(path)) == load_scene(name)
 
 
-def test_init_does_not_overwrite(tmp_path):
+def test_init_does_not_overwrite(call, tmp_path):
     path = tmp_path / "hertz.toml"
     path.write_text("mine")
-    refused = pgfmd_command(["init", "hertz"], tmp_path)
+    refused = call("init", "hertz")
     assert refused.returncode == 2 and "--force" in refused.stderr and path.read_text() == "mine"
-    assert pgfmd_command(["init", "hertz", "--force"], tmp_path).returncode == 0
+    assert call("init", "hertz", "--force").returncode == 0
     assert path.read_text(encoding="utf-8") == shipped_text("hertz")
 
 
-def test_init_of_an_unknown_scene_lists_the_known_ones(tmp_path):
-    done = pgfmd_command(["init", "tri-tak"], tmp_path)
+def test_init_of_an_unknown_scene_lists_the_known_ones(call, tmp_path):
+    done = call("init", "tri-tak")
     assert done.returncode == 2
     assert "did you mean tri-tack?" in done.stderr and all(name in done.stderr for name in shipped_scenes())
     assert not any(tmp_path.iterdir())
@@ -92,18 +108,18 @@ def test_check_prints_plain_text_into_a_pipe(tmp_path):
     assert "2.63815e-07" in done.stdout
 
 
-def test_check_writes_warnings_on_one_line_each(tmp_path):
-    done = pgfmd_command(["check", "tri-tack", "grid.n=64", "drive.preload=10 N"], tmp_path)
+def test_check_writes_warnings_on_one_line_each(call):
+    done = call("check", "tri-tack", "grid.n=64", "drive.preload=10 N")
     warnings = [line for line in done.stdout.splitlines() if line.startswith("warning: ")]
     assert "n >= 80" in warnings[0] and [line for line in warnings if line.endswith("reduce the preload")]
     scene = load_scene("tri-tack", ["grid.n=64", "drive.preload=10 N"])
     assert warnings == [f"warning: {text}" for text in warnings_of(scene)]
 
 
-def test_check_knows_the_planned_ranks(tmp_path):
-    done = pgfmd_command(["check", "tri-tack", "grid.n=32", "--ranks", "17"], tmp_path)
+def test_check_knows_the_planned_ranks(call):
+    done = call("check", "tri-tack", "grid.n=32", "--ranks", "17")
     assert done.returncode == 2 and "use at most 8 ranks" in done.stderr
-    assert pgfmd_command(["check", "tri-tack", "grid.n=32", "--ranks", "8"], tmp_path).returncode == 0
+    assert call("check", "tri-tack", "grid.n=32", "--ranks", "8").returncode == 0
 
 
 def test_plot_prints_the_pictures(tmp_path):
@@ -116,8 +132,8 @@ def test_plot_prints_the_pictures(tmp_path):
     assert "mpi4py" not in done.stderr and "numba" not in done.stderr
 
 
-def test_plot_of_no_results(tmp_path):
-    done = pgfmd_command(["plot", "nothing"], tmp_path)
+def test_plot_of_no_results(call):
+    done = call("plot", "nothing")
     assert done.returncode == 4 and "nothing: no such folder" in done.stderr and "Traceback" not in done.stderr
 
 
@@ -127,7 +143,7 @@ def write_dma(path: Path) -> None:
     path.write_text("\n".join(["omega (rad/s),E' (MPa),E'' (MPa)", *rows]))
 
 
-def test_fit_prony_prints_or_writes_the_table(tmp_path):
+def test_fit_prony_prints_or_writes_the_table(call, tmp_path):
     write_dma(tmp_path / "dma.csv")
     done = pgfmd_command(["fit-prony", "dma.csv"], tmp_path)
     assert done.returncode == 0 and done.stderr == "loaded []\n"
@@ -135,38 +151,38 @@ def test_fit_prony_prints_or_writes_the_table(tmp_path):
     assert list(table) == ["rheology"] and table["rheology"]["model"] == "prony"
     assert table["rheology"]["kappa"] == pytest.approx([200], rel=1e-5)
     assert "misfit" in done.stdout and '# youngs_modulus = "2 MPa"' in done.stdout
-    written = pgfmd_command(["fit-prony", "dma.csv", "--out", "fit.toml", "--plot", "fit.png"], tmp_path)
+    written = call("fit-prony", "dma.csv", "--out", "fit.toml", "--plot", "fit.png")
     assert written.returncode == 0 and "fit.toml written" in written.stdout and "misfit" in written.stdout
     assert (tmp_path / "fit.toml").read_text(encoding="utf-8") == done.stdout
     assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
-    again = pgfmd_command(["fit-prony", "dma.csv", "--out", "fit.toml"], tmp_path)
+    again = call("fit-prony", "dma.csv", "--out", "fit.toml")
     assert again.returncode == 4 and "exists already" in again.stderr
-    assert pgfmd_command(["fit-prony", "dma.csv", "--out", "fit.toml", "--force"], tmp_path).returncode == 0
+    assert call("fit-prony", "dma.csv", "--out", "fit.toml", "--force").returncode == 0
 
 
-def test_fit_prony_warns_and_refuses(tmp_path):
+def test_fit_prony_warns_and_refuses(call, tmp_path):
     write_dma(tmp_path / "dma.csv")
     text = (tmp_path / "dma.csv").read_text().splitlines()
     (tmp_path / "cut.csv").write_text("\n".join(text[:22]))
-    cut = pgfmd_command(["fit-prony", "cut.csv"], tmp_path)
+    cut = call("fit-prony", "cut.csv")
     assert cut.returncode == 0 and "warning: at the highest frequency tan delta is still" in cut.stderr
     assert "# warning: at the highest frequency" in cut.stdout
-    missing = pgfmd_command(["fit-prony", "nothing.csv"], tmp_path)
+    missing = call("fit-prony", "nothing.csv")
     assert missing.returncode == 4 and "nothing.csv: could not be read" in missing.stderr
-    wrong = pgfmd_command(["fit-prony", "dma.csv", "-t", "25"], tmp_path)
+    wrong = call("fit-prony", "dma.csv", "-t", "25")
     assert wrong.returncode == 2 and "such as 25C or 298K" in wrong.stderr and "Traceback" not in wrong.stderr
-    wrong = pgfmd_command(["fit-prony", "dma.csv", "--wlf", "8"], tmp_path)
+    wrong = call("fit-prony", "dma.csv", "--wlf", "8")
     assert wrong.returncode == 2 and "such as 8.86,101.6" in wrong.stderr
 
 
-def test_plot_rheology_draws_a_scene_and_refuses_an_elastic_one(tmp_path):
+def test_plot_rheology_draws_a_scene_and_refuses_an_elastic_one(call, tmp_path):
     done = pgfmd_command(["plot-rheology", "tri-tack", "rheology.modulus_ratio=1000"], tmp_path)
     assert done.returncode == 0 and done.stdout.split() == ["tri-tack-rheology.png"]
     assert (tmp_path / "tri-tack-rheology.png").read_bytes().startswith(b"\x89PNG")
     assert "mpi4py" not in done.stderr and "numba" not in done.stderr
-    pgfmd_command(["plot-rheology", "tri-tack", "--out", "mine.png"], tmp_path)
+    call("plot-rheology", "tri-tack", "--out", "mine.png")
     assert (tmp_path / "mine.png").exists()
-    elastic = pgfmd_command(["plot-rheology", "hertz", "rheology.model=elastic", "-o", "no.png"], tmp_path)
+    elastic = call("plot-rheology", "hertz", "rheology.model=elastic", "-o", "no.png")
     assert elastic.returncode == 2 and "expected a modulus that relaxes" in elastic.stderr
     assert not (tmp_path / "no.png").exists()
 
@@ -175,6 +191,7 @@ def test_plot_rheology_draws_a_scene_and_refuses_an_elastic_one(tmp_path):
     "arguments", [["run"], ["rnu", "tri-tack"], ["check", "tri-tack", "--ranks", "0"], ["bench", "all"]]
 )
 def test_usage_errors(arguments, tmp_path):
+    # In a process of its own: `run` listens to signals from its very start.
     done = pgfmd_command(arguments, tmp_path)
     assert done.returncode == 2 and "Usage: pgfmd" in done.stderr and "Traceback" not in done.stderr
 
@@ -191,8 +208,10 @@ def test_a_foreign_launcher_is_named(variables, tmp_path):
     done = pgfmd_command(["run", "tri-tack"], tmp_path, **variables)
     assert done.returncode == 5
     assert "3 processes were started, but each is alone" in done.stderr and not any(tmp_path.iterdir())
-    others = {name: value if name.endswith(("SIZE", "TASKS")) else "1" for name, value in variables.items()}
-    silent = pgfmd_command(["run", "tri-tack"], tmp_path, **others)
+
+
+def test_of_foreign_processes_one_speaks(tmp_path):
+    silent = pgfmd_command(["run", "tri-tack"], tmp_path, PMI_SIZE="3", PMI_RANK="1")
     assert silent.returncode == 5 and "pgfmd:" not in silent.stderr
 
 

@@ -170,7 +170,7 @@ def test_a_study_has_each_area_in_a_column_of_its_name(study, folders, tmp_path)
     )
 
 
-def test_a_study_of_old_folders_has_overlap_alone(study, folders):
+def test_a_study_of_old_folders_has_overlap_alone(study, folders, monkeypatch):
     rows = rows_in(study, folders / "old")
     for row in rows:
         known = {column for column in (*AREAS, *GAPS) if row.measured[column] is not None}
@@ -179,6 +179,12 @@ def test_a_study_of_old_folders_has_overlap_alone(study, folders):
     assert told.startswith("all cases: run by version 0.1") and "areas of overlap (gap < 0)" in told
     panel = measures_figure(Plan(rows, study.axes), "").axes[3]
     assert panel.get_ylabel() == "overlap area at the preload (mm²)" and len(panel.lines[0].get_xdata()) == 2
+    # A logarithmic axis has the places of the study as ticks, in its own unit, and no powers of ten between them.
+    monkeypatch.setattr("pgfmd.studies.pictures.WIDE", 1.5)
+    panel = measures_figure(Plan(rows, study.axes), "").axes[3]
+    assert panel.get_xscale() == "log"
+    ticks = [[text.get_text() for text in panel.get_xticklabels(minor=minor)] for minor in (False, True)]
+    assert ticks == [["1", "2"], []]
 
 
 def test_a_study_that_mixes_old_and_new_folders_says_so(study, folders, tmp_path):

@@ -343,5 +343,7 @@ def test_the_misfit_is_that_of_the_same_place(curve):
             np.stack(alone.forces(loop)), np.stack([depth, forces, measured])[:, same], atol=1e-12
         )
     few = dataclasses.replace(part, **{field: getattr(part, field)[:2] for field in ARRAYS})
-    with pytest.raises(MeasurementError, match="expected at least 4 rows on the way in, or on the way out, found 2"):
+    with pytest.raises(
+        MeasurementError, match="expected at least 4 rows in the approach, or in the retraction, found 2"
+    ):
         _ = Misfit(few).forces_measured

@@ -10,9 +10,9 @@ from pgfmd.assemble import assemble
 from pgfmd.commands import check
 from pgfmd.forecast import effort as effort_module
 from pgfmd.forecast.effort import UNLIKE, ahead_summary, counts_of, effort_of, jump_threshold, kind_of, strokes_of
-from pgfmd.forecast.fitted import FITTED
+from pgfmd.forecast.effort_constants import FITTED
 from pgfmd.forecast.indentation import MADELUNG, SECOND, depth_at_preload, images_share, punch_speeds, travels_of
-from pgfmd.output.ahead import met, run_ahead
+from pgfmd.output.snapshot_times import met, run_ahead
 from pgfmd.physics.halfspace import HalfSpace
 from pgfmd.run_ahead import Met, coarse_scenes, met_by, moments
 from pgfmd.scene import load_scene
@@ -30,6 +30,14 @@ def counted():
     return [(row, load_scene(row.scene, row.changes.split("; "))) for row in rows_of(TABLE)]
 
 
+@pytest.fixture(scope="module")
+def told(counted):
+    """(row, effort) of the same."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(effort_module, "pair_seconds", lambda scene: 1e-3)
+        return [(row, effort_of(scene)) for row, scene in counted]
+
+
 @pytest.fixture(autouse=True)
 def untimed(monkeypatch):
     """Nothing here depends on how fast this machine is."""
@@ -40,16 +48,15 @@ def untimed(monkeypatch):
 
 
 @pytest.mark.parametrize("part", [FIT, JUDGE])
-def test_nine_of_ten_scenes_are_told_within_a_factor_of_one_and_a_half(counted, part):
-    ratios = np.array([effort_of(scene).pairs / row.pairs for row, scene in counted if row.part == part])
+def test_nine_of_ten_scenes_are_told_within_a_factor_of_one_and_a_half(told, part):
+    ratios = np.array([effort.pairs / row.pairs for row, effort in told if row.part == part])
     assert ratios.size > 70
     assert np.mean(np.abs(np.log(ratios)) < math.log(1.5)) > 0.9
     assert 0.9 < np.median(ratios) < 1.1
 
 
-def test_the_spread_that_is_told_holds_nineteen_of_twenty_scenes(counted):
-    told = [(effort_of(scene), row.pairs) for row, scene in counted]
-    within = [1.0 / effort.spread <= effort.pairs / pairs <= effort.spread for effort, pairs in told]
+def test_the_spread_that_is_told_holds_nineteen_of_twenty_scenes(told):
+    within = [1.0 / effort.spread <= effort.pairs / row.pairs <= effort.spread for row, effort in told]
     assert np.mean(within) >= 0.95
 
 
@@ -62,11 +69,11 @@ def test_the_table_has_every_kind_and_only_scenes_of_the_list(counted):
 
 @pytest.mark.parametrize("name", ["tri-tack", "hex-tack", "flat-punch"])
 def test_a_faster_punch_takes_no_more_pairs_and_nothing_jumps(name):
-    speeds = np.geomspace(0.1, 1e6, 60)
+    speeds = np.geomspace(0.1, 1e6, 30)
     pairs = np.array([effort_of(load_scene(name, [f"drive.speed={speed!r} um/s"])).pairs for speed in speeds.tolist()])
     ratios = pairs[1:] / pairs[:-1]
-    # A step of a third in speed: pairs fall by less than in proportion, and hardly rise.
-    assert ratios.max() < 1.03 and ratios.min() > 1.0 / 1.4
+    # A step of three quarters in speed: pairs fall by less than in proportion, and hardly rise.
+    assert ratios.max() < 1.03 and ratios.min() > 1.0 / 1.8
 
 
 def test_a_finer_accuracy_costs_more_in_steps_and_pairs():

@@ -20,10 +20,14 @@ PHASES = np.array(["approach", "dwell", "retract"])
 
 
 def write(path, rows: int) -> np.ndarray:
-    """A curve with these numbers in its rows; returns them, (rows, 9)."""
-    numbers = np.random.default_rng(3).standard_normal((rows, 9)) * 1e-6
+    """A curve with these numbers in its rows; returns them, (rows, 11), with cycle and stage."""
+    numbers = np.random.default_rng(3).standard_normal((rows, 11)) * 1e-6
+    numbers[:, 9:] = np.arange(2 * rows).reshape(rows, 2)
     phases = PHASES[3 * np.arange(rows) // rows]
-    lines = [",".join([*map(repr, row), phase]) for row, phase in zip(numbers.tolist(), phases, strict=True)]
+    lines = [
+        ",".join([*map(repr, row[:9]), *(str(int(k)) for k in row[9:]), phase])
+        for row, phase in zip(numbers.tolist(), phases, strict=True)
+    ]
     path.write_text("\n".join([",".join(CURVE.titles), *lines, ""]))
     return numbers
 
@@ -35,7 +39,7 @@ def test_every_bit_is_read_across_pieces(tmp_path, monkeypatch):
         with open(tmp_path / "curve.csv", "a") as file:
             file.write("1.0,2.0")
         found = read_columns(tmp_path / "curve.csv", CURVE)
-        assert np.array_equal(np.column_stack([found[name] for name in CURVE.titles[:-1]]).reshape(rows, 9), numbers)
+        assert np.array_equal(np.column_stack([found[name] for name in CURVE.titles[:-1]]).reshape(rows, 11), numbers)
         assert list(found["phase"]) == list(PHASES[3 * np.arange(rows) // max(rows, 1)])
         assert len(load(tmp_path).curve) == rows
     # No more texts than there are runs of them in a piece.
@@ -46,7 +50,7 @@ def test_a_broken_line_is_named_by_its_number(tmp_path, monkeypatch):
     monkeypatch.setattr(table_reading, "PIECE", 10)
     write(tmp_path / "curve.csv", 25)
     lines = (tmp_path / "curve.csv").read_text().splitlines()
-    for wrong in ("1,2,3", "oops,0,0,0,0,0,0,0,0,dwell", "\0" * 200):
+    for wrong in ("1,2,3", "oops,0,0,0,0,0,0,0,0,1,1,dwell", "\0" * 200):
         (tmp_path / "curve.csv").write_text("\n".join([*lines[:17], wrong, *lines[18:], ""]))
         with pytest.raises(ResultError, match="could not be read: line 18 is no row of it: ") as caught:
             read_columns(tmp_path / "curve.csv", CURVE)

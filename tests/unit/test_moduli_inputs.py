@@ -97,7 +97,7 @@ def test_a_rheometers_moduli_without_a_letter_have_to_be_told(tmp_path):
     path = written(
         tmp_path / "saos.csv", header, STORAGE / 3e-6, LOSS / 3e-6, TAN, OMEGA, still / 20, still, coding="cp1252"
     )
-    refused(path, "beside 'Oscillation torque' they will be of shear.*--modulus shear")
+    refused(path, "next to 'Oscillation torque' they will be of shear.*--modulus shear")
     right(path, modulus="shear")
     path = written(tmp_path / "p.csv", "Geometry,25mm parallel plate,\nomega,storage modulus (Pa),loss modulus (Pa)", OMEGA,
                    STORAGE / 3e-6, LOSS / 3e-6)  # fmt: skip

@@ -166,8 +166,8 @@ def test_no_number_of_another_count_passes_as_one_of_contact(tmp_path):
     both = claims(("closed", "1 mN", 8.0, OVERLAP), ("closed", "2 mN", 9.0, OVERLAP), ("pull-off", "1 mN", 3.0))
     page.keep(tmp_path, "reduced", "hex", both, FIGURES, runs=("hex/one", "hex/two"))
     text, below = page.block("hex", tmp_path), "| 3 | 14\N{NO-BREAK SPACE}% below |"
-    assert "| closed [mN] | 1 mN | about 4 | not counted anew |  |" in text and below in text
-    assert "Not counted anew (reduced): 2 of the numbers" in text and "| 8" not in text
+    assert "| closed [mN] | 1 mN | about 4 | not counted again |  |" in text and below in text
+    assert "Not counted again (reduced): 2 of the numbers" in text and "| 8" not in text
     assert page.read_runs(tmp_path) == {"hex-reduced": ["hex/one", "hex/two"]}
     # One of the runs is made again: of its numbers only the one that counts contact is replaced.
     new = ("new", "1 mN", 4.0, CONTACT, math.nan)
@@ -175,11 +175,11 @@ def test_no_number_of_another_count_passes_as_one_of_contact(tmp_path):
     page.recount(tmp_path, "reduced", "hex", again, FIGURES)
     text = page.block("hex", tmp_path)
     assert "| closed [mN] | 1 mN | about 4 | 4.25 | agrees |" in text
-    assert "| closed [mN] | 2 mN | about 4 | not counted anew |  |" in text and below in text
+    assert "| closed [mN] | 2 mN | about 4 | not counted again |  |" in text and below in text
     assert "| new [mN] | 1 mN | about 4 | 4 | agrees |" in text and "(reduced): 1 of the numbers" in text
     # A larger size with the other count is no verdict.
     page.keep(tmp_path, "paper", "hex", claims(("closed", "1 mN", 7.0, OVERLAP)), FIGURES)
-    assert "| closed [mN] | 1 mN | about 4 | 4.25 | not counted anew | agrees |" in page.block("hex", tmp_path)
+    assert "| closed [mN] | 1 mN | about 4 | 4.25 | not counted again | agrees |" in page.block("hex", tmp_path)
     # Before and after of what is counted anew, and of nothing else.
     _, _, closed, added = page.counts_block(tmp_path, FIGURES).splitlines()
     assert closed.startswith("| hex | closed [mN] | 1 mN | reduced | about 4 | 8 | 78\N{NO-BREAK SPACE}% above | 4.25")

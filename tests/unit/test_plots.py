@@ -39,10 +39,17 @@ def warnings_are_errors():
         yield
 
 
-@pytest.mark.parametrize(("snapshots", "nb"), [(1, 33), (13, 16)])
-def test_every_picture_is_written_and_not_blank(tmp_path, snapshots, nb):
+@pytest.mark.parametrize(("snapshots", "nb", "missing"), [(1, 33, ("pandas", "xarray")), (13, 16, ())])
+def test_every_picture_is_written_and_not_blank(tmp_path, monkeypatch, snapshots, nb, missing):
+    for library in missing:
+        monkeypatch.setitem(sys.modules, library, None)
     folder = write_results(tmp_path / "out", rows=80, nb=nb, snapshots=snapshots)
+    left = [folder / f"contact-maps-{page}.png" for page in (2, 3, 4)]
+    for path in left:
+        path.touch()
     paths = plots.plot_results(folder)
+    # Pages of an earlier plot of more snapshots.
+    assert [path in paths for path in left] == [path.exists() for path in left]
     assert [path.name for path in paths] == names(-(-snapshots // 12))
     for path in paths:
         picture = imread(path)
@@ -55,20 +62,8 @@ def test_only_what_the_folder_has_data_for(tmp_path):
     assert [path.name for path in plots.plot_results(folder)] == names()[:2]
 
 
-def test_without_pandas_and_xarray(tmp_path, monkeypatch):
-    folder = write_results(tmp_path / "out", rows=40, nb=16, snapshots=2)
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    monkeypatch.setitem(sys.modules, "xarray", None)
-    assert [path.name for path in plots.plot_results(folder)] == names()
-
-
-def test_settings_of_the_caller_are_left_alone(tmp_path):
-    def settings():
-        return matplotlib.rcParams.copy(), matplotlib.get_backend(auto_select=False), "matplotlib.pyplot" in sys.modules
-
-    before = settings()
-    plots.plot_results(write_results(tmp_path / "out", rows=40, fields=False))
-    assert settings() == before
+def settings():
+    return matplotlib.rcParams.copy(), matplotlib.get_backend(auto_select=False), "matplotlib.pyplot" in sys.modules
 
 
 def test_empty_curve_and_foreign_folder(tmp_path):
@@ -297,10 +292,10 @@ def test_maps_by_the_range_of_adhesion(tmp_path):
 
 
 @pytest.mark.parametrize("width", ["single", "double"])
-def test_widths_of_journals(tmp_path, width):
-    folder = write_results(tmp_path / "out", rows=60, nb=16, snapshots=5)
+def test_widths_of_journals_leave_the_settings_of_the_caller_alone(tmp_path, width):
+    folder, before = write_results(tmp_path / "out", rows=60, nb=16, snapshots=1), settings()
     paths = plots.plot_results(folder, tmp_path / width, form="svg", width=width)
-    assert len(paths) == 6
+    assert len(paths) == 6 and settings() == before
     for path in paths:
         points = re.search(r'width="([\d.]+)pt"', path.read_text())[1]
         assert float(points) == pytest.approx(72 * WIDTHS[width])

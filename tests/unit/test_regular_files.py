@@ -16,7 +16,6 @@ from pgfmd.files import regular_files, storage
 from pgfmd.files.regular_files import bring_to_disk, remove_unfinished, temporary_name_for, write_atomically, write_new
 from pgfmd.host.mounts import has_common_locks
 from pgfmd.host.run_lock import LOCK_FILE, RunLock
-from pgfmd.restart import disk_space
 from pgfmd.restart.checkpoint_policy import Timing
 from pgfmd.restart.checkpoints import Checkpoints, Saved
 from pgfmd.runner import Options, run_scene
@@ -225,11 +224,11 @@ def test_a_folder_that_cannot_be_brought_to_the_disk_does_no_harm(code, tmp_path
 
 
 def test_free_space_that_is_not_known_stops_no_run(tmp_path, monkeypatch):
-    monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda folder: SimpleNamespace(total=0, free=0))
-    disk_space.require_space(tmp_path, 10**9, 0)
-    monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda folder: SimpleNamespace(total=10**12, free=0))
+    monkeypatch.setattr(storage.shutil, "disk_usage", lambda folder: SimpleNamespace(total=0, free=0))
+    storage.require_space(tmp_path, 10**9, 0)
+    monkeypatch.setattr(storage.shutil, "disk_usage", lambda folder: SimpleNamespace(total=10**12, free=0))
     with pytest.raises(ResultError, match="only 0 GB are free"):
-        disk_space.require_space(tmp_path, 10**9, 0)
+        storage.require_space(tmp_path, 10**9, 0)
 
 
 @pytest.mark.parametrize("point", ["/mnt/Müller", "/mnt/研究", "/mnt/my\\040data", "/mnt/a\\134b"])

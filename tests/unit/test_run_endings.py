@@ -6,11 +6,12 @@ import json
 import pytest
 from mpi4py import MPI
 
-from pgfmd.commands.run import _missed_preload, _summary
+from pgfmd.commands.run import _summary
 from pgfmd.errors import ResultError
 from pgfmd.files.tables import CURVE
 from pgfmd.results import load
 from pgfmd.results.curve import Loop, measure
+from pgfmd.results.doubts import missed_preload
 from pgfmd.results.status import status_of
 from pgfmd.runner import Options, run_scene
 from pgfmd.scene import load_scene
@@ -99,7 +100,7 @@ def folder_with(tmp_path, largest):
     [
         (1e-9, 0.06, 1e-8, "closes to 6 % of the loop's work: lower solver.accuracy"),
         (1e-9, 0.04, 1e-8, ""),
-        (-1e-10, 1.0, 1e-8, "closes to 0.1 nJ, and the loop's work is -0.1 nJ, little beside 10 nJ"),
+        (-1e-10, 1.0, 1e-8, "closes to 0.1 nJ, and the loop's work is -0.1 nJ, little compared with 10 nJ"),
         (-1e-11, 1.0, 1e-8, ""),
         (1e-9, None, 1e-8, ""),
     ],
@@ -144,12 +145,12 @@ def test_a_foreign_record_is_refused(text, tmp_path):
 
 def test_a_preload_that_was_not_met_is_told():
     assert (
-        _missed_preload(RECORD | {"preload_N": 1.001e-3}, 1e-3)
+        missed_preload(RECORD | {"preload_N": 1.001e-3}, 1e-3)
         == []
-        == _missed_preload(RECORD | {"preload_N": None}, 1e-3)
+        == missed_preload(RECORD | {"preload_N": None}, 1e-3)
     )
-    (text,) = _missed_preload(RECORD | {"preload_N": 1.3e-3}, 1e-3)
+    (text,) = missed_preload(RECORD | {"preload_N": 1.3e-3}, 1e-3)
     assert "0.0013 N instead of 0.001 N" in text and "drive.preload" in text
     explicit = {key: value for key, value in RECORD.items() if key != "accuracy"}
-    (text,) = _missed_preload(explicit | {"preload_N": 1.3e-3}, 1e-3)
+    (text,) = missed_preload(explicit | {"preload_N": 1.3e-3}, 1e-3)
     assert "solver.gfmd" in text and "accuracy" not in text

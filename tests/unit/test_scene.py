@@ -456,8 +456,9 @@ def test_every_wrong_entry_of_a_list_is_reported():
     assert [problem.value for problem in found["rheology.kappa"]] == [-1, "2"]
     assert [problem.value for problem in found["rheology.tau"]] == [3, "4 m"]
     assert "entry 2 of the list" in found["rheology.tau"][0].expected
-    found = problems(mapping(output={"snapshots": ["3", "1 t_pl", "4 m", "-1 s", 7, "inf s"]}))
-    assert [problem.value for problem in found["output.snapshots"]] == ["3", "4 m", "-1 s", 7, "inf s"]
+    wrong = ["3", "4 m", "-1 s", 7, "inf s", "every 0 s", "every 3 Pa", "every"]
+    found = problems(mapping(output={"snapshots": ["1 t_pl", "every 2 s", *wrong]}))
+    assert [problem.value for problem in found["output.snapshots"]] == wrong
 
 
 def test_snapshots_are_times_or_fractions_of_the_time_to_the_preload():
@@ -467,6 +468,10 @@ def test_snapshots_are_times_or_fractions_of_the_time_to_the_preload():
         "0.5 t_pl",
     )
     assert snapshot_time("2 min") == (120.0, False)
+    often = Output.model_validate({"snapshots": ["3 s", "every 2ms", "1 t_pl", "every 1 min"]})
+    assert often.snapshots == ("3.0 s", "every 0.002 s", "1.0 t_pl", "every 60.0 s")
+    assert [rhythm.size for rhythm in often.rhythms] == [0.002, 60.0]
+    assert often.snapshot_times == [(3.0, False), (1.0, True)]
 
 
 # Unknown keys -------------------------------------------------------------------------------------------------------
@@ -502,8 +507,8 @@ def test_missing_keys_and_sections_are_reported_key_by_key():
     found = problems({})
     fields = {f"{name}.{key}": field for name, model in SECTIONS.items() for key, field in model.model_fields.items()}
     required = {key for key, field in fields.items() if field.is_required()}
-    # That of the law that a scene has without a word.
-    assert found.keys() == required | {"adhesion.work_of_adhesion"}
+    # That of the law, and those of the programme, that a scene has without a word.
+    assert found.keys() == required | {"adhesion.work_of_adhesion", "drive.speed", "drive.preload"}
     assert all(problem.value is MISSING for (problem,) in found.values())
     assert found["drive.preload"][0].cure == 'add preload = "40 mN" to [drive]'
 
@@ -666,7 +671,7 @@ def test_the_reference_page_has_every_key_with_a_meaning():
         table = page.split(f"## [{name}]")[1].split("\n## ")[0]
         for key, field in model.model_fields.items():
             assert f"| `{key}` |" in table and field.description.replace("|", "\\|") in table
-    assert "| `speed` | speed [m/s], above 0 | required | speed of the approach |" in page
+    assert "| `speed` | speed [m/s], above 0 | - | speed of the approach; required without steps |" in page
     assert '"quasistatic"' in page and "## [solver.gfmd]" in page
 
 

@@ -320,7 +320,7 @@ def test_pace_takes_the_shortest_time_that_is_long_enough():
 
 
 def moments(folder, every):
-    """(moment, steps left, those of them in a dwell to come) at each row of a finished run, as seen from there."""
+    """(moment, steps left, those of them in a dwell to come) at each third row of a finished run, as seen from there."""
     path = folder / "curve.csv"
     lines = path.read_bytes().splitlines(keepends=True)
     rows = CurveTail(path).rows
@@ -329,6 +329,8 @@ def moments(folder, every):
     for k, row in enumerate(rows[:-1]):
         end += len(lines[k + 1])
         phases.append(row.phase)
+        if k % 3:
+            continue
         met = {"preload_time": rows[turn].time, "depth": -rows[turn].displacement} if k > turn else {}
         dwelt, left = phases.count("dwell"), len(rows) - 1 - k
         to_dwell = sum(one.phase == "dwell" for one in rows[k + 1 :])
@@ -337,12 +339,12 @@ def moments(folder, every):
         yield moment, every * left, every * to_dwell
 
 
-EXPLICIT = ("tri-tack", "grid.n=32", "drive.speed=500 um/s", "solver.scheme=gfmd")
+EXPLICIT = ("tri-tack", "grid.n=32", "drive.speed=1 mm/s", "solver.scheme=gfmd")
 CASES = {
     "slow": ("tri-tack", "grid.n=64"),
     "fast": ("tri-tack", "grid.n=64", "drive.speed=10 um/s"),
-    "slower back": ("tri-tack", "grid.n=64", "drive.retract_speed=0.1 um/s"),
-    "hexagonal": ("hex-tack", "grid.n=64", "output.snapshots=[]"),
+    "slower back": ("tri-tack", "grid.n=48", "drive.retract_speed=0.1 um/s"),
+    "hexagonal": ("hex-tack", "grid.n=48", "output.snapshots=[]"),
     "dwell": ("tri-tack", "grid.n=64", "drive.speed=5 um/s", "drive.dwell=20 s"),
     "explicit": (*EXPLICIT, "output.every=10"),
     "explicit, on a spring": (*EXPLICIT, "output.every=40", "drive.machine_stiffness=2 kN/m"),
@@ -355,7 +357,7 @@ def test_what_is_left_is_mostly_right_within_a_factor_of_two(case, tmp_path):
     run_scene(scene, MPI.COMM_SELF, tmp_path, lambda line: None)
     # At such speeds the elastomer is stiffer, and the preload met earlier, than in a static contact.
     factor, ratios, shares = 2.5 if case.startswith("explicit") else 2.0, [], []
-    for moment, left, to_dwell in list(moments(tmp_path, scene.output.every))[::3]:
+    for moment, left, to_dwell in moments(tmp_path, scene.output.every):
         ahead = outlook(scene, moment)
         shares.append(ahead.progress)
         left -= to_dwell if "the dwell" in ahead.remark else 0

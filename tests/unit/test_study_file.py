@@ -219,7 +219,7 @@ def test_files_that_are_not_there_or_no_toml(tmp_path):
     "value", ["1 um/s", "0.5", " 1 s", "true", "inf", 3, 1e-6, True, ["1 s", "0.5 t_pl"], "it's", 'a"b']
 )
 def test_overrides_keep_their_value(value):
-    from pgfmd.scene.given import override_value
+    from pgfmd.scene.unresolved_scene import override_value
 
     key, _, text = override_of("drive.speed", value).partition("=")
     assert key == "drive.speed" and override_value(text.strip()) == value

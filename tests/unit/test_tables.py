@@ -20,11 +20,11 @@ from pgfmd.results.verify import verify
 from pgfmd.solver.patches import Patch
 from scripts.studies.pages import filled, page_named
 from scripts.studies.reference_pages import columns
-from tests.unit.synthetic_results import as_version_0_1, write_results
+from tests.unit.synthetic_results import as_version_0_1, history, write_results
 
 HEADERS = {
     "curve": "time [s],displacement [m],indentation [m],force [N],contact_area [m^2],overlap_area [m^2],"
-    "near_area [m^2],u_inf [m],step [s],phase\n",
+    "near_area [m^2],u_inf [m],step [s],cycle,stage,phase\n",
     "energy": "time [s],work [J],elastic [J],adhesive [J],viscous [J],released [J],residual [J]\n",
     "events": "time [s],displacement [m],force [N],released [J],event,joined,left,x [m],y [m],at\n",
     "patches": "snapshot,time [s],patch,area [m^2],force [N],x [m],y [m],summits,saddles,valleys,kind,nearest\n",
@@ -50,7 +50,7 @@ def write(path: Path, table, rows) -> Path:
 
 def test_headers_are_those_that_users_know():
     assert {table.name: table.headers[0] for table in TABLES} == HEADERS
-    assert CURVE.headers[1:] == [OF_0_1]
+    assert CURVE.headers[1:] == [HEADERS["curve"].replace("cycle,stage,", ""), OF_0_1]
     assert all(len(table.headers) == 1 for table in (ENERGY, EVENTS, PATCHES, SITES))
     assert [table.file for table in TABLES] == [f"{table.name}.csv" for table in TABLES]
 
@@ -93,12 +93,21 @@ def test_an_earlier_curve_is_read_with_gaps_where_it_has_no_columns(tmp_path):
     old = read_columns(as_version_0_1(tmp_path / "new") / "curve.csv", CURVE)
     assert list(old) == list(CURVE.titles)
     for title, values in old.items():
-        if title in ("overlap_area [m^2]", "near_area [m^2]"):
+        if title in ("overlap_area [m^2]", "near_area [m^2]", "cycle", "stage"):
             assert np.isnan(values).all()
         else:
             expected = new["overlap_area [m^2]" if title == "contact_area [m^2]" else title]
             assert values.tolist() == expected.tolist()
     assert list(faults_of(CURVE, [old])) == []
+
+
+def test_a_curve_of_an_earlier_build_is_continued_with_the_columns_that_it_has(tmp_path):
+    (tmp_path / "curve.csv").write_text(CURVE.headers[1])
+    write(tmp_path / "curve.csv", CURVE, history(3))
+    assert (tmp_path / "curve.csv").read_text().startswith(CURVE.headers[1])
+    found = read_columns(tmp_path / "curve.csv", CURVE)
+    assert found["phase"].tolist() == [row.phase for row in history(3)] and np.isnan(found["stage"]).all()
+    assert found["near_area [m^2]"].tolist() == [row.near_area for row in history(3)]
 
 
 def test_what_a_column_cannot_hold_is_found_in_its_row(tmp_path):

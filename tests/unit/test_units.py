@@ -9,7 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pgfmd.units import DIMENSIONS, UnitError, format_quantity, handy_quantity, parse_quantity
+from pgfmd.units import (
+    DIMENSIONS,
+    UnitError,
+    _si_factor,
+    _usual_factor,
+    format_quantity,
+    handy_quantity,
+    parse_quantity,
+)
 
 FIXED = settings(derandomize=True, database=None, deadline=None)
 LENGTHS = {"m": 0, "mm": -3, "um": -6, "µm": -6, "μm": -6, "nm": -9, "km": 3}
@@ -125,8 +133,19 @@ def test_any_text_is_either_read_or_refused_in_our_words(text):
     assert "375 um" in refused if refused else isinstance(value, float)
 
 
-def test_pint_is_not_imported_before_a_quantity_is_read():
-    code = "import sys, pgfmd.units; assert 'pint' not in sys.modules"
+@pytest.mark.parametrize("dimension", DIMENSIONS)
+def test_the_factors_of_usual_units_are_those_of_pint(dimension):
+    usual = DIMENSIONS[dimension].usual
+    known = {unit: _usual_factor(unit, dimension) for unit in (*usual, usual[0].replace("m", "dm"), "inch", "m^m")}
+    assert all(factor == _si_factor(unit)[0] for unit, factor in known.items() if factor is not None)
+    assert {unit for unit in usual if known[unit] is None} <= {"um/min", "mm/min"}
+
+
+def test_pint_is_not_imported_for_shipped_scenes():
+    code = (
+        "import sys; from pgfmd.scene import load_scene, shipped_scenes; [load_scene(name) for name in shipped_scenes()];"
+        "assert 'pint' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 

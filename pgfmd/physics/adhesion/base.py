@@ -1,4 +1,4 @@
-"""What all laws of adhesion between punch and elastomer have in common.
+"""Base of all laws of adhesion between punch and elastomer.
 
 A law is a potential per area Gamma of the gap g. The traction on the elastomer is f = Gamma'(g), positive when it pulls the
 surface up; the stiffness is K = Gamma''(g). Every law is a harmonic overlap and an attraction:
@@ -7,19 +7,19 @@ surface up; the stiffness is K = Gamma''(g). Every law is a harmonic overlap and
 
 with the work of adhesion gamma. A' is continuous, and A'(0) = 0: a surface without load has no gap.
 
-A law is a module: a subclass of `CohesiveLaw`, the numbers that it is computed with (a NamedTuple, see `Numbers`), and
-three functions of a gap and these numbers, written with what functions.py has. They take arrays in NumPy, and are compiled
-into the kernels' loops (solver/inlined_laws.py), for a point at a time:
+A law is a module with a subclass of `CohesiveLaw`, its constants as numbers (a NamedTuple, see `Numbers`), and three
+functions of a gap and these numbers, written with the functions of functions.py. They take arrays in NumPy, and are
+compiled into the kernels' loops (solver/inlined_laws.py) for single points:
 
     attraction(gap, law)   A'(g) [Pa], Gamma''(g) [Pa/m], and A(g) as two factors, the first [J/m^2] the same for all gaps
     energy(gap, law)       the two factors of A(g) alone
     stiffness(gap, law)    Gamma''(g) alone
 
-They are asked for gaps below the reach, negative ones included, and a stiffness of exactly 0 means that a point is out of
-reach: where a law has a constant traction, it adds `PRESENT`. registry.py lists the laws.
+They are called for gaps below the reach, also negative ones. A stiffness of exactly 0 means that a point is out of
+reach, so a law with a constant traction adds `PRESENT`. registry.py lists the laws.
 
-A point is in contact where its gap is below `CohesiveLaw.contact_gap`, the gap of the largest traction: there the
-surface is held, pulled harder the further it is drawn away (K > 0). This is the one place that says so.
+A point is in contact if its gap is below `CohesiveLaw.contact_gap`, the gap of the largest traction. There adhesion
+holds the surface: the traction increases with the gap (K > 0). Contact is defined only here.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 PRESENT = 1e-30
-"""Part of the largest stiffness that tells a point within reach from one beyond, and does nothing else."""
+"""Fraction of the largest stiffness that marks a point as within reach, and has no other effect."""
 
 
 class Numbers(Protocol):
-    """What kernels ask of the numbers of any law: K_o [Pa/m]; the gap [m] from on which there is no traction; the largest
+    """Numbers of every law that kernels use: K_o [Pa/m]; the gap [m] above which there is no traction; the largest
     stiffness of the attraction [Pa/m]."""
 
     @property
@@ -68,7 +68,7 @@ def stiffness(gap: Any, law: Any) -> Any:
 
 
 def function_of(numbers: type, name: str) -> Callable[[Any, Any], Any]:
-    """The function of this name of the law that these numbers belong to: it stands in the same module."""
+    """The function of this name of the law to which these numbers belong; it is in the same module."""
     found: Callable[[Any, Any], Any] = getattr(sys.modules[numbers.__module__], name)
     return found
 
@@ -94,15 +94,15 @@ def range_of_adhesion(
 
 @dataclass(frozen=True)
 class CohesiveLaw(ABC):
-    """A law with its work of adhesion gamma [J/m^2] and its range rho [m], the length that its shape is measured in."""
+    """A law with its work of adhesion gamma [J/m^2] and its range rho [m], the unit of length of its shape."""
 
     work_of_adhesion: float
     range: float
     own_overlap_stiffness: float | None = None
-    """K_o [Pa/m] where it is not the largest stiffness of the attraction."""
+    """K_o [Pa/m] if it is not the largest stiffness of the attraction."""
 
     name: ClassVar[str]
-    """What a scene calls it."""
+    """Its name in a scene."""
     meaning: ClassVar[str]
     """A few words for the page of the keys."""
     strength_note: ClassVar[str] = ""
@@ -110,9 +110,9 @@ class CohesiveLaw(ABC):
     attractive: ClassVar[bool] = True
     """Whether anything attracts."""
     required: ClassVar[frozenset[str]] = frozenset({"work_of_adhesion"})
-    """The keys of [adhesion] that a scene with this law has to give ..."""
+    """The required keys of [adhesion] for this law."""
     optional: ClassVar[frozenset[str]] = frozenset({"range", "range_factor", "q_ref"})
-    """... and those that it may give."""
+    """The optional keys of [adhesion] for this law."""
 
     def __post_init__(self) -> None:
         if not (self.work_of_adhesion > 0 and self.range > 0):
@@ -121,7 +121,7 @@ class CohesiveLaw(ABC):
             raise ValueError("a stiffness of overlaps must be positive")
 
     known: ClassVar[tuple[str, ...]] = ()
-    """The keys of which `own_values` knows the value where a scene does not give them."""
+    """The keys whose values follow from `own_values` if a scene does not give them."""
 
     @classmethod
     def of(cls, adhesion: Any) -> Self:
@@ -130,7 +130,7 @@ class CohesiveLaw(ABC):
 
     @classmethod
     def own_values(cls, adhesion: Any) -> dict[str, float]:
-        """The values of the `known` keys, in SI. Raises OSError and ValueError where a file of the law is no good."""
+        """The values of the `known` keys, in SI. Raises OSError, and ValueError if a file of the law is invalid."""
         return {}
 
     @classmethod
@@ -141,17 +141,17 @@ class CohesiveLaw(ABC):
     @property
     @abstractmethod
     def numbers(self) -> Numbers:
-        """What the functions of the law are computed with."""
+        """The constants for the functions of the law."""
 
     @property
     @abstractmethod
     def strength(self) -> float:
-        """The largest traction [Pa]; 0 where nothing attracts."""
+        """The largest traction [Pa]; 0 without attraction."""
 
     @property
     @abstractmethod
     def contact_gap(self) -> float:
-        """The gap [m] of the largest traction, below which a point is in contact; 0 where nothing attracts.
+        """The gap [m] of the largest traction, below which a point is in contact; 0 without attraction.
 
         Below it the law is on its stable side, Gamma'' > 0, and holds the surface; beyond it the traction falls as the
         gap grows. A surface that is held under tension has a gap between 0 and this one.
@@ -159,7 +159,7 @@ class CohesiveLaw(ABC):
 
     @property
     def stiffness(self) -> float:
-        """K_0 [Pa/m], the largest stiffness but that of overlaps, which the range follows from."""
+        """K_0 [Pa/m], the largest stiffness without that of overlaps. It determines the range."""
         return self.numbers.stiffness
 
     @property
@@ -169,17 +169,17 @@ class CohesiveLaw(ABC):
 
     @property
     def length(self) -> float:
-        """The range [m] of the paper's law of the same work of adhesion and largest stiffness, pi sqrt(gamma/(2 K_0)): over
-        such a length a traction comes and goes. Errors and steps are measured in it."""
+        """The range [m] of the paper's law of the same work of adhesion and largest stiffness, pi sqrt(gamma/(2 K_0)):
+        the typical length of changes of the traction. It is the unit of errors and steps."""
         return math.pi * math.sqrt(self.work_of_adhesion / (2.0 * self.stiffness))
 
     @property
     def reach(self) -> float:
-        """The gap [m] from which on there is no traction."""
+        """The gap [m] above which there is no traction."""
         return self.numbers.reach
 
     def facts(self) -> Iterator[tuple[str, float, str, str]]:
-        """What else `pgfmd check` tells of the law: name, value, SI unit and meaning."""
+        """Further lines about the law for `pgfmd check`: name, value, SI unit and meaning."""
         yield from ()
 
     def potential(self, gap: ArrayLike) -> Array:

@@ -1,5 +1,5 @@
-"""Laws without an end, ended smoothly. Of a traction that is a multiple of h(x), x = g/rho, with h(0) = 0, a term is taken
-away that brings it and its slope to zero at x = X, the cut-off, and that is next to nothing far below it:
+"""Laws of infinite reach with a smooth cut-off. The traction is a multiple of h(x), x = g/rho, with h(0) = 0. A term is
+subtracted so that the traction and its slope vanish at the cut-off x = X. It is negligible far below X:
 
     Gamma'(g) = (a/rho) (h(x) - y^7 (P + Q y)),              y = x/X,  P = 8 h(X) - X h'(X),  Q = X h'(X) - 7 h(X)
     A(g)      = a (H(x) - X y^8 (P/8 + Q y/9) - H_X),        H' = h,   H_X such that A = 0 at X
@@ -46,7 +46,8 @@ class Constants(NamedTuple):
 
 
 def constants_of(shape: Callable[[Any], Any]) -> Constants:
-    """The constants of a shape, (h, h', H) of x, whose slope is largest at 0 and falls through zero once between 0 and 2."""
+    """The constants of a shape, (h, h', H) of x, whose slope is largest at 0 and changes its sign once between 0 and
+    2."""
     height, slope, area = shape(CUT_OFF)
     first, second = 8.0 * height - CUT_OFF * slope, CUT_OFF * slope - 7.0 * height
     end = area - CUT_OFF * (first / 8.0 + second / 9.0)
@@ -63,13 +64,13 @@ def constants_of(shape: Callable[[Any], Any]) -> Constants:
 
 @dataclass(frozen=True)
 class CutOffLaw(CohesiveLaw):
-    """A law without an end that is ended smoothly at `CUT_OFF` ranges."""
+    """A law of infinite reach with a smooth cut-off at `CUT_OFF` ranges."""
 
     optional = CohesiveLaw.optional | {"overlap_stiffness"}
     constants: ClassVar[Constants]
-    """Of its shape."""
+    """Constants of its shape."""
     kind: ClassVar[type[CutOffNumbers]]
-    """Of the module's own, by which kernels find its functions."""
+    """The NamedTuple of its module, by which kernels find its functions."""
 
     @classmethod
     def stiffness_number(cls, adhesion: Any) -> float:

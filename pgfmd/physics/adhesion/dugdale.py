@@ -23,11 +23,12 @@ from .base import PRESENT, CohesiveLaw
 from .functions import chosen, clipped, cosine_of, sine_of
 
 SMOOTHING = 0.2
-"""w/rho of a scene that does not say."""
+"""Default of w/rho."""
 
 
 class DugdaleNumbers(NamedTuple):
-    """K_o, the reach and the largest stiffness; sigma_0 [Pa], rho [m], w [m], and g_1 [m], where the traction begins to fall."""
+    """K_o, the reach and the largest stiffness; sigma_0 [Pa], rho [m], w [m], and g_1 [m], where the traction begins to
+    decrease."""
 
     overlap: float
     reach: float

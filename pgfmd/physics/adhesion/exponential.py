@@ -2,7 +2,8 @@
 
     Gamma(g) = -gamma (1 + g/rho) exp(-g/rho),    Gamma'(g) = gamma g/rho^2 exp(-g/rho)
 
-Its largest stiffness is gamma/rho^2, at g = 0. It is ended smoothly at 12 rho (cut_off.py), where 8e-5 of gamma are left.
+Its largest stiffness is gamma/rho^2, at g = 0. It has a smooth cut-off at 12 rho (cut_off.py), where the energy is 8e-5
+of gamma.
 Source: J. H. Rose, J. Ferrante, J. R. Smith, Phys. Rev. Lett. 47 (1981) 675, doi:10.1103/PhysRevLett.47.675; as a law of
 fracture X.-P. Xu, A. Needleman, J. Mech. Phys. Solids 42 (1994) 1397, doi:10.1016/0022-5096(94)90003-5.
 """
@@ -21,7 +22,7 @@ def shape(x: Any) -> Any:
 
 
 class ExponentialNumbers(CutOffNumbers):
-    """Those of this law."""
+    """The constants of this law."""
 
 
 class Exponential(CutOffLaw):

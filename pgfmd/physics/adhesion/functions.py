@@ -1,4 +1,4 @@
-"""What the functions of laws are written with: in NumPy they take arrays, in kernels a number (solver/inlined_laws.py).
+"""Elementary functions for the laws. In NumPy they take arrays, in kernels single numbers (solver/inlined_laws.py).
 
 There are no branches in them and no calls of a library, so that loops over points are vectorised.
 """
@@ -13,17 +13,18 @@ import numpy as np
 
 
 def clipped(value: Any, least: float, most: float) -> Any:
-    """The value, or the limit that it is beyond."""
+    """The value, limited to an interval."""
     return np.minimum(np.maximum(value, least), most)
 
 
 def chosen(condition: Any, one: Any, other: Any) -> Any:
-    """One value where the condition holds, else the other."""
+    """The first value if the condition holds, else the second."""
     return np.where(condition, one, other)
 
 
 def piece_of(value: Any, knots: Any) -> Any:
-    """The piece between two ascending knots (m,) that a value is in, the first or the last one where it is in none."""
+    """Index of the piece between two ascending knots (m,) that contains a value; the first or the last one if it is
+    outside."""
     return np.clip(np.searchsorted(knots, value, side="right") - 1, 0, knots.size - 2)
 
 

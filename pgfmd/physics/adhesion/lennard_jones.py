@@ -1,10 +1,10 @@
-"""The law of two half-spaces of Lennard-Jones atoms, 3-9, with the range rho, their distance where nothing pulls:
+"""The 3-9 law of two half-spaces of Lennard-Jones atoms. The range rho is their distance at zero traction:
 
     Gamma'(g) = (8 gamma / (3 rho)) (s^3 - s^9),    Gamma(g) = -(gamma/3) (4 s^2 - s^8),    s = rho/(rho + g)
 
 Its largest traction is 16 gamma/(9 sqrt(3) rho), at g = (3^(1/6) - 1) rho = 0.2009 rho; its largest stiffness 16 gamma/rho^2,
-at g = 0. For g < 0 the overlap is harmonic, as for all laws. It is ended smoothly at 12 rho (cut_off.py), where 0.8 % of gamma
-are left, by which the rest is made larger.
+at g = 0. For g < 0 the overlap is harmonic, as for all laws. It has a smooth cut-off at 12 rho (cut_off.py), where the
+energy is 0.8 % of gamma. The rest is scaled so that the work of adhesion is gamma.
 Source: J. A. Greenwood, Proc. R. Soc. A 453 (1997) 1277, doi:10.1098/rspa.1997.0070; V. M. Muller, V. S. Yushchenko,
 B. V. Derjaguin, J. Colloid Interface Sci. 77 (1980) 91, doi:10.1016/0021-9797(80)90419-1.
 """
@@ -26,7 +26,7 @@ def shape(x: Any) -> Any:
 
 
 class LennardJonesNumbers(CutOffNumbers):
-    """Those of this law."""
+    """The constants of this law."""
 
 
 class LennardJones(CutOffLaw):

@@ -1,4 +1,4 @@
-"""The laws of adhesion that a scene can name. Each is a module of its own (base.py) and a line here."""
+"""The laws of adhesion that a scene can name. Each is a module (base.py) and a line here."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LAWS: dict[str, type[CohesiveLaw]] = {
 """The laws by their names in a scene, in the order of the page of its keys."""
 
 DEFAULT_LAW = Cosine.name
-"""That of a scene that names none."""
+"""The default law."""
 
 if TYPE_CHECKING:
     LawName = str
@@ -40,8 +40,7 @@ def law_of(adhesion: Any) -> CohesiveLaw:
 
 
 def length_of(adhesion: Any) -> float:
-    """The length [m] over which the traction of the law of a scene's [adhesion] comes and goes; its range where that is
-    none."""
+    """The typical length [m] of the law of a scene's [adhesion] (CohesiveLaw.length); its range without attraction."""
     return law_of(adhesion).length if 0.0 < adhesion.range < math.inf else adhesion.range
 
 

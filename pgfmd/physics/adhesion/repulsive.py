@@ -1,5 +1,5 @@
-"""A wall without attraction: Gamma = K_0 g^2 / 2 for g < 0 alone, as stiff as overlaps of the paper's law are,
-K_0 = gamma pi^2 / (2 rho^2), or as a scene says."""
+"""A wall without attraction: Gamma = K_0 g^2 / 2 for g < 0, else 0. K_0 = gamma pi^2 / (2 rho^2) as for overlaps of the
+paper's law, or as given in the scene."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from .functions import clipped, sine_of
 
 
 class RepulsiveNumbers(NamedTuple):
-    """K_o [Pa/m], a reach of 0, K_0 [Pa/m] and rho [m]; and a zero that compilers don't know for one, as they would sum in another
-    order without it."""
+    """K_o [Pa/m], a reach of 0, K_0 [Pa/m] and rho [m]; and a zero that is not a compile-time constant, because
+    compilers would otherwise sum in another order."""
 
     overlap: float
     reach: float
@@ -22,7 +22,7 @@ class RepulsiveNumbers(NamedTuple):
 
 
 class Repulsive(CohesiveLaw):
-    """The overlap of the paper's law alone."""
+    """Only the overlap of the paper's law."""
 
     name = "repulsive"
     meaning = "its harmonic overlap alone"
@@ -57,7 +57,8 @@ def attraction(gap: Any, law: Any) -> Any:
 
 
 def energy(gap: Any, law: Any) -> Any:
-    # Nothing, times what the cosine takes: with less to do compilers sum overlaps in another order than they always did.
+    # Zero times the terms of the cosine. With fewer operations, compilers would sum overlaps in another order, and
+    # change bits.
     y = clipped(gap * (1.0 / law.range), 0.0, 1.0) - 0.5
     return law.nothing, y * sine_of(y * y) - 1.0
 

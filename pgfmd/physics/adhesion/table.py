@@ -1,4 +1,4 @@
-"""A law of your own: traction against gap from a text file, with a piecewise cubic between the rows.
+"""A law from a text file: traction against gap, interpolated by a piecewise cubic.
 
     # gap [nm], traction [kPa]
     0      0
@@ -6,9 +6,9 @@
     80     25
     200    0
 
-A line with the names and units of the two columns comes first, with or without #; columns are separated by blanks, tabs,
-commas or semicolons. Gaps ascend from 0, where nothing pulls, to the reach, where nothing pulls any more. The traction has
-no jump, nor has its slope, and it is nowhere larger or smaller than in the rows on either side (F. N. Fritsch, J. Butland,
+The first line has the names and units of the two columns, with or without #; columns are separated by blanks, tabs,
+commas or semicolons. Gaps ascend from 0 to the reach, and the traction is zero at both. The traction and its slope are
+continuous, and the traction is never outside of the range of the two neighbouring rows (F. N. Fritsch, J. Butland,
 SIAM J. Sci. Stat. Comput. 5 (1984) 300, doi:10.1137/0905021). The range is the reach, the work of adhesion the area under
 the traction; where a scene gives other ones, gaps and tractions are scaled to them.
 """
@@ -40,7 +40,8 @@ _COLUMN = re.compile(r"\s*(?P<name>[^\[\](),;]+?)\s*[\[(]\s*(?P<unit>[^\[\]()]+?
 
 class TableNumbers(NamedTuple):
     """K_o, the reach and the largest stiffness; gaps of the rows [m] (m,), and for each piece between two of them
-    (m - 1, 5): A [J/m^2] at its begin, and the coefficients of the traction, by powers of the way from there [m]."""
+    (m - 1, 5): A [J/m^2] at its beginning, and the coefficients of the traction, by powers of the distance from there
+    [m]."""
 
     overlap: float
     reach: float
@@ -51,7 +52,7 @@ class TableNumbers(NamedTuple):
 
 @dataclass(frozen=True)
 class Table(CohesiveLaw):
-    """A law from a file. gaps [m] and tractions [Pa] of its rows, as they are there, before they are scaled."""
+    """A law from a file. gaps [m] and tractions [Pa] of its rows, before scaling."""
 
     gaps: tuple[float, ...] = ()
     tractions: tuple[float, ...] = ()
@@ -97,8 +98,13 @@ class Table(CohesiveLaw):
 
     def facts(self) -> Iterator[tuple[str, float, str, str]]:
         gaps, tractions = self.range / self.gaps[-1], self.strength / max(self.tractions)
-        yield "gaps beside those of the file", gaps, "", "1 where range is left out"
-        yield "tractions beside those of the file", tractions, "", "1 where range and work_of_adhesion are left out"
+        yield "gaps relative to those of the file", gaps, "", "1 where range is left out"
+        yield (
+            "tractions relative to those of the file",
+            tractions,
+            "",
+            "1 where range and work_of_adhesion are left out",
+        )
 
 
 def attraction(gap: Any, law: Any) -> Any:
@@ -156,7 +162,7 @@ def _read(path: str, _time: int, _size: int) -> tuple[tuple[float, ...], tuple[f
 
 
 def _factors(number: int, text: str) -> dict[str, tuple[int, float]]:
-    """For each column of a header its place and its unit in SI."""
+    """For each column of a header its index and its unit in SI."""
     names = [(match["name"].strip("# ").lower(), match["unit"]) for match in _COLUMN.finditer(text)]
     if sorted(name for name, _ in names) != sorted(COLUMNS):
         raise ValueError(f"line {number}: expected the two columns {HEADER}, found {text!r}")
@@ -170,7 +176,7 @@ def _factors(number: int, text: str) -> dict[str, tuple[int, float]]:
 
 
 def _confirm(gaps: tuple[float, ...], tractions: tuple[float, ...]) -> None:
-    """ValueError for what is no law of adhesion."""
+    """Raises ValueError if the rows are not a law of adhesion."""
     if len(gaps) < 3:
         raise ValueError(f"expected at least three rows, found {len(gaps)}")
     if gaps[0] != 0.0 or tractions[0] != 0.0:
@@ -188,7 +194,7 @@ def _confirm(gaps: tuple[float, ...], tractions: tuple[float, ...]) -> None:
 def _pieces_of(
     gaps: tuple[float, ...], tractions: tuple[float, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Knots and pieces, see TableNumbers, of rows as they are."""
+    """Knots and pieces, see TableNumbers, of unscaled rows."""
     # Not at the top: only this law needs it.
     from scipy.interpolate import PchipInterpolator
 
@@ -203,7 +209,7 @@ def _pieces_of(
 
 
 def _largest_slope(knots: NDArray[np.float64], pieces: NDArray[np.float64]) -> float:
-    """The largest stiffness [Pa/m], of either sign: at a row, or where the slope of a piece turns."""
+    """The largest stiffness [Pa/m], of either sign: at a row, or at an extremum of the slope of a piece."""
     slope, square, cube = pieces[:, 2:].T
     distance = np.diff(knots)
     turn = np.divide(-square, 3.0 * cube, out=np.zeros_like(cube), where=cube != 0.0).clip(0.0, distance)

@@ -4,11 +4,12 @@ time."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pgfmd.physics.drive import Phase
 from pgfmd.schemes.base import ExplicitScheme
-from pgfmd.solver.ending_search import is_over
+from pgfmd.solver.ending_search import is_over, signs_of
 from pgfmd.solver.state import State
 
 LEAST_SHARE = 0.02
@@ -39,12 +40,13 @@ class FixedSteps:
         """
         step, why = self._fit(phase.duration - state.elapsed, until)
         before = self.scheme.values_of(state, phase) if phase.endings else []
+        signs = signs_of(state, phase, before)
         if phase.endings:
-            step, why = self._not_past_ending(state, phase, before, step, why)
+            step, why = self._not_past_ending(state, phase, before, signs, step, why)
         jumps = state.counters.jumps
         self.scheme.step(state, phase, step)
         state.past_forces[:] = before
-        if phase.endings and is_over(phase, self.scheme.values_of(state, phase), state.phase_signs):
+        if phase.endings and is_over(phase, self.scheme.values_of(state, phase), signs):
             why = "ending"
         return Taken(state.counters.jumps > jumps), why
 
@@ -58,10 +60,10 @@ class FixedSteps:
         return target / count, why if count == 1 else ""
 
     def _not_past_ending(
-        self, state: State, phase: Phase, values: list[float], step: float, why: str
+        self, state: State, phase: Phase, values: list[float], signs: Sequence[int], step: float, why: str
     ) -> tuple[float, str]:
         """Shortens a step to end at a value that ends the phase, if it is about to be exceeded."""
-        for k, (ending, value, sign) in enumerate(zip(phase.endings, values, state.phase_signs, strict=True)):
+        for k, (ending, value, sign) in enumerate(zip(phase.endings, values, signs, strict=True)):
             missing = sign * (ending.value - value)
             # Values of the step before, in the place of forces.
             known = len(state.past_forces) == len(values)

@@ -1,7 +1,7 @@
 """The energy audit of the massless model: energies stored and dissipated in a step, compared with the work of the
 punch.
 
-It needs no transform: the images psi_m = G0 phi_m of the internal variables are stored, and all energies are sums over
+It needs no transform: the displacements psi_m = G0 phi_m of the internal variables are stored, and all energies are sums over
 points (docs: model).
 """
 
@@ -113,7 +113,7 @@ class EnergyAudit:
     ) -> tuple[float, float]:
         """Elastic energy at the end of a step, and energy dissipated in it [J].
 
-        u [m], f [Pa] at the stages; keep: advance the internal variables phi_m and their images G0 phi_m to the end
+        u [m], f [Pa] at the stages; keep: advance the internal variables phi_m and their displacements G0 phi_m to the end
         of the step. No transform: G0 f = (u - G0 w_hist) / J. Collective.
         """
         final, area = self.tableau.stages - 1, self.points.grid.cell_area

@@ -46,7 +46,7 @@ def build(scene: Scene, comm: Intracomm, mirror: str) -> tuple[Scheme, StepContr
 def memory(scene: Scene, ranks: int) -> Memory:
     """Memory of the rank with the largest share.
 
-    State: u, w, f, two past u and w; N internal variables; their N images with the energy audit. Scheme: u, w, f,
+    State: u, w, f, two past u and w; N internal variables; with the energy audit, their N displacements. Scheme: u, w, f,
     history per stage; two stages, one if elastic or of first order. Newton: heights and f, and K, r, s, t, p, y, z with
     the precision of `rough`; with a coarse grid, other work vectors (two_grid.py). Weights of the far field.
     """

@@ -1,6 +1,6 @@
 """Compiled kernels of retardation: weighted sums and the time step of the internal variables (kernels.py).
 
-Each stands beside the line of mathematics it evaluates.
+Each is documented by the mathematics it evaluates.
 """
 
 from __future__ import annotations

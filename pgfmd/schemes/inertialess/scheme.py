@@ -172,8 +172,8 @@ class Inertialess(PathFollowing):
             if not outcome.converged:
                 trial.converged, trial.left_over = False, outcome.left_over
                 return trial
-            # What the load asks for, not what the law gives: the two differ by the solve's error, and u = G0 w makes
-            # the images G0 phi, and with them the stored energy, those of these tractions.
+            # The traction that follows from w, not from the law; the two differ by the error of the solve. Because of
+            # u = G0 w, the displacements G0 phi and the stored energy belong to this traction.
             stage = self._w[i], history, compliance
             if i + 1 < self.tableau.stages:
                 weight, following = float(weights.stage_weight[i + 1, i]), self._history[i + 1]

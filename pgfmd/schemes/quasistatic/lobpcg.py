@@ -62,10 +62,10 @@ class SoftestMode:
         self.solver, self.points, self.compliance = solver, solver.points, compliance
         self._rows = np.zeros((12, self.points.rows))
         # Displacement of a point by a unit traction on it; independent noise at every point has about this norm each.
-        load, moved = (self.points.zeros(solver.rough.dtype) for _ in range(2))
+        unit_traction, moved = (self.points.zeros(solver.rough.dtype) for _ in range(2))
         middle = self.points.total // 2 - self.points.first_point
-        load[middle : middle + 1] = 1.0 if 0 <= middle < self.points.size else 0.0
-        solver.rough(load, moved, compliance)
+        unit_traction[middle : middle + 1] = 1.0 if 0 <= middle < self.points.size else 0.0
+        solver.rough(unit_traction, moved, compliance)
         self._own_response = self.points.maximum_of(float(moved.max(initial=0.0)))
         self._independent = INDEPENDENT[solver.rough.dtype.name]
 

@@ -310,9 +310,9 @@ class Quasistatic(PathFollowing):
         """Whether no point interacts at the surface of the last solve. Collective."""
         return self.points.maximum_of(float(np.abs(self.solver.curvature).max(initial=0.0))) == 0.0
 
-    def _force(self, load: np.ndarray) -> float:
+    def _force(self, effective_traction: np.ndarray) -> float:
         """Force on the punch [N] for an effective traction, consistent with the length of the spring in u and w."""
-        return -total(self.points, load, self._rows) * self.points.grid.cell_area / self.compliance
+        return -total(self.points, effective_traction, self._rows) * self.points.grid.cell_area / self.compliance
 
     def _elastic(self, u: np.ndarray, w: np.ndarray, force: float) -> float:
         """Energy stored in the body [J]: that of u and w, minus that of the spring."""

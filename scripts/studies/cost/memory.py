@@ -111,21 +111,19 @@ def main() -> None:
     options.add_argument("--set", action="append", default=[])
     options.add_argument("--trace", action="store_true")
     chosen = options.parse_args()
-    print(
-        "| scene | n | ranks | memory | of the ranks' own | in shared windows | files | foretold | foretold / measured |"
-    )
+    print("| scene | n | ranks | memory | private | in shared windows | files | forecast | forecast / measured |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |", flush=True)
     for scene in chosen.scene:
         for n in chosen.n:
             for ranks in chosen.ranks:
                 changes = [f"grid.n={n}", *SHORT, *chosen.set]
-                foretold = memory_of(load_scene(scene, changes), ranks).in_all(ranks)
+                forecast = memory_of(load_scene(scene, changes), ranks).in_all(ranks)
                 most = measure(scene, changes, ranks, chosen.trace)
                 parts = " | ".join(
                     f"{value / 1e6:.0f} MB" for value in (most.total, most.own, most.windows, most.files)
                 )
                 print(
-                    f"| {scene} | {n} | {ranks} | {parts} | {foretold / 1e6:.0f} MB | {foretold / most.total:.2f} |",
+                    f"| {scene} | {n} | {ranks} | {parts} | {forecast / 1e6:.0f} MB | {forecast / most.total:.2f} |",
                     flush=True,
                 )
 

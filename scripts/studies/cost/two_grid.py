@@ -69,7 +69,7 @@ def main() -> None:
     warm_up("inertialess", "double")
     warm_up("inertialess", "mixed")
     print(
-        "| test | cells | pairs | on cells | steps (refused) | processor time | ratio | force curve | pull-off force |"
+        "| test | cells | pairs | on cells | steps (rejected) | processor time | ratio | force curve | pull-off force |"
     )
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for n in chosen.n:

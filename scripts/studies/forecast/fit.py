@@ -1,4 +1,4 @@
-"""Fits the numbers of pgfmd/forecast/fitted.py to the rows of run.py, and writes them there."""
+"""Fits the numbers of pgfmd/forecast/effort_constants.py to the rows of run.py, and writes them there."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from pgfmd.forecast.effort import counts_of, kind_of, strokes_of
-from pgfmd.forecast.fitted import FITTED, Numbers
+from pgfmd.forecast.effort_constants import FITTED, Numbers
 from pgfmd.scene import load_scene
 
 from ..pages import ROOT
 from .scenes import FIT
 from .table import TABLE, Row, rows_of
 
-MODULE = ROOT / "pgfmd" / "forecast" / "fitted.py"
+MODULE = ROOT / "pgfmd" / "forecast" / "effort_constants.py"
 TRUST = 1.0
 """How far the logarithm of a number may be from its first guess before that counts as much as a row that is off by
 `NOISE`: what few rows don't tell stays where it was."""

@@ -3,7 +3,7 @@
     python -m scripts.studies.forecast.run all            runs, fit and page of the reduced set: three minutes on two idle cores
     python -m scripts.studies.forecast.run all --again    the same, after the solvers have changed: rows that are there are run anew
     python -m scripts.studies.forecast.run run --full     the large grids and long paths too: an hour
-    python -m scripts.studies.forecast.run fit            the numbers of pgfmd/forecast/fitted.py from the table
+    python -m scripts.studies.forecast.run fit            the numbers of pgfmd/forecast/effort_constants.py from the table
     python -m scripts.studies.forecast.run page           docs/explanation/forecast.md from the table and the numbers
 
 The table is docs/figures/forecast.csv, a row as soon as its run is done; a script that is stopped goes on from there.

@@ -69,7 +69,7 @@ def broad(runs: Runs) -> Drawing:
         claims.append(Claim("transform pairs of a run, over model 1", "mean of all", np.mean(cost), "", "unfeasible"))
         claims.append(Claim("steps of the paper's scheme over ours", "τ_min/20, mean of all", np.mean(explicit)))
     settings = settings_of(wide[0][0]) if wide else ""
-    caption = f"N = 20, β = 0.5, κ_∞ = 1000 over eight decades; {settings}. Way back only."
+    caption = f"N = 20, β = 0.5, κ_∞ = 1000 over eight decades; {settings}. Retraction only."
     return Drawing(figure, caption, claims)
 
 
@@ -99,7 +99,7 @@ def free(runs: Runs) -> Drawing:
             claims.append(Claim("indentation at the preload", f"{pattern}, {label}", value, "µm"))
         gap = depth["free"] - depth["periodic"]
         told = "quite well"
-        claims.append(Claim("share of the difference to free that F/k_cc makes up", pattern,
+        claims.append(Claim("share of the difference to free that F/k_cc accounts for", pattern,
                             100 * (depth["periodic + F/k_cc"] - depth["periodic"]) / gap, "%", told))  # fmt: skip
         claims += [Claim("pull-off force", f"{pattern}, {word}", pull_off(run), "mN")
                    for word, run in (("periodic", periodic), ("free", alone))]  # fmt: skip
@@ -129,11 +129,11 @@ def split(runs: Runs) -> Drawing:
         claims.append(Claim("share of the quasi-static twin's loop", name, share, "%"))
         if audit:
             share = 100 * (audit.share(audit.viscous) or 0.0)
-            claims.append(Claim("share that the audit books as viscous", name, share, "%"))
+            claims.append(Claim("share that the audit assigns to viscosity", name, share, "%"))
     axis.set_yticks(range(len(pairs)), [name for name, _, _ in pairs], fontsize=7.5)
     axis.invert_yaxis()
     axis.set(xlabel="work of the loop (nJ)")
     axis.legend()
     settings = settings_of(pairs[0][1])
-    caption = f"Loops at 1 µm/s, and those of the same punch moved infinitely slowly; model 1: {settings}."
+    caption = f"Loops at 1 µm/s, and quasi-static loops of the same punch; model 1: {settings}."
     return Drawing(figure, caption, claims)

@@ -188,7 +188,7 @@ def saddle_delays(run: Run) -> tuple[float, float]:
     return float(ways.min()), float(np.median(ways))
 
 
-def jump_way(run: Run) -> float:
+def jump_travel(run: Run) -> float:
     """Way [um] from the first jump to the one after it, still on the way in, that releases most: that of the saddles.
     A second way to `saddle_delays`, which does without a count of contact."""
     events, loop = run.results.events, run.loop
@@ -221,15 +221,15 @@ def _hex_claims(name: str, run: Run) -> list[Claim]:
     seen = next((1e3 * float(results.fields["force"][k]) for k in frames if near(run, k, "saddle") > 99.9), NAN)
     # The paper's force is that of its viscous loops, its way that of the quasi-static one.
     told, about = (("0.7", 0.6, 0.8), ()) if run.quasistatic else ((), ("about 4", 3.5, 4.5))
-    jump = [Claim("way from the jump of the summits to that of the saddles", name, jump_way(run), "µm", *told)]
-    way = "way from summits to contact at the saddle between"
+    jump = [Claim("travel from the jump of the summits to that of the saddles", name, jump_travel(run), "µm", *told)]
+    travel = "travel from summits to contact at the saddle between"
     return [
         Claim("summits in contact in the first frame", name, percent(early["summit"]), "%", "all", 99.9, 100, count,
               share_below(run, frames[0], "summit", 0.0)),
         # Under a curved punch most of the jumps are those of single summits.
         *(jump if name == "quasistatic" else ()),
-        Claim(f"{way}, least", name, least, "µm", *told, count=count),
-        Claim(f"{way}, median", name, median, "µm", *told, count=count),
+        Claim(f"{travel}, least", name, least, "µm", *told, count=count),
+        Claim(f"{travel}, median", name, median, "µm", *told, count=count),
         Claim("force at contact in all summits", name, closed_at(results, "summit"), "mN", count=count),
         Claim("force of the first map with all saddles closer than 500 nm", name, seen, "mN", *about),
         Claim("force at contact in all saddles", name, closed_at(results, "saddle"), "mN", *about, count=count),

@@ -59,8 +59,8 @@ def full(runs: Runs) -> Drawing:
             axis.legend(loc="lower right", fontsize=7)
     axes[0].set_ylabel("area (% of the punch)")
     caption = (
-        f"Full: contact; dotted: gap below 0; dashed: gap below 500 nm. Maps: the snapshots nearest to {SHOWN_FORCE:g} "
-        f"mN on the way in. {shades_of(runs)} {'; '.join(notes)}."
+        f"Solid: contact; dotted: gap below 0; dashed: gap below 500 nm. Maps: the snapshots nearest to {SHOWN_FORCE:g} "
+        f"mN in the approach. {shades_of(runs)} {'; '.join(notes)}."
     )
     return Drawing(figure, caption, claims)
 
@@ -96,7 +96,7 @@ def _claims(run: Run, settings: str) -> list[Claim]:
     at = _row_at(run, SHOWN_FORCE)
     return [
         Claim("force at full contact", settings, contact, "mN", *told, count, overlap),
-        Claim("force at which nothing is open", settings, _force_at(run, "near"), "mN", *told),
+        Claim("force at which no point is open", settings, _force_at(run, "near"), "mN", *told),
         Claim(f"contact area at {SHOWN_FORCE:g} mN, of the punch", settings, covered(run, "contact", at), "%",
               *all_of_it, count, covered(run, "overlap", at)),
         Claim(f"area further than 500 nm at {SHOWN_FORCE:g} mN, of the punch", settings,

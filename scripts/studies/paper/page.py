@@ -21,7 +21,7 @@ OLD_COUNT = HERE / "old_count.csv"
 COLUMNS = ("size", "figure", "what", "settings", "unit", "paper", "low", "high", "ours", "count", "before")
 SHOWN = {"reduced": "reduced", "paper": "paper's size"}
 """Sizes that the page shows, and the heads of their columns."""
-NEVER, STALE = "never", "not counted anew"
+NEVER, STALE = "never", "not counted again"
 
 Row = dict[str, str]
 
@@ -226,8 +226,8 @@ def block(figure: str, folder: Path) -> str:
             parts.append(f"Not run here ({word}): {told}. `{command}` runs them.")
         if stale := sum(row["size"] == size and row["count"] == OVERLAP for row in rows):
             parts.append(
-                f"Not counted anew ({word}): {stale} of the numbers; their runs were made when contact was a "
-                f"negative gap. `{command}` makes them again, unless results of version 0.1 are in its way."
+                f"Not counted again ({word}): {stale} of the numbers; their runs were made when contact was a "
+                f"negative gap. `{command}` makes them again, unless there are results of version 0.1."
             )
     return "\n\n".join(parts)
 

@@ -51,13 +51,13 @@ def curvature(runs: Runs) -> Drawing:
             axis.legend(fontsize=7)
     rims = ", ".join(f"{1e6 * 375e-6**2 / (2e-3 * r):.2g} µm ({r} mm)" for r in (200, 100, 50, 20))
     notes = "; ".join(f"{title}: {settings_of(run)}" for study, title in patterns.items() if (run := runs.one(study)))
-    caption = f"Way back at 1 µm/s for radii of the macroscopic curvature; it lifts the rim by {rims}. {notes}."
+    caption = f"Retraction at 1 µm/s for radii of the macroscopic curvature; it lifts the rim by {rims}. {notes}."
     return Drawing(figure, caption, claims)
 
 
 def _contact_claims(run: Run, settings: str, hexagonal: bool) -> list[Claim]:
     count = count_of(run)
-    claims = [Claim("saddles closed on the way in", settings, _share(run, "saddle"), "%", count=count)]
+    claims = [Claim("saddles closed during the approach", settings, _share(run, "saddle"), "%", count=count)]
     if hexagonal:
         closed = closed_at(run.results, "saddle")
         words = ("force at contact in all saddles", settings, closed, "mN", "about 4", 3.5, 4.5)
@@ -94,11 +94,11 @@ def ranges(runs: Runs) -> Drawing:
             ratio = pull_off(other) / pull_off(default)
             claims.append(Claim("pull-off force over that of ρ, τ", label, ratio, "", *told))
             away = 100 * _apart(other, default)
-            claims.append(Claim("rms difference of the way back, over the preload", label, away, "%"))
+            claims.append(Claim("rms difference of the retraction, over the preload", label, away, "%"))
             ratio = other.results.run["work_J"] / default.results.run["work_J"]
             claims.append(Claim("work of the loop over that of ρ, τ", label, ratio, "", *told))
     notes = "; ".join(f"{LABELS[name]}: {settings_of(run)}" for name, run in found.items())
-    return Drawing(figure, f"Way back from 40 mN at 1 µm/s. {notes}.", claims)
+    return Drawing(figure, f"Retraction from 40 mN at 1 µm/s. {notes}.", claims)
 
 
 def _apart(run: Run, other: Run) -> float:
@@ -144,7 +144,7 @@ def halved(runs: Runs) -> Drawing:
     left.legend(fontsize=6.5)
     right.set(xlabel="range of adhesion ρ (µm)", ylabel="pull-off force (mN)", xlim=(0, None), ylim=(0, None))
     right.legend()
-    caption = "Hexagonal, way back from 10 mN at 25 µm/s. " + "; ".join(settings_of(run) for run in ordered) + "."
+    caption = "Hexagonal, retraction from 10 mN at 25 µm/s. " + "; ".join(settings_of(run) for run in ordered) + "."
     return Drawing(figure, caption, claims)
 
 
@@ -167,7 +167,7 @@ def still(runs: Runs) -> Drawing:
             claims.append(Claim("work of the loop", settings, 1e9 * run.results.run["work_J"], "nJ"))
             if study == "still-hex":
                 pulled = -1e3 * float(run.loop.force[: run.loop.preload_row].min())
-                claims.append(Claim("largest tension on the way in", settings, pulled, "mN", "0.8", 0.75, 0.85))
+                claims.append(Claim("largest tension during the approach", settings, pulled, "mN", "0.8", 0.75, 0.85))
         found[title] = {radius: pull_off(run) for radius, run in sorted(own.items())}
         bent = [1e-3 / radius for radius in found[title]]
         right.plot(bent, list(found[title].values()), "o-", color=colour, mfc="white", label=title)
@@ -185,7 +185,9 @@ def still(runs: Runs) -> Drawing:
     right.set(xlabel="curvature of the punch (1/mm)", ylabel="pull-off force (mN)", ylim=(0, None))
     right.legend()
     notes = settings_of(next(iter(runs)))
-    caption = f"Quasi-static ways back, triangular in turquoise, hexagonal in red; dashed: the paper's forces. {notes}."
+    caption = (
+        f"Quasi-static retractions, triangular in turquoise, hexagonal in red; dashed: the paper's forces. {notes}."
+    )
     return Drawing(figure, caption, claims)
 
 

@@ -43,7 +43,7 @@ def legend_above(figure: Any, axis: Any) -> None:
 
 
 def minima(run: Run) -> int:
-    """Number of bulges of the way back, the pull-off among them."""
+    """Number of bulges of the retraction, the pull-off among them."""
     return len(bulges(run.loop))
 
 
@@ -91,8 +91,8 @@ def tri(runs: Runs) -> Drawing:
         run = runs.one("tri", preload=load, speed=speed)
         if run:
             settings = f"{load:g} mN, {speed:g} µm/s"
-            claims.append(Claim("bulges of the way back", settings, minima(run), "", told, count, count))
-    caption = f"Way in grey, way back in colour; {_common(runs)}. Displacements as in the cell, uncorrected."
+            claims.append(Claim("bulges of the retraction", settings, minima(run), "", told, count, count))
+    caption = f"Approach in grey, retraction in colour; {_common(runs)}. Displacements as in the cell, uncorrected."
     return Drawing(figure, caption, claims)
 
 
@@ -145,7 +145,7 @@ def hexagonal(runs: Runs) -> Drawing:
             settings = f"{load:g} mN, {run.speed:g} µm/s"
             told = ("about 7", 6.5, 7.5) if load > 1 and run.speed == 25 else ("", np.nan, np.nan)
             claims.append(Claim("pull-off force", settings, pull_off(run), "mN", *told))
-            claims.append(Claim("bulges of the way back", settings, minima(run), "", "1", 1, 1))
+            claims.append(Claim("bulges of the retraction", settings, minima(run), "", "1", 1, 1))
         if still and load == still.preload:
             draw_loop(axis, still, "black", "quasi-static", approach=False, lw=0.9)
         force_axes(axis, f"{load:g} mN")
@@ -158,7 +158,7 @@ def hexagonal(runs: Runs) -> Drawing:
     if run:
         words = ("force at contact in all saddles", "10 mN, 1 µm/s", closed_at(run.results, "saddle"), "mN")
         claims.append(Claim(*words, "about 4", 3.5, 4.5, count=count_of(run)))
-    caption = f"Way in dashed, way back full; {_common(runs)}. Displacements as in the cell, uncorrected."
+    caption = f"Approach dashed, retraction solid; {_common(runs)}. Displacements as in the cell, uncorrected."
     return Drawing(figure, caption, claims)
 
 
@@ -189,7 +189,7 @@ def curved(runs: Runs) -> Drawing:
         zoom(axis, runs.of(study))
         axis.legend(fontsize=6.5)
     notes = "; ".join(settings_of(run) for study in CURVED for run in list(runs.of(study))[:1])
-    caption = f"Way back, macroscopic curvature of 40 mm. {notes}."
+    caption = f"Retraction, macroscopic curvature of 40 mm. {notes}."
     return Drawing(figure, caption, [*claims, *_curved_tri(runs), *_curved_hex(runs)])
 
 

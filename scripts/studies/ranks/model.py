@@ -54,13 +54,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.1,
         metavar="US",
-        help="of a meeting, for each further rank of a node (default: %(default)s us)",
+        help="of a synchronisation, for each further rank of a node (default: %(default)s us)",
     )
     parser.add_argument(
         "--crowding",
         type=float,
         default=None,
-        help="work on a full node takes so many times as long; as with the most ranks measured",
+        help="slowdown of work on a full node; default: as with the most ranks measured",
     )
 
 
@@ -138,13 +138,14 @@ def _costs(profile) -> str:
     ]  # fmt: skip
     any_kind = next(iter(profile.costs.values()))
     rest = (
-        f"Besides, {shown(1e9 * any_kind.adding)} ns for each row and sum, {shown(1e6 * any_kind.meeting)} µs for a meeting of two ranks. A run "
-        f"starts in {', '.join(f'{s:.2g} s on {k}' for k, s in profile.start.items())}. And, what no rank takes off another, bytes in "
-        "another rank's memory, and work of ranks side by side:"
+        f"Further costs: {shown(1e9 * any_kind.adding)} ns for each row and sum, "
+        f"{shown(1e6 * any_kind.meeting)} µs for a synchronisation of two ranks. A run starts in "
+        f"{', '.join(f'{s:.2g} s on {k}' for k, s in profile.start.items())}. The next table has the work "
+        "that every rank does itself, the access to a byte in the memory of another rank, and the slowdown of ranks that work at the same time:"
     )
     return "\n\n".join((
-        table(["points", "n", "row, both ways (µs)", "column, both ways (µs)", "point, a sum (ns)"], rows), rest,
-        table(["points", "pair (µs)", "sum (µs)", "byte (ns)", "so many times as long on 1, 2, ... ranks"], overheads),
+        table(["points", "n", "row, forward and back (µs)", "column, forward and back (µs)", "point, per sum (ns)"], rows), rest,
+        table(["points", "pair (µs)", "sum (µs)", "byte (ns)", "slowdown on 1, 2, ... ranks"], overheads),
     ))  # fmt: skip
 
 
@@ -162,9 +163,9 @@ def _fit(records: list[dict], profile) -> str:
         rows.append(
             [problem.kind, record["n"], record["ranks"], f"{record['sums']:.2f}", f"{1e3 * record['pair']:.3g}", model]
         )
-    text = table(["points", "n", "ranks", "sums a pair", "measured (ms)", "model (ms)"], rows)
+    text = table(["points", "n", "ranks", "sums per pair", "measured (ms)", "model (ms)"], rows)
     if any(record["ranks"] > profile.cores for record in records):
-        text += f"\n\nIn brackets: more ranks than the {profile.cores} cores of this machine, of which the model knows nothing."
+        text += f"\n\nIn brackets: more ranks than the {profile.cores} cores of this machine, which the model does not describe."
     return text
 
 
@@ -180,8 +181,9 @@ def _traffic(sizes: list[int], model: Model) -> str:
                 pair.meetings, one.meetings, one.gathers,
             ])  # fmt: skip
     head = [
-        "points", "n", "ranks", "nodes", "in shared memory (MB)", "in messages (MB)", "messages", "meetings", "meetings a sum",
-        "gathers a sum",
+        "points", "n", "ranks", "nodes", "in shared memory (MB)", "in messages (MB)", "messages", "synchronisations",
+        "synchronisations per sum",
+        "gathers per sum",
     ]  # fmt: skip
     return table(head, rows)
 
@@ -193,9 +195,9 @@ def _assumptions(options: argparse.Namespace, model: Model) -> str:
         else "taken to be as measured with the most ranks"
     )
     return (
-        f"For {model.stepped}. Assumed, not measured: {options.per_node} ranks a node; {options.latency:g} µs for a message between nodes, "
-        f"{options.message:g} µs of a rank's own time for each, {options.bandwidth:g} GB/s a node; {options.look:g} µs more for a meeting with "
-        f"each further rank of a node; work on a full node is {crowding}; {SUMS:g} sums a pair. Transforms longer than those measured cost as "
+        f"For {model.stepped}. Assumed, not measured: {options.per_node} ranks per node; {options.latency:g} µs for a message between nodes, "
+        f"{options.message:g} µs of a rank's own time for each, {options.bandwidth:g} GB/s per node; {options.look:g} µs more for a synchronisation "
+        f"with each further rank of a node; work on a full node is {crowding}; {SUMS:g} sums per pair. Transforms longer than those measured cost as "
         "n log n."
     )
 
@@ -214,7 +216,7 @@ def _times(model: Model) -> str:
             cells.append(f"{shown(1e3 * taken)} ({alone / taken / cores:.0%})")
         rows.append(cells)
     head = ["n", "rows, columns", "1 core", *(f"{cores} cores" for cores in CORES)]
-    return "Time of a pair with all that goes with it, in ms (and speed-up a core):\n\n" + table(head, rows)
+    return "Time of a pair with everything that belongs to it, in ms (and speed-up per core):\n\n" + table(head, rows)
 
 
 def _next(model: Model) -> str:
@@ -229,8 +231,15 @@ def _next(model: Model) -> str:
             pencils = sum(pencil_seconds(*given).values())
             cells = [shown(1e3 * value) if value else "too many ranks" for value in (slabs, joined, pencils)]
             rows.append([n, cores, *cells, f"{down} x {across}"])
-    head = ["n", "cores", "slabs, as built (ms)", "slabs, one message for two nodes (ms)", "blocks (ms)", "blocks"]
-    return "What would come next:\n\n" + table(head, rows)
+    head = [
+        "n",
+        "cores",
+        "slabs, as implemented (ms)",
+        "slabs, one message per pair of nodes (ms)",
+        "blocks (ms)",
+        "blocks",
+    ]
+    return "Possible improvements:\n\n" + table(head, rows)
 
 
 def joined_seconds(problem: Problem, ranks: int, costs: Costs, per_node: int, network: Network) -> dict[str, float]:
@@ -316,7 +325,7 @@ def _balance(model: Model) -> str:
         cells = [f"{found[0].max() / fair[0]:.2f}, {found[2].max() / fair[1]:.2f}" for found in shares.values()]
         gains = [f"{100 * (1 - seconds[by] / seconds['rows']):.1f} %" for by in ("points", "work")]
         rows.append([n, ranks, *cells, *gains])
-    return table(["n", "ranks", "by rows", "by points", "by work", "won by points", "won by work"], rows)
+    return table(["n", "ranks", "by rows", "by points", "by work", "gain by points", "gain by work"], rows)
 
 
 def _overlap(model: Model) -> str:
@@ -336,7 +345,7 @@ def _overlap(model: Model) -> str:
 
 
 def busy() -> str:
-    """A word on other load of the machine; empty where it is idle."""
+    """A note on other load of the machine; empty if it is idle."""
     found = load()
     what = "when this was measured: these numbers are provisional."
     return f"The machine was busy (load {found:.1f}) {what}" if found else ""

@@ -4,7 +4,7 @@
     python -m scripts.studies.ranks.run speed --busy --n 1024        the same beside a process on each core
     python -m scripts.studies.ranks.run shares --ranks 1 2           where the time of whole runs goes
     python -m scripts.studies.ranks.run model                        what ranks pass to each other, and a model of the time on many cores
-    mpirun -n 2 python -m scripts.studies.ranks.run latency          what a meeting of the ranks costs
+    mpirun -n 2 python -m scripts.studies.ranks.run latency          what a synchronisation of the ranks costs
 
 `speed` runs `pgfmd run` as a process of its own, start included; the numbers of ranks take turns, and the best of several
 rounds counts. Scenes are stepped as runs choose by default, on a half of their points and in mixed precision; to compare with
@@ -181,7 +181,7 @@ def shares(options: argparse.Namespace) -> None:
             rows.append([part, *(f"{value:.2f}" for value in seconds), *(f"{value:.1f}" for value in percent)])
         rows += [
             [count, *(f"{each[count]:.2f}" for each in found.values()), *("" for _ in found)]
-            for count in ("sums a pair", "meetings a pair")
+            for count in ("sums per pair", "synchronisations per pair")
         ]
         tables.append(table(head, rows))
         print(f"\n{tables[-1]}", flush=True)
@@ -219,7 +219,7 @@ def model(options: argparse.Namespace) -> None:
 
 
 def latency(comm) -> None:
-    """Prints what a meeting of all ranks costs when all come at once, and an Allreduce beside it. Collective."""
+    """Prints the time of a synchronisation of all ranks that arrive at the same time, and of an Allreduce. Collective."""
     import numpy as np
 
     from pgfmd.solver.node import Node

@@ -31,7 +31,7 @@ def main() -> None:
 def profile(comm, scene: list[str], folder: str, began: float) -> dict[str, float]:
     """Seconds of this rank's run, by PARTS, and its counts. Collective."""
     from pgfmd import runner
-    from pgfmd.benchmark.watch import Watch
+    from pgfmd.benchmark.timing import Watch
     from pgfmd.restart.checkpoint_policy import CheckpointPolicy
     from pgfmd.scene import load_scene
     from pgfmd.solver.simulation import Simulation
@@ -88,7 +88,11 @@ def profile(comm, scene: list[str], folder: str, began: float) -> dict[str, floa
     spent["pointwise and the rest"] = marks["steps"] - sum(spent[part] for part in inside)
     spent["end"] = whole - marks["steps"] - spent["start: kernels"] - spent["start: fields and plans"]
     pairs = now["pairs"]
-    counts = {"pairs": pairs, "sums a pair": now["sums"] / pairs, "meetings a pair": now.get("meetings", 0) / pairs}
+    counts = {
+        "pairs": pairs,
+        "sums per pair": now["sums"] / pairs,
+        "synchronisations per pair": now.get("meetings", 0) / pairs,
+    }
     return spent | {"whole": ready - began + whole} | counts
 
 

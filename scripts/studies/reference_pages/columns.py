@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from pgfmd.files.tables import TABLES, Column
+from pgfmd.files.tables import TABLES, WITHOUT_PROGRAMMES, Column
 
 from .. import pages
 
@@ -25,7 +25,10 @@ def block(name: str) -> str:
 
 def meaning_of(column: Column) -> str:
     """What a column holds, and which runs have none of it."""
-    return column.meaning + (f" (not in runs of version {column.after})" if column.after else "")
+    if not column.after:
+        return column.meaning
+    versions = ["version 0.1"] + ["earlier builds of 0.2"] * (column.after == WITHOUT_PROGRAMMES)
+    return f"{column.meaning} (not in runs of {' or of '.join(versions)})"
 
 
 def main() -> None:

@@ -138,7 +138,7 @@ def lee_radok(quick: bool):
         settings = f"n = {n}, {label}, E(inf)/E(0) = {series.kappa_inf:.0f}"
         lines.append(Line("force at a contact radius of 150 µm [mN]", settings, exact[-1] * MILLI, force[-1] * MILLI))
         worst = np.abs(force / exact - 1)[time > 0.2 * end].max()
-        lines.append(Line("largest relative error from a fifth of the way on", settings, 0.0, float(worst)))
+        lines.append(Line("largest relative error from a fifth of the approach on", settings, 0.0, float(worst)))
     closed(left, time * MILLI, relaxed * MILLI, color=GREY, ls=(0, (2, 1.5)), label="Hertz, relaxed")
     left.set(xlabel="time [ms]", ylabel="force [mN]")
     left.set_title("viscoelastic sphere, 1 mm/s, R = 1 mm")

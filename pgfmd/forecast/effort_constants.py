@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Numbers:
-    """Of one kind of scenes, as in effort.py; pairs (in, out) are those of the two ways.
+    """Constants of one kind of scenes, as in effort.py. Pairs (in, out) are for approach and retraction.
 
-    least: steps that any way takes. rate: of steps for each range of adhesion of the way, to the power `travel`. slow:
+    least: steps of any approach or retraction. rate: steps for each range of adhesion of the travel, to the power `travel`. slow:
     power p of the slowness. refinement: power q of the accuracy. pairs_least, pairs_rate: pairs a step. stiff: power m of
     the law's stiffness. spread: factor within which 19 of 20 scenes are, those included that were not fitted to.
     """

@@ -1,7 +1,7 @@
-"""Pixels of a height map that are no heights: numbers that mean "missing", and single pixels that stick out.
+"""Bad pixels of a height map: numbers that mean "missing", and single spikes.
 
 Instruments can't see some places, and programs write a number there: 0, -32768, -9999, 1e38. As heights these are needles or
-holes. Such a number is told by standing at an end of all heights, beyond a gap that neighbours never have.
+holes. Such a number is recognised because it is at an end of all heights, beyond a gap larger than between any neighbours.
 """
 
 from __future__ import annotations

@@ -31,8 +31,9 @@ def run_ahead(
 ) -> list[tuple[float, str]]:
     """Times [s] and labels of snapshots within the approach, at fractions of t_pl below 1.
 
-    How long the approach takes is known only at its end, so coarse ones are run ahead. Nothing is run where no such snapshot
-    is asked for. stop: as of Outputs.plan_snapshots. Collective. Raises Interrupted where the run has to stop meanwhile.
+    The duration of the approach is only known at its end, so coarse approaches are run first to estimate it. Without
+    such snapshots nothing is run. stop: as in Outputs.plan_snapshots. Collective. Raises Interrupted if the run has to
+    stop in the meantime.
     """
     coarse = coarse_scenes(scene)
     if not coarse:
@@ -54,12 +55,12 @@ def run_ahead(
 def _shared(
     coarse: list, comm: Intracomm, say: Callable[[str], None], stop: StopCondition | None
 ) -> tuple[list[Met], int]:
-    """What `_run` gives, on every rank, of those ranks that the coarse grids have rows and columns for."""
+    """The result of `_run`, on every rank. Only ranks for which the coarse grids have rows and columns compute it."""
     most = min(_most_ranks(one) for one in coarse)
     if comm.size <= most:
         found = _run(coarse, comm, say, stop)
         if comm.size > 1:
-            # The run has no use for what they shared.
+            # The run does not need their shared memory.
             gc.collect()
             Node.of(comm).trim()
         return found
@@ -69,7 +70,7 @@ def _shared(
         if comm.rank < most:
             outcome = _run(coarse, some, say, stop)
     except (Interrupted, RunError) as error:
-        # Without the frames that it has come from, which hold the simulation.
+        # Without its traceback, whose frames would keep the simulation in memory.
         outcome = error.with_traceback(None)
     finally:
         Node.leave(some)
@@ -81,14 +82,15 @@ def _shared(
 
 
 def _most_ranks(scene: Scene) -> int:
-    """So many ranks can have a pair of rows and a column of a scene's transforms each."""
+    """Number of ranks that can each have a pair of rows and a column of a scene's transforms."""
     return min(shared_out(scene, points_of(scene, "").nb))
 
 
 def _run(
     coarse: list, comm: Intracomm, say: Callable[[str], None], stop: StopCondition | None
 ) -> tuple[list[Met], int]:
-    """Where the coarse approaches met surface and preload, up to the first that met none, and their transform pairs."""
+    """First contact and preload of the coarse approaches, up to the first that met neither, and their transform
+    pairs."""
     heed: dict[str, Any] = {}
     if stop:
         # Some ranks may not be here, so that `stop.has_to_stop`, which asks all ranks, can't be used.
@@ -109,7 +111,7 @@ def _run(
 
 
 def met(simulation: Simulation) -> Met:
-    """Where the machine of a simulation was at the first contact, and at the preload, which it has met."""
+    """Position of the machine at the first contact and at the preload, for a simulation that has met both."""
     state, drive = simulation.state, simulation.drive
     first = state.first_contact_time if state.first_contact_time is not None else 0.0
     speed = drive.phases[0].fastest

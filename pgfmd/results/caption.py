@@ -1,4 +1,4 @@
-"""What a picture says below it of the run that it shows: scene, speed, grid and date. No MPI."""
+"""The line below a picture about its run: scene, speed, grid and date. No MPI."""
 
 from __future__ import annotations
 

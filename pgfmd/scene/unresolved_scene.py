@@ -17,15 +17,23 @@ from pgfmd.errors import Problem, SceneError
 from pgfmd.files.text import read_text
 from pgfmd.units import DIMENSIONS
 
+from .drive_section import REPLACED
 from .fields import extra_of, toml_of, written
 from .model import ADHESION, PATTERNS, RHEOLOGIES, SECTIONS
+from .programme_section import ALSO, STEPS, ProgrammeStep, names_force
 
 SELECTORS = (("punch", "pattern", PATTERNS), ("rheology", "model", RHEOLOGIES), ("adhesion", "law", ADHESION))
 """Keys that determine which other keys their section may have, with those keys."""
 
 
 PATHS = ("punch.file", "substrate.compliance_file", "adhesion.file")
-"""Keys that name files: relative ones start at the folder of the scene."""
+"""Keys that name files, beside those of steps: relative ones start at the folder of the scene."""
+
+
+def names_file(key: str) -> bool:
+    """Whether a key names a file: one of PATHS, or the file that a step follows, such as "drive.step.2.file"."""
+    first, _, rest = key.partition("drive.step.")
+    return key in PATHS or (not first and rest.removesuffix(".file").isdecimal() and rest.endswith(".file"))
 
 
 @dataclass(frozen=True)
@@ -81,7 +89,10 @@ class Given:
     def changed(self, changes: Mapping[str, Any]) -> Given:
         """The scene with changed keys, by section; None resets a key to its default.
 
-        A new pattern, model or law drops unused keys of its section, unless they are changed as well.
+        A new pattern, model or law drops unused keys of its section, unless they are changed as well; new steps of a
+        programme those that they replace. Keys such as
+        "step.2.duration" of [drive] change a step, counted from 1, and "repeat.times" its repeats; those of a step that is not
+        there are kept as they are, and are wrong keys.
         """
         mapping = {name: dict(value) if isinstance(value, dict) else value for name, value in self.mapping.items()}
         changes = {name: plain(value) for name, value in changes.items()}
@@ -91,7 +102,13 @@ class Given:
                 mapping[section] = values
             elif isinstance(mapping.setdefault(section, {}), dict):
                 # Something that is not a section is reported as such.
-                both = mapping[section] | values
+                whole, within = values, {}
+                if section == "drive":
+                    within = {name: value for name, value in values.items() if name.startswith(("step.", "repeat."))}
+                    whole = {name: value for name, value in values.items() if name not in within}
+                both = mapping[section] | whole
+                for name, value in within.items():
+                    _change_within(both, name, value)
                 mapping[section] = {name: value for name, value in both.items() if value is not None}
         for section, selector, table in SELECTORS:
             named = changes[section] if isinstance(changes.get(section), dict) else {}
@@ -99,6 +116,10 @@ class Given:
             if isinstance(choice, str) and choice in table and isinstance(mapping[section], dict):
                 unused = set(SECTIONS[section].model_fields).difference(*table[choice], named)
                 mapping[section] = {name: value for name, value in mapping[section].items() if name not in unused}
+        drive = changes.get("drive")
+        if isinstance(drive, dict) and drive.get("step") and isinstance(mapping["drive"], dict):
+            unused = (REPLACED | ({"preload"} if names_force(drive["step"]) else set())) - set(drive)
+            mapping["drive"] = {name: value for name, value in mapping["drive"].items() if name not in unused}
         return Given(mapping, self.source, self.folder)
 
     def to_toml(self) -> str:
@@ -112,8 +133,44 @@ class Given:
         return toml_of(self.mapping.get("title", ""), tables)
 
     def _at_home(self, key: str, value: Any) -> Any:
-        named = key in PATHS and isinstance(value, str)
+        if key == "drive.step" and isinstance(value, list):
+            return [
+                {name: self._at_home(f"{key}.{number}.{name}", each) for name, each in step.items()}
+                if isinstance(step, dict)
+                else step
+                for number, step in enumerate(value, 1)
+            ]
+        named = names_file(key) and isinstance(value, str)
         return os.path.normpath(self.folder / os.path.expanduser(value)) if named else value
+
+
+def _change_within(drive: dict[str, Any], name: str, value: Any) -> None:
+    """Changes "step.2.duration" or "repeat.times" of a [drive], whose steps and repeats are replaced by copies.
+
+    None resets a key to its default; a new kind of step drops the keys that it has no use for. What is not there stays
+    under its own name.
+    """
+    first, _, rest = name.partition(".")
+    number, _, key = rest.partition(".")
+    steps = drive.get("step")
+    if first == "repeat" and rest and "." not in rest and isinstance(drive.get("repeat", {}), dict):
+        drive["repeat"] = _with(drive.get("repeat", {}), rest, value)
+        return
+    there = isinstance(steps, list) and number.isdecimal() and 1 <= int(number) <= len(steps)
+    if first != "step" or not key or not there or not isinstance(steps[int(number) - 1], dict):
+        drive[name] = value
+        return
+    index, key = int(number) - 1, ALSO.get(key, key)
+    table = {ALSO.get(known, known): entry for known, entry in steps[index].items()}
+    if key == "do" and value in STEPS:
+        used = {"do"}.union(*STEPS[value])
+        table = {known: entry for known, entry in table.items() if known in used}
+    drive["step"] = [*steps[:index], _with(table, key, value), *steps[index + 1 :]]
+
+
+def _with(table: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """A copy of a table with another value, without the key if that is None."""
+    return {name: entry for name, entry in (dict(table) | {key: value}).items() if entry is not None}
 
 
 def shipped_scenes() -> list[str]:
@@ -198,6 +255,24 @@ def with_units(tables: Mapping[str, Any]) -> dict[str, Any]:
                 extra = extra_of(field)
                 if key in found[section] and extra.get("dimension") in DIMENSIONS:
                     found[section][key] = written(_floats(found[section][key]), extra)
+    drive = found.get("drive")
+    if isinstance(drive, dict):
+        if isinstance(drive.get("step"), list):
+            drive["step"] = [_step_with_units(step) if isinstance(step, dict) else step for step in drive["step"]]
+        for name in drive:
+            if name.startswith("step."):
+                drive[name] = _step_with_units({name.rpartition(".")[2]: drive[name]}).popitem()[1]
+    return found
+
+
+def _step_with_units(step: Mapping[str, Any]) -> dict[str, Any]:
+    """A step of a programme, with texts in the place of numbers whose dimension is known."""
+    found = dict(step)
+    for key, value in step.items():
+        field = ProgrammeStep.model_fields.get(ALSO.get(key, key))
+        extra = extra_of(field) if field else {}
+        if extra.get("dimension") in DIMENSIONS:
+            found[key] = written(_floats(value), extra)
     return found
 
 

@@ -1,4 +1,4 @@
-"""Where the time of a simulation's pairs goes, and what its ranks pass to each other."""
+"""Timing of a simulation's transform pairs, and counts of the communication between ranks."""
 
 from __future__ import annotations
 
