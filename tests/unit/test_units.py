@@ -138,7 +138,15 @@ def test_the_factors_of_usual_units_are_those_of_pint(dimension):
     usual = DIMENSIONS[dimension].usual
     known = {unit: _usual_factor(unit, dimension) for unit in (*usual, usual[0].replace("m", "dm"), "inch", "m^m")}
     assert all(factor == _si_factor(unit)[0] for unit, factor in known.items() if factor is not None)
-    assert {unit for unit in usual if known[unit] is None} <= {"um/min", "mm/min", "N/min", "mN/min", "Hz", "kHz", "mHz"}
+    assert {unit for unit in usual if known[unit] is None} <= {
+        "um/min",
+        "mm/min",
+        "N/min",
+        "mN/min",
+        "Hz",
+        "kHz",
+        "mHz",
+    }
 
 
 def test_pint_is_not_imported_for_shipped_scenes():
