@@ -118,11 +118,8 @@ class Simulation:
             stopped = is_to_stop()
         while not (stopped or state.finished or (only_to_preload and state.preload_time is not None)):
             phase = self.phase
-            if not state.elapsed and state.phase and self._is_over(phase):
-                # The punch is there already.
-                self._end_phase(phase)
-                continue
-            if not state.elapsed and state.phase and self._has_nothing_to_hold(phase):
+            if not state.elapsed and state.phase and (self._is_over(phase) or self._has_nothing_to_hold(phase)):
+                # The punch is there already, or out of reach of the load that it should keep.
                 self._end_phase(phase)
                 continue
             for observer in self.observers:
