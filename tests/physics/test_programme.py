@@ -252,7 +252,9 @@ def test_a_held_pull_creeps_off_above_the_quasistatic_pull_off_and_stays_below_i
 
     def held(share, *more):
         pulled = {"do": "ramp", "rate": "-1 N/s", "until": f"{-share * still} N"}
-        return pgfmd.simulate(tack([PRESSED, pulled, {"do": "hold", "of": "load", "for": "20 s", "turn_time": "1 us"}, *more]))
+        return pgfmd.simulate(
+            tack([PRESSED, pulled, {"do": "hold", "of": "load", "for": "20 s", "turn_time": "1 us"}, *more])
+        )
 
     below, above = held(0.94), held(1.06)
     assert below.run["finished"] == "completed" and above.run["finished"] == "detached"

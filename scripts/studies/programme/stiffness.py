@@ -91,7 +91,9 @@ def save(rows: list[Row]) -> None:
     with open(TABLE, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(vars(rows[0])))
         writer.writeheader()
-        writer.writerows({key: f"{v:.6g}" if isinstance(v, float) else v for key, v in vars(row).items()} for row in rows)
+        writer.writerows(
+            {key: f"{v:.6g}" if isinstance(v, float) else v for key, v in vars(row).items()} for row in rows
+        )
 
 
 def draw(rows: list[Row]) -> None:
@@ -122,7 +124,15 @@ def draw(rows: list[Row]) -> None:
                 mine = [row for row in rows if (row.n, row.control, row.machine) == (n, control, "inf")]
                 off = [100 * abs(complex(row.share_real, row.share_imaginary) - 1) for row in mine]
                 label = f"n = {n}" if control == "displacement" else None
-                right.loglog([row.omega_tau for row in mine], off, color=colour, marker=marker, lw=0.8, label=label, fillstyle="none")
+                right.loglog(
+                    [row.omega_tau for row in mine],
+                    off,
+                    color=colour,
+                    marker=marker,
+                    lw=0.8,
+                    label=label,
+                    fillstyle="none",
+                )
         right.set_xlabel("$\\omega\\tau$")
         right.set_ylabel("$|K/2aE^*(\\omega) - 1|$ [%]")
         right.legend(fontsize=7)

@@ -165,8 +165,16 @@ def run_case(scene: str, programme: str, drive: str) -> Result:
     result.seconds = time.perf_counter() - start
     if simulation is not None:
         state = simulation.state
-        result.steps, result.rejected, result.jumps = state.counters.steps, state.counters.rejected_steps, state.counters.jumps
-        result.pairs, result.work_J, result.pull_off_N = simulation.scheme.pairs, state.energies.work, -state.pull_off_force
+        result.steps, result.rejected, result.jumps = (
+            state.counters.steps,
+            state.counters.rejected_steps,
+            state.counters.jumps,
+        )
+        result.pairs, result.work_J, result.pull_off_N = (
+            simulation.scheme.pairs,
+            state.energies.work,
+            -state.pull_off_force,
+        )
     return result
 
 
