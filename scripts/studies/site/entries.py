@@ -25,10 +25,11 @@ class Entry:
     text: tuple[tuple[str, str], ...] = ()
 
 
-TACK = 'pgfmd run tri-tack grid.n=128 "drive.preload=10 mN" "drive.speed=10 um/s" "output.snapshots=[\'every 0.03 s\']" --out tack'
+DEMO = "pgfmd run tri-tack --out demo"
+TACK = 'pgfmd run tri-tack grid.n=128 "drive.preload=10 mN" "drive.speed=10 um/s" "output.snapshots=[\'every 12 ms\']" --out tack'
 TWIN = 'pgfmd run tri-tack grid.n=128 "drive.preload=10 mN" solver.scheme=quasistatic --out twin'
-HEX = "pgfmd run hex-tack grid.n=192 \"output.snapshots=['0.25 t_pl', '0.5 t_pl', '0.75 t_pl', '1.3 t_pl']\" --out hex"
-ROUGH = "pgfmd run rough-film grid.n=200 \"output.snapshots=['every 5 mN']\" --out rough"
+HEX = "pgfmd run hex-tack \"output.snapshots=['0.25 t_pl', '0.5 t_pl', '0.75 t_pl', '1.3 t_pl']\" --out hex"
+ROUGH = "pgfmd run rough-film grid.n=256 \"output.snapshots=['0.5 t_pl', '1.2 t_pl', '1.7 t_pl', '2.4 t_pl']\" --out rough"
 CYCLES = "pgfmd run cyclic-hold grid.n=128 --out cycles"
 SPHERE = 'pgfmd run sphere-tack grid.n=48 "adhesion.work_of_adhesion=80 mJ/m^2" --out stronger'
 SPEEDS = """scene = "sphere-tack"
@@ -45,7 +46,7 @@ ENTRIES = {
     "curve": Entry(
         "Force curve",
         "tri-tack",
-        ("pgfmd run tri-tack --out demo", "pgfmd plot demo"),
+        (DEMO, "pgfmd plot demo"),
         "demo/force-displacement.png",
         "The tack test of the demo: 40 mN are pressed, 1.3 mN hold. The second panel magnifies the tension. n = 256.",
     ),
@@ -54,8 +55,8 @@ ENTRIES = {
         "hex-tack",
         (HEX, "pgfmd plot hex"),
         "hex/contact-maps.png",
-        "A honeycomb of summits goes into contact and out of it. The way out is not the way in: the last map has more contact "
-        "than those at the same force before. n = 192.",
+        "A honeycomb of summits goes into contact, the saddles between them close, and at the largest tension only the summits hold. "
+        "n = 256.",
     ),
     "stress": Entry(
         "Stress maps",
@@ -63,13 +64,13 @@ ENTRIES = {
         (ROUGH, "pgfmd plot rough"),
         "rough/stress-maps.png",
         "Normal traction under a rough punch on a thin film: compression on the summits, tension at the edges of the "
-        "contact. n = 200.",
+        "contact. n = 256.",
     ),
     "movie": Entry(
         "Frame of a movie",
         "tri-tack",
         (TACK, "pgfmd movie tack --field gap --out tack.mp4",
-         "python -c 'import pgfmd; pgfmd.plot_frame(\"tack\", snapshot=70).savefig(\"frame.png\")'"),
+         "python -c 'import pgfmd; pgfmd.plot_frame(\"tack\", snapshot=80).savefig(\"frame.png\")'"),
         "frame.png",
         "The gap under the punch while it is pulled off, and where that is on the force curve; the [first page](index.md) has the whole "
         "movie. n = 128.",
@@ -84,16 +85,16 @@ ENTRIES = {
     "energy": Entry(
         "Energy audit",
         "tri-tack",
-        (TACK, "pgfmd plot tack"),
-        "tack/energy.png",
-        "Where the work of the punch is at each moment, and the part that the audit can't account for. n = 128.",
+        (DEMO, "pgfmd plot demo"),
+        "demo/energy.png",
+        "Where the work of the punch is at each moment, and the part that the audit can't account for. n = 256.",
     ),
     "sites": Entry(
         "Summits and saddles",
         "hex-tack",
         (HEX, "pgfmd plot hex"),
         "hex/sites.png",
-        "At which force each summit and saddle of the punch joins the contact, and leaves it. n = 192.",
+        "At which force each summit and saddle of the punch joins the contact, and leaves it. n = 256.",
     ),
     "cycles": Entry(
         "Cycles",

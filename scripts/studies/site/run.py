@@ -19,7 +19,7 @@ from scripts.studies.site.entries import ENTRIES, Entry
 
 OUT, PICTURES, MOVIE = ROOT / "out" / "site", FIGURES / "site", DOCS / "static" / "tack.mp4"
 PAGE = DOCS / "gallery.md"
-COLOURS, WIDTH, LARGEST, LARGEST_MOVIE = 96, 1000, 200_000, 1_000_000
+COLOURS, WIDTH, LARGEST, LARGEST_MOVIE = 256, 1000, 200_000, 1_000_000
 """Of the pictures: colours, width [pixels], size [bytes]; of the movie: size [bytes]."""
 
 
