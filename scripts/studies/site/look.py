@@ -50,8 +50,10 @@ def hits_of(browser: Browser, word: str) -> int:
     """How many pages the search finds."""
     browser.open(f"{(BUILT / 'search.html').as_uri()}?q={word}")
     return browser.run(
-        "new Promise(done => { let left = 50; const look = () => { const found = document.querySelectorAll('#search-results li').length;"
-        "found || !left-- ? done(found) : setTimeout(look, 100); }; look(); })"
+        "new Promise(done => { let last = -1, same = 0, left = 100; const look = () => {"
+        "const found = document.querySelectorAll('#search-results li').length;"
+        "same = found == last ? same + 1 : 0; last = found;"
+        "(found && same > 10) || !left-- ? done(found) : setTimeout(look, 100); }; look(); })"
     )
 
 
@@ -69,8 +71,6 @@ def main() -> None:
             for fault in faults_of(browser, page):
                 bad += 1
                 print(f"{page.relative_to(BUILT)}: {fault}")
-        hits = hits_of(browser, "preload")
-        print(f"search for 'preload': {hits} pages")
         for name in given.names if given.pictures else ():
             given.pictures.mkdir(parents=True, exist_ok=True)
             browser.open((BUILT / f"{name}.html").as_uri())
@@ -78,6 +78,8 @@ def main() -> None:
                 for dark in (False, True):
                     target = given.pictures / f"{name.replace('/', '-')}-{width}{'-dark' * dark}.png"
                     browser.picture(target, width, dark)
+        hits = hits_of(browser, "preload")  # last, because found words stay marked
+        print(f"search for 'preload': {hits} pages")
     sys.exit(bool(bad) or not hits)
 
 
