@@ -63,8 +63,8 @@ ENTRIES = {
         "rough-film",
         (ROUGH, "pgfmd plot rough"),
         "rough/stress-maps.png",
-        "Normal traction under a rough punch on a thin film: compression on the summits, tension at the edges of the "
-        "contact. n = 256.",
+        "Normal traction under a rough punch on a thin film, pressed in and pulled off: compression is blue, tension red, and what has "
+        "come off grey. n = 256.",
     ),
     "movie": Entry(
         "Frame of a movie",
@@ -132,6 +132,7 @@ ENTRIES = {
         "cyclic-hold",
         ("pgfmd plot-rheology cyclic-hold --out rheology.png",),
         "rheology.png",
-        "Storage and loss modulus, and creep, of the elastomer of a scene. Nothing is run.",
+        "Storage and loss modulus of the elastomer of a scene, and how its surface yields to a force; dashed, what the auxiliary masses of "
+        "the paper's scheme make of that. Nothing is run.",
     ),
 }
