@@ -29,7 +29,9 @@ DEMO = "pgfmd run tri-tack --out demo"
 TACK = 'pgfmd run tri-tack grid.n=128 "drive.preload=10 mN" "drive.speed=10 um/s" "output.snapshots=[\'every 12 ms\']" --out tack'
 TWIN = 'pgfmd run tri-tack grid.n=128 "drive.preload=10 mN" solver.scheme=quasistatic --out twin'
 HEX = "pgfmd run hex-tack \"output.snapshots=['0.25 t_pl', '0.5 t_pl', '0.75 t_pl', '1.3 t_pl']\" --out hex"
-ROUGH = "pgfmd run rough-film grid.n=256 \"output.snapshots=['0.5 t_pl', '1.2 t_pl', '1.7 t_pl', '2.4 t_pl']\" --out rough"
+ROUGH = (
+    "pgfmd run rough-film grid.n=256 \"output.snapshots=['0.5 t_pl', '1.2 t_pl', '1.7 t_pl', '2.4 t_pl']\" --out rough"
+)
 CYCLES = "pgfmd run cyclic-hold grid.n=128 --out cycles"
 SPHERE = 'pgfmd run sphere-tack grid.n=48 "adhesion.work_of_adhesion=80 mJ/m^2" --out stronger'
 SPEEDS = """scene = "sphere-tack"
@@ -69,8 +71,11 @@ ENTRIES = {
     "movie": Entry(
         "Frame of a movie",
         "tri-tack",
-        (TACK, "pgfmd movie tack --field gap --out tack.mp4",
-         "python -c 'import pgfmd; pgfmd.plot_frame(\"tack\", snapshot=80).savefig(\"frame.png\")'"),
+        (
+            TACK,
+            "pgfmd movie tack --field gap --out tack.mp4",
+            'python -c \'import pgfmd; pgfmd.plot_frame("tack", snapshot=80).savefig("frame.png")\'',
+        ),
         "frame.png",
         "The gap under the punch while it is pulled off, and where that is on the force curve; the [first page](index.md) has the whole "
         "movie. n = 128.",

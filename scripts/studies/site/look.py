@@ -61,7 +61,9 @@ def main() -> None:
     """Looks at all pages, and takes pictures of some."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("pictures", nargs="?", type=Path, metavar="DIR", help="folder for pictures")
-    options.add_argument("names", nargs="*", default=SHOWN, metavar="PAGE", help=f"to be taken; by default {', '.join(SHOWN)}")
+    options.add_argument(
+        "names", nargs="*", default=SHOWN, metavar="PAGE", help=f"to be taken; by default {', '.join(SHOWN)}"
+    )
     given = options.parse_args()
     if executable() is None:
         raise SystemExit("no Chromium on PATH")

@@ -1,8 +1,8 @@
 """Makes the pictures of docs/gallery.md and of the first page, by the commands that the gallery shows.
 
-    python -m scripts.studies.site.run                 # 5 minutes on one core; runs are kept in out/site
-    python -m scripts.studies.site.run cycles fit      # these alone
-    python -m scripts.studies.site.run --text          # captions and commands alone
+python -m scripts.studies.site.run                 # 5 minutes on one core; runs are kept in out/site
+python -m scripts.studies.site.run cycles fit      # these alone
+python -m scripts.studies.site.run --text          # captions and commands alone
 """
 
 from __future__ import annotations
