@@ -132,9 +132,7 @@ def analyse(
         add_areas(table, results, found)
         _remark_unfinished(table, results)
         _remark_thinned(table, results)
-        places = bulges(loop, resolution)
-        _add_stiffness(table, loop)
-        _add_bulges(table, places)
+        places = _add_stiffness_and_bulges(table, results, loop, resolution)
         add_sites(table, results, loop)
         cell = fit_cell_compliance(whole)
         _add_compliance(table, cell)
@@ -151,6 +149,24 @@ def analyse(
         return Analysis(
             results.directory, table, loop, found, places, cell, audit, against, twin_loop, predictions, about(results)
         )  # fmt: skip
+
+
+def _add_stiffness_and_bulges(table: Table, results: Results, loop: Loop, resolution: float | None) -> list[Bulge]:
+    """Slopes, and the bulges, which are returned: of one way out."""
+    single = _single_cycle(table, results, loop, resolution)
+    places = bulges(single, resolution)
+    _add_stiffness(table, single)
+    _add_bulges(table, places)
+    return places
+
+
+def _single_cycle(table: Table, results: Results, loop: Loop, resolution: float | None) -> Loop:
+    """The loop where it has one cycle, else its first cycle: slopes and bulges are those of one way out."""
+    if loop.cycle is None or loop.cycle[0] == loop.cycle[-1]:
+        return loop
+    table.remarks.append("stiffness and bulges are those of cycle 1; --cycle chooses another one")
+    first = cycle_of(results, Loop.of(results), 1).loop
+    return first if resolution is None else _filtered(first, resolution)
 
 
 def _filtered(loop: Loop, resolution: float) -> Loop:

@@ -160,8 +160,8 @@ def _drive_refusal(head: dict, scene: Scene) -> str:
     now = state["phase"]
     if bool(old.programme) != bool(new.programme):
         return "the run has a programme of the other kind, with steps or without"
-    if begun := changed & {phase.stage for phase in old.phases[: now + 1]}:
-        return f"step {min(begun)} has begun, and the file that it follows has other contents now"
+    if stages := changed & {phase.stage for phase in old.phases[: now + 1]}:
+        return f"step {min(stages)} has begun, and the file that it follows has other contents now"
     if scene.drive.controls_load and not before.drive.controls_load and before.solver.precision != "double":
         return 'a held load needs solver.precision = "double", which the run did not begin with'
     if old.clearance != new.clearance or _begun(old, now) != _begun(new, now):
@@ -181,7 +181,8 @@ def _with_present_files(head: dict, scene: Scene) -> tuple[str, set[int]]:
     """The scene of a checkpoint, with the files that the steps of a scene now follow in the place of its own, which may have
     moved; and the numbers of the steps whose files have other contents now."""
     tables, files = tomllib.loads(head["scene"]), contents_of(scene)
-    steps, changed = tables.get("drive", {}).get("step", []), set()
+    steps = tables.get("drive", {}).get("step", [])
+    changed: set[int] = set()
     for number, (old, new) in enumerate(zip(steps, scene.drive.step, strict=False), 1):
         if "file" in old and new.file:
             old["file"] = new.file

@@ -35,6 +35,8 @@ RECORDED = (
 KINDS_OF_AREA = ("contact", "overlap", "near")
 SAME_STEP = ("time [s]", "displacement [m]", "force [N]")
 """Columns with the same numbers in curve and events."""
+BOTH_WAYS = ("ramp", "oscillate", "follow")
+"""Phases in which the punch may go in or out."""
 UNEVEN = 4.0
 """A parabola through three rows is used only if the ratio of the two steps is below this."""
 OVERSHOOT = 0.25
@@ -377,7 +379,7 @@ def measure(loop: Loop) -> Measures:
     """The measures of a loop."""
     pull_off, row = None, None
     if loop.retracted:
-        row = loop.turning_row + int(np.argmin(loop.force[loop.turning_row :]))
+        row = loop.turning_row + int(np.argmin(np.where(_may_pull_off(loop), loop.force[loop.turning_row :], np.inf)))
         pull_off = _tension(loop, row, "pull_off_force")
     inward = _inward_rows(loop)
     snap = int(inward[np.argmin(loop.force[inward])])
@@ -394,6 +396,16 @@ def measure(loop: Loop) -> Measures:
         work_of_separation_uncertainty=loop.recorded.get("work_of_separation_uncertainty_J"),
         hysteresis_uncertainty=loop.recorded.get("work_uncertainty_J"),
     )
+
+
+def _may_pull_off(loop: Loop) -> NDArray[np.bool_]:
+    """Which rows from the turning row on belong to a way out: not those in which a programme presses the punch in again,
+    whose largest tension is that of a snap-in."""
+    turn = loop.turning_row
+    phase, moved = loop.phase[turn:], np.diff(loop.displacement[turn:], prepend=loop.displacement[turn])
+    pressed = (phase == "approach") | (np.isin(phase, BOTH_WAYS) & (moved < 0.0))
+    pressed[:1] = False
+    return ~pressed
 
 
 def _inward_rows(loop: Loop) -> NDArray[np.intp]:

@@ -156,11 +156,14 @@ def _change_within(drive: dict[str, Any], name: str, value: Any) -> None:
     if first == "repeat" and rest and "." not in rest and isinstance(drive.get("repeat", {}), dict):
         drive["repeat"] = _with(drive.get("repeat", {}), rest, value)
         return
-    there = isinstance(steps, list) and number.isdecimal() and 1 <= int(number) <= len(steps)
-    if first != "step" or not key or not there or not isinstance(steps[int(number) - 1], dict):
+    index = int(number) - 1 if number.isdecimal() else -1
+    if first != "step" or not key or not isinstance(steps, list) or not 0 <= index < len(steps):
         drive[name] = value
         return
-    index, key = int(number) - 1, ALSO.get(key, key)
+    if not isinstance(steps[index], dict):
+        drive[name] = value
+        return
+    key = ALSO.get(key, key)
     table = {ALSO.get(known, known): entry for known, entry in steps[index].items()}
     if key == "do" and value in STEPS:
         used = {"do"}.union(*STEPS[value])

@@ -284,6 +284,9 @@ class Simulation:
         state.largest_force = max(state.largest_force, state.force)
         phase = self.phase
         approaches, recedes = phase.velocity_end < 0.0 and phase.name != "turn", self.retracting or phase.holds_load
+        if phase.name == "follow":
+            # Of a path that goes both ways, the first way in of each cycle.
+            approaches = not recedes and state.cycle.pull_off_force == 0.0
         if approaches and not recedes:
             state.snap_in_force = min(state.snap_in_force, state.least_force)
             state.snap_in_at_ends = min(state.snap_in_at_ends, state.force)

@@ -106,12 +106,29 @@ def rows_of(
             except ResultError as error:
                 trouble = str(error)
         rows.append(Row(case, state, {axis.name: place_of(case, axis) for axis in axes}, measured, trouble))
+    if any((row.state.record or {}).get("cycles") for row in rows):
+        for row in rows:
+            row.measured.update(_of_last_cycle(row.state.record or {}))
     if any(case.twin for case in cases):
         # Not at the top: few studies have twins.
         from .twins import add_shares
 
         add_shares(rows)
     return rows
+
+
+LAST_CYCLE = {
+    "pull_off_force_of_last_cycle [N]": "pull_off_force_N",
+    "work_of_separation_of_last_cycle [J]": "work_of_separation_J",
+    "work_of_last_cycle [J]": "work_J",
+}
+"""Further columns of studies with a programme with repeats, and the key of a cycle in `run.json`."""
+
+
+def _of_last_cycle(record: Mapping[str, Any]) -> dict[str, float | None]:
+    """The number of cycles, and numbers of the last one, None for a run without repeats or that has not ended."""
+    cycles = record.get("cycles") or [{}]
+    return {"cycles": cycles[-1].get("cycle")} | {column: cycles[-1].get(key) for column, key in LAST_CYCLE.items()}
 
 
 def areas_of(folder: Path) -> dict[str, float | None]:

@@ -26,6 +26,7 @@ SCENES = {
          "rheology.time_ratio=6", "rheology.exponent=0.8", "drive.speed=400 um/s", "drive.dwell=5 ms",
          "drive.preload=1 mN"],
     ),
+    "spring": ("tri-tack", ["grid.n=24", "drive.speed=1 mm/s", "drive.preload=1 mN", "drive.machine_stiffness=3 kN/m"]),
 }  # fmt: skip
 
 

@@ -49,6 +49,8 @@ SCENES = {
          '{do="hold",for="20 ms"},{do="ramp",rate="-100 mN/s",until="-1 mN"},{do="retract",speed="20 um/s"}]',
          "drive.repeat={times=2,first=2,last=4}"],
     ),
+    "spring": ("tri-tack", ["grid.n=24", "drive.preload=2 mN", "drive.speed=20 um/s", "drive.machine_stiffness=300 N/m"]),
+    "load": ("tri-tack", ["grid.n=24", "drive.preload=2 mN", "drive.speed=20 um/s", "drive.control=load"]),
     "another grid": ("tri-tack", ["grid.n=72", "drive.preload=1 mN"]),
 }  # fmt: skip
 

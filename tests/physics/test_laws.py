@@ -5,14 +5,19 @@ import math
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
+from pgfmd.assemble import assemble
 from pgfmd.physics.adhesion.cosine import Cosine
 from pgfmd.physics.adhesion.dugdale import Dugdale
 from pgfmd.physics.adhesion.exponential import Exponential
 from pgfmd.physics.adhesion.lennard_jones import LennardJones
 from pgfmd.reference import maugis
 from pgfmd.reference.cohesive_sphere import CohesiveSphere
-from tests.physics.runs import CONTACT_MODULUS, WORK_OF_ADHESION, run
+from pgfmd.scene import load_scene
+from pgfmd.solver.simulation import Observer
+from scripts.studies.laws import run as study
+from tests.physics.runs import CONTACT_MODULUS, WORK_OF_ADHESION
 
 RADIUS = 10e-3
 TENSION = math.pi * WORK_OF_ADHESION * RADIUS
@@ -64,9 +69,25 @@ def test_laws_of_short_range_have_one_pull_off():
     assert np.all(short > 0.0) and np.all(short < 0.5 * long) and spread[1] < 0.7 * spread[0]
 
 
+@pytest.mark.parametrize("law", ["cosine", "dugdale"])
+def test_a_dead_load_pulls_off_at_the_largest_tension_of_the_law(law):
+    """A flat punch: on the way to Kendall's force as the range falls, and never beyond its strength. A sphere: as by rings."""
+    found = [study.pulled_off(study.flat(law, n), "flat", study.KENDALL) for n in (32, 64)]
+    shares = [one.force / one.closed for one in found]
+    assert shares[0] < shares[1] < 1.0 and 1.0 - shares[1] < 0.6 * (1.0 - shares[0])
+    # The outline on the grid is up to 2 % wider.
+    assert all(one.force < 1.04 * math.pi * study.RADIUS**2 * one.strength for one in found)
+    round_ = study.pulled_off(
+        study.sphere(138, {"law": law, "range_factor": 0.04}), "sphere", study.JKR, with_rings=True
+    )
+    assert round_.force == pytest.approx(round_.rings, rel=0.012)
+    assert all(one.residual < 0.006 for one in (*found, round_))
+
+
 @pytest.mark.parametrize("scheme", ["inertialess", "quasistatic", "gfmd"])
 def test_energies_of_dugdales_law_add_up(scheme):
-    """In each scheme what the machine has put in is stored or lost; the contact was attracted, and is gone."""
+    """In each scheme what the machine has put in is stored or lost; the contact was attracted, and is gone. Tractions and
+    adhesive energy of each step are those of the law as NumPy has it."""
     keys = [
         f"solver.scheme={scheme}",
         "adhesion.law=dugdale",
@@ -76,7 +97,21 @@ def test_energies_of_dugdales_law_add_up(scheme):
     ]
     if scheme == "gfmd":
         keys += ["solver.gfmd.omega=15700 rad/s", "solver.gfmd.dt=20 us", "drive.speed=1 mm/s"]
-    one = run("tri-tack", *keys)
-    energies = one.state.energies
-    assert energies.largest_residual < 0.02 * energies.work_of_separation
-    assert one.state.pull_off_force < -1e-3 and abs(one.state.force) < 1e-15 and energies.adhesive == 0.0
+    simulation = assemble(load_scene("tri-tack", keys), MPI.COMM_SELF)
+    simulation.observers.append(AsNumPyHasIt())
+    state = simulation.run()
+    assert state.energies.largest_residual < 0.02 * state.energies.work_of_separation
+    assert state.pull_off_force < -1e-3 and abs(state.force) < 1e-15 and state.energies.adhesive == 0.0
+
+
+class AsNumPyHasIt(Observer):
+    """Compares the kernels' tractions and energies with the law's own."""
+
+    def observe(self, simulation, event):
+        state, scheme, points = simulation.state, simulation.scheme, simulation.points
+        law, gap = scheme.law, np.float64(state.position) + scheme.height - state.surface_displacement
+        np.testing.assert_allclose(state.traction, law.traction(gap), rtol=1e-10, atol=1e-10 * law.strength)
+        stored = points.images * law.potential(gap).sum() * points.grid.cell_area
+        assert state.energies.adhesive == pytest.approx(
+            stored, rel=1e-9, abs=1e-9 * law.work_of_adhesion * points.grid.cell_area
+        )

@@ -3,6 +3,7 @@
 import math
 from types import SimpleNamespace
 
+import numba
 import numpy as np
 import pytest
 
@@ -16,6 +17,7 @@ from pgfmd.physics.adhesion.registry import LAWS, law_of, range_by_rule
 from pgfmd.physics.adhesion.repulsive import Repulsive
 from pgfmd.physics.adhesion.table import Table, read_law
 from pgfmd.scene import Scene, parse_scene
+from pgfmd.solver.inlined_laws import attraction
 
 GAMMA, RHO = 0.05, 0.75e-6
 ROWS = (0.0, 0.05e-6, 0.2e-6, 0.4e-6, RHO), (0.0, 4e4, 1.5e5, 1.5e5, 0.0)
@@ -61,6 +63,31 @@ def test_energies_and_tractions_have_no_jumps(law):
         assert law.traction(below) == pytest.approx(law.traction(above), abs=1e-7 * max(law.strength, 1.0) + 1e-3)
     assert law.potential(law.reach) == law.traction(law.reach) == law.curvature(law.reach) == 0.0
     assert law.traction(0.0) == 0.0 and law.curvature(-1e-12) == law.overlap_stiffness
+
+
+@numba.njit
+def in_a_kernel(gaps, law, found):
+    """The functions of a law at each gap, as kernels have them (solver/inlined_laws.py)."""
+    for i in range(gaps.size):
+        pull, bend, depth, level = attraction(gaps[i], law)
+        found[0, i], found[1, i], found[2, i] = pull, bend, depth * level
+
+
+@pytest.mark.parametrize("name", ["exponential", "lennard-jones", "table"])
+def test_compiled_laws_are_those_of_numpy(name):
+    law = EXAMPLES[name]
+    gaps = np.append(np.linspace(-0.5, 0.999, 401) * law.reach, law.numbers.knots if name == "table" else 0.0)
+    gaps = gaps[gaps < law.reach]
+    found = np.full((3, gaps.size), np.nan)
+    in_a_kernel(gaps, law.numbers, found)
+    overlap = law.overlap_stiffness * np.minimum(gaps, 0.0)
+    expected = (
+        law.traction(gaps) - overlap,
+        law.curvature(gaps),
+        law.potential(gaps) - 0.5 * overlap * np.minimum(gaps, 0.0),
+    )
+    for ours, theirs, scale in zip(found, expected, (law.strength, law.stiffness, GAMMA), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12 * scale)
 
 
 def test_what_a_law_says_of_itself(law):

@@ -106,7 +106,7 @@ class Still:
 
     def __init__(self):
         self.height = np.ones(POINTS.size)
-        self.scheme, self.state, self.phase = self, self, self
+        self.scheme, self.state, self.phase, self.phases, self.stepped = self, self, self, [self], 0
         self.law, self.name, self.position, self.punch_position, self.time, self.force = (
             LAW,
             "approach",
@@ -115,7 +115,7 @@ class Still:
             0.0,
             0.0,
         )
-        self.displacement, self.traction = np.zeros(POINTS.size), np.zeros(POINTS.size)
+        self.surface_displacement, self.traction = np.zeros(POINTS.size), np.zeros(POINTS.size)
 
 
 def watch_of(folder, run):
@@ -128,13 +128,13 @@ def test_rows_come_when_sites_join_and_leave(tmp_path):
     run = Still()
     watch, _ = watch_of(tmp_path, run)
     for time, kind, contact in ((0.0, "start", [1]), (1.0, "step", [1, 2, 3]), (2.0, "time", []), (3.0, "jump", [2])):
-        run.time, run.force, run.displacement = time, 10 * time, run.displacement.copy()
-        run.displacement[0:6] = 0.0
-        run.displacement[contact] = 0.6
+        run.time, run.force, run.surface_displacement = time, 10 * time, run.surface_displacement.copy()
+        run.surface_displacement[0:6] = 0.0
+        run.surface_displacement[contact] = 0.6
         run.traction = np.zeros(POINTS.size)
         run.traction[[1, 7]] = 3.0, -2.0 * time
         if kind == "time":
-            run.displacement[contact] = 0.0
+            run.surface_displacement[contact] = 0.0
         watch.observe(run, Event(kind))
     lines = [line.split(",") for line in (tmp_path / "sites.csv").read_text().splitlines()]
     assert tuple(lines[0]) == SITES.titles
@@ -151,10 +151,10 @@ def test_rows_come_when_sites_join_and_leave(tmp_path):
 
 def test_what_was_in_contact_before_a_restart_joins_no_second_time(tmp_path):
     run = Still()
-    run.displacement[[1, 3]] = 0.6
+    run.surface_displacement[[1, 3]] = 0.6
     watch, _ = watch_of(tmp_path, run)
     watch.before_step(run)
-    run.displacement[[1, 2, 3]] = 0.4, 0.6, 1.5
+    run.surface_displacement[[1, 2, 3]] = 0.4, 0.6, 1.5
     watch.observe(run, Event("step"))
     rows = [line.split(",") for line in (tmp_path / "sites.csv").read_text().splitlines()[1:]]
     assert [(row[5], row[8], row[9]) for row in rows] == [("0", "leaves", "0"), ("1", "joins", "2")]
@@ -165,7 +165,7 @@ def test_a_face_without_sites_writes_no_rows(tmp_path):
     file = TableFile(SITES, tmp_path / "sites.csv", MPI.COMM_SELF)
     watch = ContactWatch(file, POINTS, SitePoints(POINTS, sites()), jumps=False)
     watch.observe(run, Event("start"))
-    run.displacement[:] = 2.0
+    run.surface_displacement[:] = 2.0
     watch.observe(run, Event("jump"))
     assert file.rows == 0 and watch.change.joined == watch.change.at == "" and np.isnan(watch.change.x)
 

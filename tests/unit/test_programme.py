@@ -107,7 +107,7 @@ def test_a_path_goes_through_its_rows_without_passing_over_them():
     assert np.abs(np.diff(velocity)).max() < 0.01 * path.fastest
     assert np.abs(velocity).max() <= path.fastest <= 1.001 * np.abs(velocity).max()
     held = Step("follow", LOAD, table=((5.0, 6.0, 7.0), (1e-3, 2e-3, 2e-3)))
-    (_, _, phase) = phases_of((APPROACH, held), MACHINE)
+    phase = phases_of((APPROACH, held), MACHINE)[-1]
     assert phase.duration == 2.0 and phase.displacement(1.0) == pytest.approx(-1e-3 * 1.01e-2, rel=1e-12)
 
 

@@ -103,9 +103,9 @@ def test_other_types_are_refused(value):
 @pytest.mark.parametrize("dimension", DIMENSIONS)
 def test_every_dimension_reads_its_own_example_and_no_other(dimension):
     assert parse_quantity(DIMENSIONS[dimension].example, dimension) > 0
-    # J/m^2 = N/m.
-    same = {"energy per area", "stiffness"}
-    for other in DIMENSIONS.keys() - ({dimension} | (same if dimension in same else set())):
+    # J/m^2 = N/m, and a radian has no dimension: the keys themselves tell these apart.
+    pairs = ({"energy per area", "stiffness"}, {"angular frequency", "frequency"})
+    for other in DIMENSIONS.keys() - {dimension}.union(*(pair for pair in pairs if dimension in pair)):
         with pytest.raises(UnitError):
             parse_quantity(DIMENSIONS[other].example, dimension)
 
@@ -138,7 +138,15 @@ def test_the_factors_of_usual_units_are_those_of_pint(dimension):
     usual = DIMENSIONS[dimension].usual
     known = {unit: _usual_factor(unit, dimension) for unit in (*usual, usual[0].replace("m", "dm"), "inch", "m^m")}
     assert all(factor == _si_factor(unit)[0] for unit, factor in known.items() if factor is not None)
-    assert {unit for unit in usual if known[unit] is None} <= {"um/min", "mm/min"}
+    assert {unit for unit in usual if known[unit] is None} <= {
+        "um/min",
+        "mm/min",
+        "N/min",
+        "mN/min",
+        "Hz",
+        "kHz",
+        "mHz",
+    }
 
 
 def test_pint_is_not_imported_for_shipped_scenes():

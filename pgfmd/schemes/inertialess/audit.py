@@ -59,7 +59,8 @@ class EnergyAudit:
     """Computes stored and dissipated energy; optionally limits the residual of each step.
 
     points: PunchPoints; law: CohesiveLaw; tableau: of the steps; tolerance: of a step, in ranges of adhesion; dtype of
-    the fields. spring [m/N]: compliance of the machine's. bounds_steps: whether steps of this tolerance are limited.
+    the fields. spring [m/N]: compliance of the machine's. force_error [N]: up to which steps are solved. bounds_steps: whether
+    steps of this tolerance are limited.
     """
 
     def __init__(
@@ -70,9 +71,9 @@ class EnergyAudit:
         tableau: Tableau,
         tolerance: float,
         dtype: DTypeLike,
-        spring: float = 0.0,
+        force_error: float = 0.0,
     ):
-        self.spring = spring
+        self.spring, self.force_error = 0.0, force_error
         self.points, self.creep, self.law, self.tableau, self.tolerance = points, creep, law, tableau, tolerance
         # Without attraction and retardation there is no dissipation to which an error could be compared.
         self.bounds_steps = tolerance <= FINE and (creep.elements > 0 or law.attractive)
@@ -106,6 +107,9 @@ class EnergyAudit:
         travel = abs(trial.position - state.position) / (reach + abs(trial.position - origin))
         allowed = max(ENERGY_SHARE * self.tolerance, LEAST_SHARE) * (viscous + spent * (travel + LEAST_TRAVEL))
         allowed += self._noise * at_stake
+        if self.spring:
+            # An error of the force displaces the punch on its spring, however short the step.
+            allowed += self.force_error * min(self.spring * self.force_error, self.tolerance * reach)
         return abs(residual) / allowed if allowed > 0.0 else 0.0
 
     def energies(

@@ -77,7 +77,8 @@ class Inertialess(PathFollowing):
         self._history = np.zeros((stages, points.size), solver.dtype)
         self._audit = None
         if audit:
-            self._audit = EnergyAudit(points, creep, solver.law, self.tableau, tolerance, solver.dtype)
+            error = solver.force_share * tolerance * solver.force_scale
+            self._audit = EnergyAudit(points, creep, solver.law, self.tableau, tolerance, solver.dtype, error)
         if machine:
             self.control(next(iter(machine.springs)))
         self._rows = np.zeros((2, points.rows))
