@@ -22,6 +22,9 @@ PAGE = DOCS / "gallery.md"
 COLOURS, WIDTH, LARGEST, LARGEST_MOVIE = 256, 1000, 200_000, 1_000_000
 """Of the pictures: colours, width [pixels], size [bytes]; of the movie: size [bytes]."""
 
+NUMBER = "n\u00a0=\u00a0"
+"""What a caption says before n, without a break of the line."""
+
 
 def shell_lines(entry: Entry) -> str:
     """The commands, and the files that they read, as one writes them into a shell."""
@@ -33,7 +36,7 @@ def block(name: str) -> str:
     """An entry of the page: picture, caption, scene, commands."""
     entry = ENTRIES[name]
     picture = f"[![{entry.title}](figures/site/{name}.png)](reference/shipped_scenes.md#{entry.scene})"
-    caption = f"{entry.caption} Scene: [{entry.scene}](reference/shipped_scenes.md#{entry.scene})."
+    caption = f"{entry.caption.replace('n = ', NUMBER)} Scene: [{entry.scene}](reference/shipped_scenes.md#{entry.scene})."
     return f"## {entry.title}\n\n{picture}\n\n{caption}\n\n```bash\n{shell_lines(entry)}\n```"
 
 
