@@ -11,7 +11,7 @@ import difflib
 import functools
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
@@ -184,6 +184,14 @@ def parse_quantity(text: object, dimension: str) -> float:
     if value in (float("inf"), float("-inf")) and "inf" not in number:
         raise UnitError(expected, "it must be a finite number, this one is too large")
     return value
+
+
+def usual_first(text: object, dimensions: Sequence[str]) -> list[str]:
+    """The dimensions of which a text may be a quantity, first the one whose usual units have its unit: pint, which knows
+    all others, need not be loaded to find that out."""
+    match = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
+    unit = match["unit"] if match else None
+    return sorted(dimensions, key=lambda name: unit is None or _usual_factor(unit, name) is None)
 
 
 def _unusual_factor(text: str, unit: str, dimension: str) -> Decimal:

@@ -192,7 +192,7 @@ class Agenda:
     wanted: list[tuple[float, str]]
     fractions: list[float]
     tension: Frame = field(default_factory=Frame)
-    regular: RegularSnapshots = field(default_factory=RegularSnapshots)
+    regular: RegularSnapshots = field(default_factory=RegularSnapshots, metadata={"unknown": RegularSnapshots()})
 
 
 Producer = Callable[[], np.ndarray]

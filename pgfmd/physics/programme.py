@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -229,18 +229,23 @@ class Machine:
         return abs(velocity) / (1.0 if control == DISPLACEMENT else self.ahead)
 
 
+@lru_cache(maxsize=16)
 def phases_of(
     steps: tuple[Step, ...], machine: Machine, times: int = 1, first: int = 1, last: int | None = None
 ) -> tuple[Phase, ...]:
     """The phases of a programme, in which the steps from `first` to `last`, counted from 1, are done so many times."""
     found: list[Phase] = []
+    # There may be many cycles: what they share, such as a path, is made once.
+    alike: dict[int, Phase] = {}
     velocity, control = 0.0, ""
     order = list(_order(len(steps), times, first, last or len(steps)))
     for cycle, number in order:
         step = steps[number - 1]
         if machine.timeless and step.do == "hold":
             continue
-        phase = _phase_of(step, machine, cycle, number)
+        if number not in alike:
+            alike[number] = _phase_of(step, machine, cycle, number)
+        phase = replace(alike[number], cycle=cycle)
         if found:
             before = velocity if control == step.control else 0.0
             # A turn before a file would shift all of it.
@@ -251,7 +256,12 @@ def phases_of(
         if control == LOAD and step.is_free:
             # The load that has torn off the punch is gone: going on with its rate would fling the punch away.
             velocity = 0.0
-    return tuple(replace(phase, final=_only_out(found[k:])) for k, phase in enumerate(found))
+    for k in reversed(range(len(found))):
+        if not _only_out(found[k]):
+            # Up to here the punch comes back; after this, a punch that is free stays so.
+            found[: k + 1] = [replace(phase, final=False) for phase in found[: k + 1]]
+            break
+    return tuple(found)
 
 
 def _order(count: int, times: int, first: int, last: int) -> Iterator[tuple[int, int]]:
@@ -261,9 +271,9 @@ def _order(count: int, times: int, first: int, last: int) -> Iterator[tuple[int,
     yield from ((times, number) for number in range(last + 1, count + 1))
 
 
-def _only_out(rest: list[Phase]) -> bool:
-    """Whether from here on the programme only retracts, or holds a load: a punch that is free then stays so."""
-    return all(phase.may_let_go and not isinstance(phase, (Oscillation, Following)) for phase in rest)
+def _only_out(phase: Phase) -> bool:
+    """Whether a phase retracts, or holds a load, and nothing else."""
+    return phase.may_let_go and not isinstance(phase, (Oscillation, Following))
 
 
 def _turn(before: float, phase: Phase, step: Step, machine: Machine) -> Phase:

@@ -399,8 +399,7 @@ def measure(loop: Loop) -> Measures:
 
 
 def _may_pull_off(loop: Loop) -> NDArray[np.bool_]:
-    """Which rows from the turning row on belong to a way out: not those in which a programme presses the punch in again,
-    whose largest tension is that of a snap-in."""
+    """Which rows from the turning row on belong to a way out: not those in which a programme presses the punch in again."""
     turn = loop.turning_row
     phase, moved = loop.phase[turn:], np.diff(loop.displacement[turn:], prepend=loop.displacement[turn])
     pressed = (phase == "approach") | (np.isin(phase, BOTH_WAYS) & (moved < 0.0))

@@ -51,5 +51,5 @@ def unbalanced(record: dict, directory: Path) -> list[str]:
         return [f"The energy audit closes to {100 * residual / scale:.2g} % of the loop's work: {cure}."]
     return [
         f"The energy audit closes to {residual * 1e9:.2g} nJ, and the loop's work is {work * 1e9:.2g} nJ, "
-        f"little beside {scale / LEAST_LOOP * 1e9:.2g} nJ on the way in: {cure}."
+        f"little compared with {scale / LEAST_LOOP * 1e9:.2g} nJ in the approach: {cure}."
     ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pydantic import field_validator
 from pydantic_core import PydanticCustomError
 
-from pgfmd.units import UnitError, format_quantity, parse_quantity
+from pgfmd.units import UnitError, format_quantity, parse_quantity, usual_first
 
 from .fields import LARGEST, SMALLEST, Section, key, quantity, refuse, snapshot_time
 
@@ -95,6 +95,9 @@ def rhythm_of(text: str) -> Rhythm:
         return Rhythm(STEP_ENDS, 0.0)
     rest = text.removeprefix(EVERY)
     try:
+        # Whatever has no usual unit of a distance may be a time.
+        if usual_first(rest, ("time", *KINDS.values()))[0] != "time":
+            raise UnitError(EXPECTED)
         value, relative = snapshot_time(rest)
         kind = "t_pl" if relative else "time"
     except UnitError:
@@ -107,9 +110,10 @@ def rhythm_of(text: str) -> Rhythm:
 def _distance(text: str) -> tuple[str, float]:
     """Kind and size of a distance that is no time. Raises UnitError for anything else."""
     cure = ""
-    for kind, dimension in KINDS.items():
+    kinds = {dimension: kind for kind, dimension in KINDS.items()}
+    for dimension in usual_first(text, tuple(kinds)):
         try:
-            return kind, parse_quantity(text, dimension)
+            return kinds[dimension], parse_quantity(text, dimension)
         except UnitError as error:
             cure = error.cure
     raise UnitError(EXPECTED, cure)

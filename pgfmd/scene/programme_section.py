@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 from pgfmd.errors import MISSING
 from pgfmd.files.followed_path import read_path
 from pgfmd.physics.drive import AREA, DETACHED, FORCE, TRAVEL
-from pgfmd.units import UnitError, format_quantity, parse_quantity
+from pgfmd.units import UnitError, format_quantity, parse_quantity, usual_first
 
 from .fields import LARGEST, Section, expectation, extra_of, key, number, quantity, refuse
 
@@ -171,7 +171,7 @@ class Repeat(Section):
 def _one_of(value: object, dimensions: tuple[str, ...], expected: str) -> tuple[float, str]:
     """The SI value of a text with a unit of one of these dimensions, and which. Raises UnitError."""
     cure = ""
-    for dimension in dimensions:
+    for dimension in usual_first(value, dimensions):
         try:
             size = parse_quantity(value, dimension)
         except UnitError as error:

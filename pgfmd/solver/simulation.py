@@ -15,7 +15,7 @@ from pgfmd.physics.drive import AREA, COMPLETED, DETACHED, FORCE, LOAD, PLACE, P
 from .ending_search import PRELOAD_TOLERANCE, is_over, signs_at
 from .finite_check import not_finite_on
 from .interruption import Interrupted, Question
-from .state import State
+from .state import UNKNOWN_PHASE, State
 
 if TYPE_CHECKING:
     from pgfmd.schemes.base import Scheme, StepController
@@ -108,6 +108,8 @@ class Simulation:
             state.counters.transform_pairs = earlier + self.scheme.pairs
             return attend is not None and attend(self)
 
+        if state.stepped == UNKNOWN_PHASE:
+            state.stepped = state.phase - (1 if state.phase and not state.elapsed else 0)
         self.scheme.control(self.phase.control)
         stopped, question = False, Question(self.points.comm, interrupt) if interrupt else None
         if not state.started:
@@ -116,11 +118,8 @@ class Simulation:
             stopped = is_to_stop()
         while not (stopped or state.finished or (only_to_preload and state.preload_time is not None)):
             phase = self.phase
-            if not state.elapsed and state.phase and self._is_over(phase):
-                # The punch is there already.
-                self._end_phase(phase)
-                continue
-            if not state.elapsed and state.phase and self._has_nothing_to_hold(phase):
+            if not state.elapsed and state.phase and (self._is_over(phase) or self._has_nothing_to_hold(phase)):
+                # The punch is there already, or out of reach of the load that it should keep.
                 self._end_phase(phase)
                 continue
             for observer in self.observers:

@@ -66,6 +66,10 @@ class Counters:
         self.cg_iterations += solved.cg_iterations
 
 
+UNKNOWN_PHASE = -1
+"""Phase of the last step of a checkpoint that does not say it."""
+
+
 @dataclass
 class State:
     """Time, programme, fields, history of the predictor, step controller, energies, counters.
@@ -76,7 +80,8 @@ class State:
     met the preload.
     phase: index in the programme. elapsed [s], phase_start [m], phase_place [m]: time since its start, and positions of
     the drive and of the punch there. phase_signs: from which side the values that end the phase are reached, as of
-    drive.Ending. stepped: index of the phase of the last step.
+    drive.Ending. stepped: index of the phase of the last step. Checkpoints of builds that knew no programmes lack these,
+    whose phases end with the preload alone.
     surface_displacement [m]: u of the surface, positive upward.
     effective_traction [Pa]: w, the traction that would give the relaxed body the displacement u = G0 w.
     traction [Pa]: f on the surface.
@@ -121,11 +126,11 @@ class State:
     phase: int = 0
     elapsed: float = 0.0
     phase_start: float = 0.0
-    phase_place: float = 0.0
-    phase_signs: list[int] = field(default_factory=list)
-    stepped: int = 0
-    cycle: CycleNumbers = field(default_factory=CycleNumbers)
-    cycles: list[list[float | None]] = field(default_factory=list)
+    phase_place: float = field(default=0.0, metadata={"unknown": 0.0})
+    phase_signs: list[int] = field(default_factory=list, metadata={"unknown": ()})
+    stepped: int = field(default=0, metadata={"unknown": UNKNOWN_PHASE})
+    cycle: CycleNumbers = field(default_factory=CycleNumbers, metadata={"unknown": CycleNumbers()})
+    cycles: list[list[float | None]] = field(default_factory=list, metadata={"unknown": ()})
     step: float = 0.0
     last_step: float = 0.0
     followed_step: float = field(default=0.0, metadata={"stored": "followed"})

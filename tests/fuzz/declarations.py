@@ -20,6 +20,8 @@ EXPONENTS = {
     "angular frequency": (0, 0, -1),
     "wavenumber": (-1, 0, 0),
     "stiffness": (1, 1, 0),
+    "force rate": (2, 1, -1),
+    "frequency": (0, 0, -1),
     "stiffness per area": (-1, 1, 0),
     "number": (0, 0, 0),
 }
@@ -93,9 +95,13 @@ def _parts(annotation) -> tuple:
     return (annotation,)
 
 
+PROGRAMME = ("drive.step", "drive.repeat")
+"""Tables within a section; scenes.py draws programmes of steps as a whole."""
 KEYS: dict[str, Key] = {
     key.dotted: key
     for section, model in SECTIONS.items()
-    for key in (_key(section, name, field) for name, field in model.model_fields.items())
+    for key in (
+        _key(section, name, field) for name, field in model.model_fields.items() if f"{section}.{name}" not in PROGRAMME
+    )
 }
 """All keys by their dotted names, in the order of the resolved scene."""

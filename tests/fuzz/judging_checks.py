@@ -101,6 +101,7 @@ def _of_problem(problem: Problem) -> Iterator[Fault]:
     """A problem says where, and what was expected or what to do, on one line."""
     section, _, _ = problem.key.rpartition(".")
     known = problem.key in ("scene", "title", "override") or problem.key in SECTIONS
+    known |= problem.key.startswith(("drive.step.", "drive.repeat."))
     if not (known or problem.key in KEYS or section in SECTIONS or not section):
         yield Fault("a problem with a key that is none", problem.key)
     if not (problem.cure or problem.expected):

@@ -17,6 +17,7 @@ from .declarations import KEYS
 from .draw import Draw, Mapping, Natural, as_toml, legal, written
 from .files import COMPLIANCE, LAW, MAPS, WHOLE
 from .mutations import mutate
+from .programmes import use_steps
 
 SIZES = (4, 5, 7, 8, 9, 11, 12, 13, 16, 17, 20, 24, 31, 32)
 POISSON_RATIOS = (0.0, 0.5, -0.5, 0.3, 0.495, 0.4999999, -0.999)
@@ -47,6 +48,10 @@ def make(seed: int, index: int, kind: str) -> Made:
     draw = Draw(seed, index, kind)
     scene, natural = plausible(draw)
     if kind == "check":
+        # By numbers of their own, so that the other scenes stay what they are.
+        own = Draw(seed, index, "programme")
+        if own.chance(0.25):
+            use_steps(own, scene, natural)
         mutate(draw, scene, natural, draw.choice([0, 1, 1, 1, 2, 3, 6]))
     elif kind == "run" and draw.chance(0.2):
         mutate(draw, scene, natural, 1)

@@ -38,6 +38,9 @@ def cheap(monkeypatch):
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_shipped_scenes_on_grids_where_it_pays(name):
+    if load_scene(name).drive.controls_load:
+        assert chosen(LARGE, name=name) == "double"
+        return
     assert chosen(LARGE, name=name) == "mixed" and chosen(f"grid.n={LEAST_SIDE - 1}", name=name) == "double"
 
 

@@ -5,6 +5,7 @@ from dataclasses import fields
 import numpy as np
 
 from pgfmd.files.packing import arrays_of, numbers_of, unpack
+from pgfmd.solver.cycles import CycleNumbers
 from pgfmd.solver.state import State
 
 RENAMED = {
@@ -23,6 +24,10 @@ RENAMED = {
 """Names in checkpoints, which earlier builds have written, and the fields of State."""
 
 
+PROGRAMMES = ("phase_place", "phase_signs", "stepped", "cycle", "cycles")
+"""What a state knows of programmes of steps."""
+
+
 def new_state(seed):
     rng = np.random.default_rng(seed)
     state = State(*rng.standard_normal((3, 5)), *rng.standard_normal((2, 2, 5)), position=rng.random())
@@ -34,6 +39,13 @@ def test_a_checkpoint_has_the_names_of_earlier_builds():
     names = numbers_of(new_state(1))
     assert set(RENAMED) <= set(names) and not set(RENAMED.values()) & set(names)
     assert set(names) == {entry.metadata.get("stored", entry.name) for entry in fields(State)}
+
+
+def test_a_checkpoint_of_a_build_without_programmes_is_read():
+    state, other = new_state(1), new_state(2)
+    numbers = {name: value for name, value in numbers_of(state).items() if name not in PROGRAMMES}
+    unpack(other, numbers, lambda name, share: None)
+    assert (other.stepped, other.cycle, list(other.phase_signs), list(other.cycles)) == (-1, CycleNumbers(), [], [])
 
 
 def test_a_state_comes_back_as_it_was_under_its_own_names():

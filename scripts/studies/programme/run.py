@@ -1,6 +1,6 @@
 """Makes docs/figures/programme_*.csv, programme_stiffness.png and the tables of docs/evidence/programme.md.
 
-python -m scripts.studies.programme.run                     everything; about ten minutes on one core
+python -m scripts.studies.programme.run                     everything; twenty minutes on one core
 python -m scripts.studies.programme.run --stiffness         oscillations of a flat punch alone
 python -m scripts.studies.programme.run --stress            programmes far and wide alone
 python -m scripts.studies.programme.run --stress --scene gfmd   of scenes with this in their name; nothing is written

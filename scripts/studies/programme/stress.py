@@ -76,8 +76,10 @@ SCENES: dict[str, dict[str, dict]] = {
     "quasistatic": {"solver": {"scheme": "quasistatic", "accuracy": 0.01}},
     "gfmd": {"solver": {"scheme": "gfmd", "gfmd": {"omega_tau": 16.0, "steps_per_tau": 64.0}}},
 }  # fmt: skip
-FEW = ("quasistatic", "gfmd", "film of 70 um", "accuracy 0.01")
-"""Scenes that are run without repeats on a spring, which take longer, or tell nothing new."""
+FEW = ("film of 70 um", "accuracy 0.01")
+"""Scenes that are run without repeats on a spring, which tell nothing new."""
+SLOW = ("quasistatic", "gfmd")
+"""Scenes that are run without repeats."""
 
 
 @dataclass
@@ -92,8 +94,6 @@ class Result:
     rejected: int = 0
     pairs: int = 0
     jumps: int = 0
-    pull_off_N: float = math.nan
-    work_J: float = math.nan
     residual: float = math.nan
     seconds: float = math.nan
     verdict: str = "FAILED"
@@ -127,7 +127,7 @@ def cases() -> Iterator[tuple[str, str, str]]:
     for scene in SCENES:
         for programme in PROGRAMMES:
             for drive in DRIVES:
-                if not (scene in FEW and drive == "3 cycles, 3 kN/m"):
+                if not (scene in FEW and drive == "3 cycles, 3 kN/m") and not (scene in SLOW and "cycles" in drive):
                     yield scene, programme, drive
 
 
@@ -170,11 +170,7 @@ def run_case(scene: str, programme: str, drive: str) -> Result:
             state.counters.rejected_steps,
             state.counters.jumps,
         )
-        result.pairs, result.work_J, result.pull_off_N = (
-            simulation.scheme.pairs,
-            state.energies.work,
-            -state.pull_off_force,
-        )
+        result.pairs = simulation.scheme.pairs
     return result
 
 
