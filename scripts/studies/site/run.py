@@ -36,7 +36,9 @@ def block(name: str) -> str:
     """An entry of the page: picture, caption, scene, commands."""
     entry = ENTRIES[name]
     picture = f"[![{entry.title}](figures/site/{name}.png)](reference/shipped_scenes.md#{entry.scene})"
-    caption = f"{entry.caption.replace('n = ', NUMBER)} Scene: [{entry.scene}](reference/shipped_scenes.md#{entry.scene})."
+    caption = (
+        f"{entry.caption.replace('n = ', NUMBER)} Scene: [{entry.scene}](reference/shipped_scenes.md#{entry.scene})."
+    )
     return f"## {entry.title}\n\n{picture}\n\n{caption}\n\n```bash\n{shell_lines(entry)}\n```"
 
 
