@@ -20,7 +20,7 @@ from scripts.studies.site.entries import ENTRIES, Entry
 OUT, PICTURES, MOVIE = ROOT / "out" / "site", FIGURES / "site", DOCS / "static" / "tack.mp4"
 PAGE = DOCS / "gallery.md"
 COLOURS, WIDTH, LARGEST, LARGEST_MOVIE = 256, 1000, 200_000, 1_000_000
-"""Of the pictures: colours, width [pixels], size [bytes]; of the movie: size [bytes]."""
+"""Of the pictures: colours of those that are too large with all, width [pixels], size [bytes]; of the movie: size [bytes]."""
 
 NUMBER = "n\u00a0=\u00a0"
 """What a caption says before n, without a break of the line."""
@@ -64,7 +64,9 @@ def make(name: str) -> None:
     picture = Image.open(OUT / entry.made).convert("RGB")
     picture.thumbnail((WIDTH, 2 * WIDTH), Image.Resampling.LANCZOS)
     target = PICTURES / f"{name}.png"
-    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
+    picture.save(target, optimize=True)
+    if target.stat().st_size > LARGEST:
+        picture.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
     limited(target, LARGEST)
     if name == "movie":
         shutil.copyfile(OUT / "tack.mp4", MOVIE)
