@@ -26,6 +26,11 @@ html_theme = "furo"
 html_title = f"pgfmd {release}"
 html_copy_source = False
 html_show_sphinx = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+
+# Types in signatures belong to other packages, or to modules of pgfmd that have no page of their own.
+nitpick_ignore_regex = [("py:(class|data|obj)", ".*")]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
