@@ -17,6 +17,7 @@ from pgfmd.results import Results, load
 from pgfmd.results.caption import about
 from pgfmd.results.curve import Loop, Measures, measure
 from pgfmd.results.cycles import cycle_of
+from pgfmd.results.doubts import uncertain_loop
 from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
 
 from . import pictures
@@ -141,6 +142,7 @@ def analyse(
         audit, against = audit_of(results), twin_of(results, whole, other) if other else None
         _add_hysteresis(table, audit, against)
         _remark_unexplained(table, results, audit)
+        _remark_uncertain(table, results)
         _add_tabor(table, results, found, other)
         predictions = []
         if bearing_area or single is not None:
@@ -223,6 +225,11 @@ def _remark_unexplained(table: Table, results: Results, audit: Audit | None) -> 
             f"the energy audit leaves {largest_residual(results) * 1e9:.3g} nJ unexplained of a loop of "
             f"{audit.work * 1e9:.3g} nJ: run it again with a lower solver.accuracy before believing energies"
         )
+
+
+def _remark_uncertain(table: Table, results: Results) -> None:
+    """A remark on a quasi-static loop that is poorly known; the criterion is that of `pgfmd run`."""
+    table.remarks += [text[0].lower() + text[1:].removesuffix(".") for text in uncertain_loop(results.run)]
 
 
 def _add_stiffness(table: Table, loop: Loop) -> None:
