@@ -1,8 +1,8 @@
 """How well the loop of a quasi-static run is known: accuracies, grids, moduli, and heights that differ by a nanometre.
 
     python -m scripts.studies.accuracy.loops             runs what is missing in docs/figures/loops.csv, 25 minutes
-    python -m scripts.studies.accuracy.loops --page      fills the tables of docs/how-to/quasistatic.md as well
     python -m scripts.studies.accuracy.loops --solves    tighter solves at the same steps: what widens the loop (prints)
+    python -m scripts.studies.accuracy.loops --page      fills both tables into docs/how-to/quasistatic.md as well
 
 A row of the CSV is a run. The error of a loop is its difference from that of the finest accuracy of the same scene, grid,
 modulus and seed; seed 0 is the punch as it is, others have heights that differ by a nanometre (punch.height_jitter).
@@ -156,50 +156,65 @@ def errors_of(runs: Iterable[Run]) -> list[tuple[Run, float]]:
 
 
 def table(runs: list[Run]) -> str:
-    """A row for each scene, grid, modulus and accuracy, with all seeds together; loops in nJ, the rest in percent."""
+    """A row for each scene, grid, modulus and accuracy, with all seeds together; percent of the loop, where it is not zero
+    within its uncertainty."""
     lines = [
-        "| scene, n, modulus | accuracy | runs | pairs | loop (nJ) | scatter (%) | error (%) | uncertainty (%) | solves (%) | jumps (%) "
-        "| error over uncertainty |",
+        "| scene, n, modulus | accuracy | runs | pairs | loop, mean (nJ) | scatter (%) | error (%) | uncertainty (%) | of equilibria (%) "
+        "| of jumps (%) | error over uncertainty |",
         "| --- |" + " --- |" * 10,
     ]
     errors = {run.asked: error for run, error in errors_of(runs)}
     rows: dict[tuple, list[Run]] = {}
     for run in runs:
         rows.setdefault((run.scene, run.n, run.modulus, run.accuracy), []).append(run)
-    for (scene, n, modulus, accuracy), group in sorted(rows.items(), key=lambda item: (*item[0][:3], -item[0][3])):
-        loops = np.array([run.loop for run in group])
-        mean = float(loops.mean())
-        off = [(errors[run.asked], run.uncertainty) for run in group if run.asked in errors]
-        scatter = f"{100 * loops.std(ddof=1) / mean:.1f}" if len(group) > 1 else ""
-        error, ratio = "", ""
-        if off:
-            error = f"{100 * np.mean([value for value, _ in off]) / mean:+.1f}"
-            ratio = f"{min(abs(value) / spread for value, spread in off):.2f} to {max(abs(value) / spread for value, spread in off):.2f}"
-        share = {
-            name: f"{100 * np.mean([getattr(run, name) for run in group]) / mean:.1f}"
-            for name in ("uncertainty", "unbalanced", "jump_places")
-        }
+    for (scene, n, modulus, accuracy), group in sorted(rows.items(), key=_order):
+        loops, pairs = np.array([run.loop for run in group]), np.mean([run.pairs for run in group])
+        mean, doubt = float(loops.mean()), float(np.mean([run.uncertainty for run in group]))
+        off = [errors[run.asked] for run in group if run.asked in errors]
+        ratios = sorted(abs(errors[run.asked]) / run.uncertainty for run in group if run.asked in errors)
+        percents = [""] * 5
+        if doubt < abs(mean):
+            scatter = [loops.std(ddof=1)] if len(group) > 1 else []
+            parts = [[np.mean([getattr(run, name) for run in group])] for name in ("unbalanced", "jump_places")]
+            percents = [f"{100 * np.mean(each) / mean:.1f}" if each else "" for each in (scatter, off, [doubt], *parts)]
         lines.append(
-            f"| {scene}, {n}, {modulus} | {accuracy:g} | {len(group)} | {np.mean([run.pairs for run in group]):.0f} | {mean * 1e9:.4f} | "
-            f"{scatter} | {error} | {share['uncertainty']} | {share['unbalanced']} | {share['jump_places']} | {ratio} |"
+            f"| {scene}, {n}, {modulus} | {accuracy:g} | {len(group)} | {pairs:.0f} | {mean * 1e9:.4f} ± {doubt * 1e9:.4f} | "
+            f"{' | '.join(percents)} | {_span(ratios)} |"
         )
     return "\n".join(lines)
 
 
-def solves() -> None:
-    """The same steps with tighter solves, n = 64: prints a table."""
-    print("| scene | accuracy | tolerance of solves, in that of a step | steps | jumps | pairs | loop (nJ) | unbalanced (nJ) |")
-    print("| --- |" + " --- |" * 7)
+def _order(row: tuple[tuple, list[Run]]) -> tuple:
+    """By modulus and scene, then by grid, the coarsest accuracy first."""
+    scene, n, modulus, accuracy = row[0]
+    return modulus != "relaxed", SCENES.index(scene), n, -accuracy
+
+
+def _span(ratios: list[float]) -> str:
+    """Smallest and largest of sorted numbers."""
+    if not ratios:
+        return ""
+    return f"{ratios[0]:.2f} to {ratios[-1]:.2f}" if len(ratios) > 1 else f"{ratios[0]:.2f}"
+
+
+def solves() -> str:
+    """The same steps with tighter solves, n = 64: a table."""
+    lines = [
+        "| scene | accuracy | tolerance of solves, in that of a step | steps | jumps | pairs | loop ± uncertainty (nJ) | of equilibria (nJ) |",
+        "| --- |" + " --- |" * 7,
+    ]
     for scene in SCENES:
-        for accuracy in (0.1, 0.03):
+        for accuracy in (0.1, 0.03, 0.01):
             for share in SOLVES:
                 quasistatic.SHARPNESS = share
                 run = measured(scene, 64, "relaxed", 0, accuracy)
-                print(
-                    f"| {scene} | {accuracy} | {share} | {run.steps} | {run.jumps} | {run.pairs} | {run.loop * 1e9:.4f} | "
-                    f"{run.unbalanced * 1e9:.4f} |", flush=True,
-                )  # fmt: skip
+                lines.append(
+                    f"| {scene} | {accuracy} | {share} | {run.steps} | {run.jumps} | {run.pairs} | "
+                    f"{run.loop * 1e9:.4f} ± {run.uncertainty * 1e9:.4f} | {run.unbalanced * 1e9:.4f} |"
+                )
+                print(lines[-1], flush=True)
     quasistatic.SHARPNESS = SOLVES[0]
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -214,7 +229,8 @@ def main() -> None:
     text = table(run_missing())
     print(text)
     if chosen.page:
-        fill(page_named("quasistatic.md"), "loops", lambda name: text)
+        tables = {"table": text, "solves": solves()}
+        fill(page_named("quasistatic.md"), "loops", tables.__getitem__)
 
 
 if __name__ == "__main__":
