@@ -162,7 +162,7 @@ def _asked_preload(scene: Scene) -> float | None:
 
 def _summary(record: dict, directory: Path) -> list[str]:
     """The last lines of a run."""
-    from pgfmd.results.doubts import uncertain_loop, unbalanced
+    from pgfmd.results.doubts import unbalanced, uncertain_loop
 
     lines = []
     if record["finished"] not in ENDED_WELL:

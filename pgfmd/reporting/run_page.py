@@ -227,7 +227,9 @@ def _add_doubts(page: Page, results: Results, analysis: Analysis | None) -> None
     page.doubts += doubts_of(record, scene, results.directory)
     if analysis is not None:
         # What an audit leaves unexplained, and a loop that is uncertain, are said above already, by what the run itself says.
-        page.doubts += [text for text in analysis.table.remarks if not text.startswith(("the energy audit leaves", "the loop of"))]
+        page.doubts += [
+            text for text in analysis.table.remarks if not text.startswith(("the energy audit leaves", "the loop of"))
+        ]
     page.doubts += _foreseen(results)
     page.doubts[:] = dict.fromkeys(page.doubts)
 

@@ -121,7 +121,10 @@ def read(path: Path = OUT) -> list[Run]:
         return []
     kinds = {"str": str, "int": int, "float": float}
     with path.open(newline="", encoding="utf-8") as rows:
-        return [Run(**{entry.name: kinds[entry.type](row[entry.name]) for entry in fields(Run)}) for row in csv.DictReader(rows)]
+        return [
+            Run(**{entry.name: kinds[entry.type](row[entry.name]) for entry in fields(Run)})
+            for row in csv.DictReader(rows)
+        ]
 
 
 def run_missing() -> list[Run]:

@@ -21,6 +21,8 @@ from pgfmd.scene import Scene
 
 FAR = 1e6
 """Height of the face outside of the punch, in ranges of adhesion: it never interacts."""
+LEVEL = 1e-6
+"""Energies are as low as another if they are above it by no more than this fraction of it."""
 STIFF = 1e3
 """Stiffness of the mean displacement, in that of the longest wave: pgfmd's is zero, and with a stiffness of zero this peer
 leaves it free."""
@@ -53,13 +55,15 @@ def law_of(scene: Scene) -> Any:
 
 @dataclass
 class Found:
-    """An equilibrium: energy [J], force on the punch [N], its displacement field u [m], what it cost."""
+    """An equilibrium: energy [J], force on the punch [N], displacement u [m]; evaluations and time [s] until its energy was as
+    low as asked, and evaluations until the minimiser ended."""
 
     energy: float
     force: float
     surface: np.ndarray
     evaluations: int
     seconds: float
+    total: int
 
 
 class Peer:
@@ -88,17 +92,20 @@ class Peer:
         self._root = np.sqrt(2.0 / (q * modulus) * scene.adhesion.work_of_adhesion)
 
     def _spread(self, v: np.ndarray, inverse: bool = False) -> np.ndarray:
-        root = np.divide(1.0, self._root, out=np.zeros_like(self._root), where=self._root > 0) if inverse else self._root
+        root = (
+            np.divide(1.0, self._root, out=np.zeros_like(self._root), where=self._root > 0) if inverse else self._root
+        )
         return scipy.fft.irfft2(root * scipy.fft.rfft2(v.reshape(self.n, self.n)), s=(self.n, self.n))
 
     def minimum(
         self, position: float, start: np.ndarray | None = None, tolerance: float = 1e-5, plain: bool = False,
-        energy: float = -math.inf,
+        energy: float | None = None, memory: int = 10,
     ) -> Found:  # fmt: skip
         """The minimum that L-BFGS finds downhill from `start` (u [m], at rest by default) with the punch at `position` [m].
 
         tolerance: largest component of the gradient, in work of adhesion times cell over range (or over a unit v).
-        energy [J]: the evaluations are counted until the potential is as low.
+        energy [J]: the evaluations are counted until the potential is as low, to a part in a million. memory: updates that
+        L-BFGS remembers.
         """
         fun, history = self.system.objective(-position, gradient=True), []
         first = np.zeros((self.n, self.n)) if start is None else -start
@@ -114,7 +121,7 @@ class Peer:
             return value / self.unit, self._spread(slope).ravel() / self.unit
 
         x = first / self.reach if plain else self._spread(first, inverse=True)
-        options = {"maxcor": 10, "ftol": 0.0, "gtol": tolerance, "maxiter": 5000, "maxfun": 6000}
+        options = {"maxcor": memory, "ftol": 0.0, "gtol": tolerance, "maxiter": 5000, "maxfun": 6000}
         began = time.perf_counter()
         found = scipy.optimize.minimize(
             of_surface if plain else of_waves, x.ravel(), jac=True, method="L-BFGS-B", options=options
@@ -122,9 +129,9 @@ class Peer:
         seconds = time.perf_counter() - began
         u = self.reach * found.x.reshape(self.n, self.n) if plain else self._spread(found.x)
         self.system.evaluate(u, -position, True, True)
-        low = np.array(history) <= energy + 1e-6 * abs(energy)
-        counted = int(np.argmax(low)) + 1 if low.any() else len(history)
-        return Found(
-            float(self.system.energy), float(self.system.interaction_force.sum()), -u, counted,
-            seconds * counted / len(history),
-        )  # fmt: skip
+        total = counted = len(history)
+        if energy is not None:
+            low = np.array(history) <= energy + LEVEL * abs(energy)
+            counted = int(np.argmax(low)) + 1 if low.any() else total
+        force = float(self.system.interaction_force.sum())
+        return Found(float(self.system.energy), force, -u, counted, seconds * counted / total, total)

@@ -34,8 +34,8 @@ ACCURACY = 0.003
 """Of pgfmd's static states."""
 CLEARANCES = ("-1 um", "-2 um", "-3 um")
 """Of static states from rest: how deep the punch is pressed in."""
-FINEST = 1e-6
-"""Tolerance of the minimiser that refines pgfmd's states."""
+COARSE, FINEST = 1e-4, 1e-6
+"""Tolerances of the minimiser from rest, and where it refines pgfmd's states."""
 TIMES = (1.0, 10.0, 20.0, 100.0)
 """Times [s] at which a force has been held; the retardation time is 10 s."""
 OVERLAP = 100.0
@@ -48,41 +48,47 @@ QUASISTATIC = ("solver.scheme=quasistatic", "solver.precision=double")
 def states() -> str:
     """Equilibria from rest at several depths; and how far the peer goes down from each of pgfmd's."""
     lines = [
-        "| scene | n | pressed in | force (mN) | pgfmd: pairs | time (s) | L-BFGS: evaluations | time (s) "
-        "| as it comes: evaluations | time (s) | force from rest, difference | refined, difference |",
-        "| --- |" + " --- |" * 11,
+        "| scene | n | pressed in | force (mN) | pgfmd: pairs | time (s) | L-BFGS: evaluations (to its end) | time (s) "
+        "| memory of one | as it comes | time (s) | force from rest, difference | refined, difference |",
+        "| --- |" + " --- |" * 12,
     ]
     for scene in SCENES:
         for n in (128, 256):
-            rows, largest = [], 0.0
-            for clearance in CLEARANCES:
-                loaded = load_scene(
-                    scene, [f"grid.n={n}", f"drive.clearance={clearance}", f"solver.accuracy={ACCURACY}", *QUASISTATIC]
-                )
-                for _ in range(2):
-                    # The first one compiles kernels.
-                    simulation = assemble(loaded, MPI.COMM_SELF)
-                    state, began = simulation.state, time.perf_counter()
-                    force = simulation.scheme.start(state)
-                    seconds = time.perf_counter() - began
-                pairs = simulation.scheme.pairs
-                simulation.scheme.measure(state)
-                energy = state.energies.elastic + state.energies.adhesive
-                surface = simulation.scheme.whole_cell(simulation.scheme.surface_of(state))[0].T
-                peer = Peer(loaded)
-                waves = peer.minimum(state.position, tolerance=1e-4, energy=energy)
-                plain = peer.minimum(state.position, tolerance=1e-4, energy=energy, plain=True)
-                refined = peer.minimum(state.position, start=surface, tolerance=FINEST)
-                largest = max(largest, abs(force))
-                rows.append((clearance[1:], force, pairs, seconds, waves, plain, refined))
-            for depth, force, pairs, seconds, waves, plain, refined in rows:
-                off = [abs(found.force - force) / largest for found in (waves, refined)]
-                lines.append(
-                    f"| {scene} | {n} | {depth.replace('um', 'µm')} | {force * 1e3:.3f} | {pairs} | {seconds:.2f} | {waves.evaluations} | "
-                    f"{waves.seconds:.2f} | {plain.evaluations} | {plain.seconds:.2f} | {off[0]:.1e} | {off[1]:.1e} |"
-                )
+            rows = [_state(scene, n, clearance) for clearance in CLEARANCES]
+            largest = max(abs(force) for force, *_ in rows)
+            for clearance, (force, told, others) in zip(CLEARANCES, rows, strict=True):
+                off = " | ".join(f"{abs(other - force) / largest:.1e}" for other in others)
+                depth = clearance[1:].replace("um", "µm")
+                lines.append(f"| {scene} | {n} | {depth} | {force * 1e3:.3f} | {told} | {off} |")
                 print(lines[-1], flush=True)
     return "\n".join(lines)
+
+
+def _state(scene: str, n: int, clearance: str) -> tuple[float, str, list[float]]:
+    """One equilibrium: its force [N], cells of the table about its cost, forces that the peer finds from rest and from it."""
+    loaded = load_scene(
+        scene, [f"grid.n={n}", f"drive.clearance={clearance}", f"solver.accuracy={ACCURACY}", *QUASISTATIC]
+    )
+    for _ in range(2):
+        # The first one compiles kernels.
+        simulation = assemble(loaded, MPI.COMM_SELF)
+        state, scheme, began = simulation.state, simulation.scheme, time.perf_counter()
+        force = scheme.start(state)
+        seconds = time.perf_counter() - began
+    pairs = scheme.pairs
+    scheme.measure(state)
+    energy = state.energies.elastic + state.energies.adhesive
+    surface = scheme.whole_cell(scheme.surface_of(state))[0].T
+    peer, place = Peer(loaded), state.position
+    waves = peer.minimum(place, tolerance=COARSE, energy=energy)
+    brief = peer.minimum(place, tolerance=COARSE, energy=energy, memory=1)
+    plain = peer.minimum(place, tolerance=COARSE, energy=energy, plain=True)
+    refined = peer.minimum(place, start=surface, tolerance=FINEST)
+    told = (
+        f"{pairs} | {seconds:.2f} | {waves.evaluations} ({waves.total}) | {waves.seconds:.2f} | {brief.evaluations} | "
+        f"{plain.evaluations} | {plain.seconds:.2f}"
+    )
+    return force, told, [waves.force, refined.force]
 
 
 def loops() -> str:
@@ -183,7 +189,13 @@ def creep() -> str:
     for step in (1.0, 0.25, 0.05):
         found = spheres.crept(n, force, TIMES, step)
         steps = round(TIMES[-1] / step)
-        line(f"Tamaas, steps of {step:g} s", steps, found[-1].iterations, found[-1].seconds, [each.depth for each in found])
+        line(
+            f"Tamaas, steps of {step:g} s",
+            steps,
+            found[-1].iterations,
+            found[-1].seconds,
+            [each.depth for each in found],
+        )
     programme = [
         {"do": "approach", "speed": "1 mm/s", "until": f"{force!r} N"},
         {"do": "hold", "of": "load", "duration": f"{TIMES[-1]!r} s"},

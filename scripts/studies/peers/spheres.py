@@ -76,7 +76,10 @@ def crept(n: int, force: float, times: Sequence[float], step: float) -> list[Pre
     tamaas, surface = import_module("tamaas"), heights(n)
     tamaas.set_log_level(tamaas.LogLevel.error)
     model = _model(tamaas, n, MODULUS)
-    solver, counter = tamaas.MaxwellViscoelastic(model, surface, TOLERANCE, step, [RATIO - 1.0], [TIME]), _counter(tamaas)
+    solver, counter = (
+        tamaas.MaxwellViscoelastic(model, surface, TOLERANCE, step, [RATIO - 1.0], [TIME]),
+        _counter(tamaas),
+    )
     solver.addFunctionalTerm(counter)
     began, found = time.perf_counter(), []
     for done in range(1, round(times[-1] / step) + 1):
