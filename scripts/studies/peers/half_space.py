@@ -24,8 +24,8 @@ FAR = 1e6
 LEVEL = 1e-6
 """Energies are as low as another if they are above it by no more than this fraction of it."""
 STIFF = 1e3
-"""Stiffness of the mean displacement, in that of the longest wave: pgfmd's is zero, and with a stiffness of zero this peer
-leaves it free."""
+"""Stiffness of the mean displacement, in that of the longest wave. It does not matter: in pgfmd the mean is zero, and so it
+is kept here."""
 
 
 def law_of(scene: Scene) -> Any:
@@ -111,9 +111,9 @@ class Peer:
         first = np.zeros((self.n, self.n)) if start is None else -start
 
         def of_surface(x):
-            value, slope = fun(self.reach * x)
+            value, slope = fun(self.reach * (x - x.mean()))
             history.append(value)
-            return value / self.unit, slope * self.reach / self.unit
+            return value / self.unit, (slope - slope.mean()) * self.reach / self.unit
 
         def of_waves(v):
             value, slope = fun(self._spread(v).ravel())
@@ -127,7 +127,7 @@ class Peer:
             of_surface if plain else of_waves, x.ravel(), jac=True, method="L-BFGS-B", options=options
         )
         seconds = time.perf_counter() - began
-        u = self.reach * found.x.reshape(self.n, self.n) if plain else self._spread(found.x)
+        u = self.reach * (found.x - found.x.mean()).reshape(self.n, self.n) if plain else self._spread(found.x)
         self.system.evaluate(u, -position, True, True)
         total = counted = len(history)
         if energy is not None:
