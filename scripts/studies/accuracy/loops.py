@@ -162,9 +162,8 @@ def table(runs: list[Run]) -> str:
     """A row for each scene, grid, modulus and accuracy, with all seeds together; percent of the loop, where it is not zero
     within its uncertainty."""
     lines = [
-        "| scene, n, modulus | accuracy | runs | pairs | loop, mean (nJ) | scatter (%) | error (%) | uncertainty (%) | of equilibria (%) "
-        "| of jumps (%) | error over uncertainty |",
-        "| --- |" + " --- |" * 10,
+        "| scene, n | accuracy | runs | pairs | loop (nJ) | scatter (%) | error (%) | uncertainty (%): equilibria, jumps | error over it |",
+        "| --- |" + " --- |" * 8,
     ]
     errors = {run.asked: error for run, error in errors_of(runs)}
     rows: dict[tuple, list[Run]] = {}
@@ -175,14 +174,21 @@ def table(runs: list[Run]) -> str:
         mean, doubt = float(loops.mean()), float(np.mean([run.uncertainty for run in group]))
         off = [errors[run.asked] for run in group if run.asked in errors]
         ratios = sorted(abs(errors[run.asked]) / run.uncertainty for run in group if run.asked in errors)
-        percents = [""] * 5
+        told, percents = f"{mean * 1e9:.3f} ± {doubt * 1e9:.3f}", [""] * 3
         if doubt < abs(mean):
-            scatter = [loops.std(ddof=1)] if len(group) > 1 else []
-            parts = [[np.mean([getattr(run, name) for run in group])] for name in ("unbalanced", "jump_places")]
-            percents = [f"{100 * np.mean(each) / mean:.1f}" if each else "" for each in (scatter, off, [doubt], *parts)]
+            share = {
+                name: 100 * np.mean([getattr(run, name) for run in group]) / mean
+                for name in ("unbalanced", "jump_places")
+            }
+            percents = [
+                f"{100 * loops.std(ddof=1) / mean:.1f}" if len(group) > 1 else "",
+                f"{100 * np.mean(off) / mean:.1f}" if off else "",
+                f"{100 * doubt / mean:.1f}: {share['unbalanced']:.1f}, {share['jump_places']:.1f}",
+            ]
+            told = f"{mean * 1e9:.4f}"
+        name = f"{scene.removesuffix('-tack')}, {n}" + (", inst." if modulus != "relaxed" else "")
         lines.append(
-            f"| {scene}, {n}, {modulus} | {accuracy:g} | {len(group)} | {pairs:.0f} | {mean * 1e9:.4f} ± {doubt * 1e9:.4f} | "
-            f"{' | '.join(percents)} | {_span(ratios)} |"
+            f"| {name} | {accuracy:g} | {len(group)} | {pairs:.0f} | {told} | {' | '.join(percents)} | {_span(ratios)} |"
         )
     return "\n".join(lines)
 
@@ -203,8 +209,8 @@ def _span(ratios: list[float]) -> str:
 def solves() -> str:
     """The same steps with tighter solves, n = 64: a table."""
     lines = [
-        "| scene | accuracy | tolerance of solves, in that of a step | steps | jumps | pairs | loop ± uncertainty (nJ) | of equilibria (nJ) |",
-        "| --- |" + " --- |" * 7,
+        "| scene | accuracy | tolerance of solves, in that of a step | steps | jumps | pairs | loop (nJ) | uncertainty (nJ) | equilibria (nJ) |",
+        "| --- |" + " --- |" * 8,
     ]
     for scene in SCENES:
         for accuracy in (0.1, 0.03, 0.01):
@@ -213,7 +219,7 @@ def solves() -> str:
                 run = measured(scene, 64, "relaxed", 0, accuracy)
                 lines.append(
                     f"| {scene} | {accuracy} | {share} | {run.steps} | {run.jumps} | {run.pairs} | "
-                    f"{run.loop * 1e9:.4f} ± {run.uncertainty * 1e9:.4f} | {run.unbalanced * 1e9:.4f} |"
+                    f"{run.loop * 1e9:.3f} | {run.uncertainty * 1e9:.3f} | {run.unbalanced * 1e9:.3f} |"
                 )
                 print(lines[-1], flush=True)
     quasistatic.SHARPNESS = SOLVES[0]

@@ -48,9 +48,9 @@ QUASISTATIC = ("solver.scheme=quasistatic", "solver.precision=double")
 def states() -> str:
     """Equilibria from rest at several depths; and how far the peer goes down from each of pgfmd's."""
     lines = [
-        "| scene | n | pressed in | force (mN) | pgfmd: pairs | time (s) | L-BFGS: evaluations (to its end) | time (s) "
-        "| memory of one | as it comes | time (s) | force from rest, difference | refined, difference |",
-        "| --- |" + " --- |" * 12,
+        "| scene, n | pressed in | force (mN) | pgfmd | L-BFGS (to its end) | memory of one | as it comes "
+        "| difference, from rest | difference, refined |",
+        "| --- |" + " --- |" * 8,
     ]
     for scene in SCENES:
         for n in (128, 256):
@@ -59,7 +59,7 @@ def states() -> str:
             for clearance, (force, told, others) in zip(CLEARANCES, rows, strict=True):
                 off = " | ".join(f"{abs(other - force) / largest:.1e}" for other in others)
                 depth = clearance[1:].replace("um", "µm")
-                lines.append(f"| {scene} | {n} | {depth} | {force * 1e3:.3f} | {told} | {off} |")
+                lines.append(f"| {scene.removesuffix('-tack')}, {n} | {depth} | {force * 1e3:.3f} | {told} | {off} |")
                 print(lines[-1], flush=True)
     return "\n".join(lines)
 
@@ -85,8 +85,8 @@ def _state(scene: str, n: int, clearance: str) -> tuple[float, str, list[float]]
     plain = peer.minimum(place, tolerance=COARSE, energy=energy, plain=True)
     refined = peer.minimum(place, start=surface, tolerance=FINEST)
     told = (
-        f"{pairs} | {seconds:.2f} | {waves.evaluations} ({waves.total}) | {waves.seconds:.2f} | {brief.evaluations} | "
-        f"{plain.evaluations} | {plain.seconds:.2f}"
+        f"{pairs}, {seconds:.2f} s | {waves.evaluations} ({waves.total}), {waves.seconds:.2f} s | {brief.evaluations} | "
+        f"{plain.evaluations}, {plain.seconds:.2f} s"
     )
     return force, told, [waves.force, refined.force]
 
