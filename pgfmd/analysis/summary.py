@@ -131,8 +131,7 @@ def analyse(
         _add_works(table, found)
         _add_programme(table, results, whole)
         add_areas(table, results, found)
-        _remark_unfinished(table, results)
-        _remark_thinned(table, results)
+        _add_remarks(table, results)
         places = bulges(loop, resolution)
         _add_stiffness(table, loop)
         _add_bulges(table, places)
@@ -142,7 +141,6 @@ def analyse(
         audit, against = audit_of(results), twin_of(results, whole, other) if other else None
         _add_hysteresis(table, audit, against)
         _remark_unexplained(table, results, audit)
-        _remark_uncertain(table, results)
         _add_tabor(table, results, found, other)
         predictions = []
         if bearing_area or single is not None:
@@ -198,6 +196,13 @@ def _add_programme(table: Table, results: Results, whole: Loop) -> None:
 
         add_cycles(table, results, whole)
         add_oscillations(table, results, whole)
+
+
+def _add_remarks(table: Table, results: Results) -> None:
+    """Remarks on the run as a whole."""
+    _remark_unfinished(table, results)
+    _remark_thinned(table, results)
+    _remark_uncertain(table, results)
 
 
 def _remark_unfinished(table: Table, results: Results) -> None:
