@@ -17,6 +17,7 @@ from pgfmd.results import Results, load
 from pgfmd.results.caption import about
 from pgfmd.results.curve import Loop, Measures, measure
 from pgfmd.results.cycles import cycle_of
+from pgfmd.results.doubts import uncertain_loop
 from pgfmd.results.uncertainty import UNBALANCED, at_stake, largest_residual
 
 from . import pictures
@@ -130,8 +131,7 @@ def analyse(
         _add_works(table, found)
         _add_programme(table, results, whole)
         add_areas(table, results, found)
-        _remark_unfinished(table, results)
-        _remark_thinned(table, results)
+        _add_remarks(table, results)
         places = _add_stiffness_and_bulges(table, results, loop, resolution)
         add_sites(table, results, loop)
         cell = fit_cell_compliance(whole)
@@ -214,6 +214,13 @@ def _add_programme(table: Table, results: Results, whole: Loop) -> None:
         add_oscillations(table, results, whole)
 
 
+def _add_remarks(table: Table, results: Results) -> None:
+    """Remarks on the run as a whole."""
+    _remark_unfinished(table, results)
+    _remark_thinned(table, results)
+    _remark_uncertain(table, results)
+
+
 def _remark_unfinished(table: Table, results: Results) -> None:
     """A remark on a run that is unfinished, or ended before the punch detached."""
     finished = results.run.get("finished")
@@ -239,6 +246,11 @@ def _remark_unexplained(table: Table, results: Results, audit: Audit | None) -> 
             f"the energy audit leaves {largest_residual(results) * 1e9:.3g} nJ unexplained of a loop of "
             f"{audit.work * 1e9:.3g} nJ: run it again with a lower solver.accuracy before believing energies"
         )
+
+
+def _remark_uncertain(table: Table, results: Results) -> None:
+    """A remark on a quasi-static loop that is poorly known; the criterion is that of `pgfmd run`."""
+    table.remarks += [text[0].lower() + text[1:].removesuffix(".") for text in uncertain_loop(results.run)]
 
 
 def _add_stiffness(table: Table, loop: Loop) -> None:

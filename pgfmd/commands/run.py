@@ -43,6 +43,8 @@ REPORTED = (
     ("work of separation", "work_of_separation", "_J", 1e9, "nJ"),
 )
 """What the last lines of a run tell: words, key of `run.json`, its unit; factor to the unit that is shown."""
+LOOP = ("loop", "work", "_J", 1e9, "nJ")
+"""The same of a quasi-static run, for which the loop is what is lost in jumps."""
 OFF = "off"
 _BEGAN = time.time()
 """About when the process began: limits of time count from then."""
@@ -160,7 +162,7 @@ def _asked_preload(scene: Scene) -> float | None:
 
 def _summary(record: dict, directory: Path) -> list[str]:
     """The last lines of a run."""
-    from pgfmd.results.doubts import unbalanced
+    from pgfmd.results.doubts import unbalanced, uncertain_loop
 
     lines = []
     if record["finished"] not in ENDED_WELL:
@@ -170,10 +172,12 @@ def _summary(record: dict, directory: Path) -> list[str]:
         measured = "no pull-off force, the run ended before the retraction"
     else:
         measured = ", ".join(_number(record, *about) for about in REPORTED)
+        if record["finished"] in ENDED_WELL and record.get("unbalanced_J") is not None:
+            measured += ", " + _number(record, *LOOP)
     lines.append(
         f"{measured}; {record['steps']} steps, {record['transform_pairs']} transform pairs, {record['wall_s']:.3g} s"
     )
-    lines += unbalanced(record, directory)
+    lines += unbalanced(record, directory) + uncertain_loop(record)
     return [*lines, f"results: {directory}    pictures: {command('pgfmd', 'plot', directory)}"]
 
 

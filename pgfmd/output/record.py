@@ -98,13 +98,20 @@ def _works(simulation: Simulation, scene: Scene) -> dict:
     energies, share = simulation.state.energies, uncertainty.share_of(vars(scene.solver))
     retracted, separation = _has_retracted(simulation), energies.work_of_separation
     residual = energies.largest_residual if simulation.scheme.audit else math.nan
+    unbalanced, variance = energies.unbalanced, energies.jump_variance
+    if unbalanced is None or variance is None:
+        loop = uncertainty.of_work(energies.work, separation, residual, share)
+    else:
+        loop = uncertainty.of_loop(unbalanced, variance, residual)
     return {
         "work_of_separation_J": separation if retracted else None,
         "work_of_separation_uncertainty_J": (
             uncertainty.of_work(separation, separation, residual, share) if retracted else None
         ),
         "work_J": energies.work,
-        "work_uncertainty_J": uncertainty.of_work(energies.work, separation, residual, share),
+        "work_uncertainty_J": loop,
+        "unbalanced_J": unbalanced,
+        "jump_places_J": None if variance is None else math.sqrt(variance),
     }
 
 

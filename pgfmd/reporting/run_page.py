@@ -21,7 +21,7 @@ from pgfmd.physics.drive import DETACHED
 from pgfmd.results import Results, load
 from pgfmd.results.caption import SEPARATOR, about
 from pgfmd.results.curve import Loop, Measures
-from pgfmd.results.doubts import missed_preload, unbalanced
+from pgfmd.results.doubts import missed_preload, unbalanced, uncertain_loop
 from pgfmd.results.status import DAMAGED, FINISHED, RUNNING, Status, status_of
 from pgfmd.scene.unresolved_scene import PATHS
 from pgfmd.units import UnitError, parse_quantity
@@ -226,8 +226,10 @@ def _add_doubts(page: Page, results: Results, analysis: Analysis | None) -> None
     scene = _told(page, "the scene", lambda: results.scene) or {}
     page.doubts += doubts_of(record, scene, results.directory)
     if analysis is not None:
-        # What an audit leaves unexplained is said above already, by what the run itself says.
-        page.doubts += [text for text in analysis.table.remarks if not text.startswith("the energy audit leaves")]
+        # What an audit leaves unexplained, and a loop that is uncertain, are said above already, by what the run itself says.
+        page.doubts += [
+            text for text in analysis.table.remarks if not text.startswith(("the energy audit leaves", "the loop of"))
+        ]
     page.doubts += _foreseen(results)
     page.doubts[:] = dict.fromkeys(page.doubts)
 
@@ -239,7 +241,7 @@ def doubts_of(record: dict[str, Any], scene: dict[str, Any], directory: Path) ->
     if preload is not None:
         asked = _attempt(lambda: parse_quantity(preload, "force"))
         found += missed_preload(record, asked) if asked else []
-    return found + unbalanced(record, directory)
+    return found + unbalanced(record, directory) + uncertain_loop(record)
 
 
 def _foreseen(results: Results) -> list[str]:

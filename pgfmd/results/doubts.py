@@ -7,7 +7,7 @@ from pathlib import Path
 from pgfmd.errors import ResultError
 
 from .reading import load
-from .uncertainty import LEAST_LOOP, UNBALANCED, at_stake
+from .uncertainty import LEAST_LOOP, UNBALANCED, UNCERTAIN, at_stake
 
 MISSED = 0.01
 """By how much a preload may be missed, relative to itself, without a word at the end of a run."""
@@ -52,4 +52,20 @@ def unbalanced(record: dict, directory: Path) -> list[str]:
     return [
         f"The energy audit closes to {residual * 1e9:.2g} nJ, and the loop's work is {work * 1e9:.2g} nJ, "
         f"little compared with {scale / LEAST_LOOP * 1e9:.2g} nJ in the approach: {cure}."
+    ]
+
+
+def uncertain_loop(record: dict) -> list[str]:
+    """What is said of the loop of a quasi-static run that is poorly known; nothing of other runs. record: of
+    `run.json`."""
+    by_solves, by_jumps = record.get("unbalanced_J"), record.get("jump_places_J")
+    work, spread = record.get("work_J"), record.get("work_uncertainty_J")
+    if by_solves is None or by_jumps is None or work is None or spread is None or not record.get("jumps"):
+        return []
+    if spread <= UNCERTAIN * abs(work):
+        return []
+    return [
+        f"The loop of {work * 1e9:.3g} nJ is uncertain by {spread * 1e9:.2g} nJ, {by_solves * 1e9:.2g} nJ of it because the "
+        f"equilibria are not exact, which widens the loop, and {by_jumps * 1e9:.2g} nJ because of the places of jumps: "
+        "lower solver.accuracy before believing it."
     ]

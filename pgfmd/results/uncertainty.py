@@ -25,6 +25,8 @@ FIRST_ORDER = 4.0
 """The same for steps of first order."""
 LEAST_LOOP = 0.1
 """A smaller loop is replaced by this fraction of the largest work of the punch."""
+UNCERTAIN = 0.2
+"""Relative uncertainty of the loop of a quasi-static run from which on there is a warning."""
 UNBALANCED = 0.05
 """Relative residual of the energy audit from which on there is a warning."""
 
@@ -51,6 +53,13 @@ def of_work(work: float, separation: float, residual: float, share: float) -> fl
     """Uncertainty [J] of a work. separation [J]: the work of separation, which is stored and returned in a small loop.
     residual [J]: the largest one of the energy audit."""
     return share * max(abs(work), abs(separation)) + abs(residual)
+
+
+def of_loop(unbalanced: float, jump_variance: float, residual: float) -> float:
+    """Uncertainty [J] of the loop of a quasi-static run, from what it found out on the way: the work [J] of the forces
+    that its solves left without balance, which all widen the loop; the variance [J^2] of the energies of its jumps, whose
+    errors are independent; and the largest residual [J] of the energy audit."""
+    return unbalanced + math.sqrt(jump_variance) + abs(residual)
 
 
 def largest_residual(results: Results) -> float:

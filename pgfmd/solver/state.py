@@ -19,7 +19,10 @@ class Energies:
     """Energies [J] since the start: work of the punch, stored in the elastomer, in the interface, dissipated, released
     in jumps.
 
-    `elastic_start` and `adhesive_start` are those of the first state (not zero if a scene starts in contact).
+    `elastic_start` and `adhesive_start` are those of the first state (not zero if a scene starts in contact). Quasi-static
+    runs also know how uncertain their loop is, else None: `unbalanced` [J], the work over the path of the forces that
+    solves leave without balance, and `jump_variance` [J^2], of the energies released, because the places of jumps within
+    their steps are unknown.
     """
 
     work: float = 0.0
@@ -31,6 +34,8 @@ class Energies:
     adhesive_start: float = 0.0
     largest_residual: float = 0.0
     work_of_separation: float = 0.0
+    unbalanced: float | None = field(default=None, metadata={"unknown": None})
+    jump_variance: float | None = field(default=None, metadata={"unknown": None})
 
     @property
     def residual(self) -> float:

@@ -45,6 +45,8 @@ NULLABLE = (
     "time_to_preload_s",
     "viscous_J",
     "energy_residual",
+    "unbalanced_J",
+    "jump_places_J",
 )
 """Entries of the record that may be null, each where it does not apply."""
 NEVER_NEGATIVE = (

@@ -134,6 +134,12 @@ def test_the_uncertainty_covers_what_a_finer_run_finds(tmp_path):
             assert abs(coarse[key + unit] - fine[key + unit]) < spread, (scheme, key)
             assert spread > fine[f"{key}_uncertainty{unit}"] > 0.0
         assert coarse["pull_off_force_uncertainty_N"] < 0.2 * coarse["pull_off_force_N"]
+        parts = coarse["unbalanced_J"], coarse["jump_places_J"]
+        if scheme == "quasistatic":
+            left = coarse["energy_residual"] * abs(coarse["work_J"])
+            assert coarse["work_uncertainty_J"] == pytest.approx(sum(parts) + left, rel=1e-12) and min(parts) > 0.0
+        else:
+            assert parts == (None, None)
 
 
 def test_explicit_steps_have_no_accuracy_to_tell_an_uncertainty_from(tmp_path):

@@ -115,6 +115,19 @@ def test_it_is_told_of_a_run_without_its_table_too(tmp_path):
     assert "closes to 50 %" in "\n".join(_summary(RECORD | {"work_J": 1e-9, "energy_residual": 0.5}, tmp_path))
 
 
+def test_a_quasi_static_loop_is_told_with_its_uncertainty(tmp_path):
+    known = {"work_J": 3e-10, "work_uncertainty_J": 5e-11, "unbalanced_J": 3e-11, "jump_places_J": 1e-11, "jumps": 7}
+    text = "\n".join(_summary(RECORD | known, tmp_path))
+    assert "loop 0.3 ± 0.05 nJ" in text and "uncertain by" not in text
+    text = "\n".join(_summary(RECORD | known | {"work_uncertainty_J": 7e-11, "unbalanced_J": 5e-11}, tmp_path))
+    assert "loop of 0.3 nJ is uncertain by 0.07 nJ, 0.05 nJ of it" in text and "0.01 nJ because of the places" in text
+    # Neither where nothing jumps and no loop is expected, nor in other schemes.
+    for other in ({"jumps": 0}, {"unbalanced_J": None, "jump_places_J": None}):
+        assert "uncertain by" not in "\n".join(
+            _summary(RECORD | known | {"work_uncertainty_J": 1e-9} | other, tmp_path)
+        )
+
+
 # -- foreign files -----------------------------------------------------------------------------------------------------
 
 

@@ -126,6 +126,7 @@ class Quasistatic(PathFollowing):
         state = State(u, w, f, nothing, nothing.copy(), position, phase_start=position)
         if self.softest_mode:
             state.softest_mode, state.softest_mode_dual = (points.zeros(self.solver.rough.dtype) for _ in range(2))
+        state.energies.unbalanced = state.energies.jump_variance = 0.0
         return state
 
     def start(self, state: State) -> float:
@@ -211,10 +212,29 @@ class Quasistatic(PathFollowing):
         state.least_force = min(state.force, trial.force)
         energies.work_of_separation += self.spring.pulled(state, trial)
         energies.elastic = self._stored
+        self._doubt(state, trial)
         if trial.runaway:
             # Later there is no telling it from the state.
             state.punch_displacement = self.spring.end(state, trial)
         self._move_on(state, trial)
+
+    def _doubt(self, state: State, trial: Trial) -> None:
+        """Adds to what is uncertain about the loop. Collective.
+
+        The traction of the law and the deformed body give the same force only in equilibrium. A solve that stops short of it
+        leaves the surface behind the punch, on the way in and on the way out, which widens the loop as friction would. So
+        the differences do not cancel over the path, whereas those of the places of jumps do.
+        """
+        energies = state.energies
+        if energies.unbalanced is None or energies.jump_variance is None:
+            # Of a checkpoint that lacks them: the sums would only be those of the rest.
+            return
+        if trial.is_jump:
+            energies.jump_variance += trial.uncertainty**2
+        if not trial.runaway:
+            by_law = -total(self.points, self.solver.traction, self._rows) * self.points.grid.cell_area
+            travel = abs(self.spring.end(state, trial) - self.place(state))
+            energies.unbalanced += abs(trial.force - by_law) * travel
 
     def _carry(self, trial: Trial, state: State, u: np.ndarray, w: np.ndarray) -> None:
         """Moves the surface with the punch if there is no history to extrapolate from. The machine's end of a soft
