@@ -40,6 +40,8 @@ LEAST_COMPLIANCE = 1e-60
 """Compliance [m/Pa] that is not too small to be computed with; its inverse is not too large."""
 SOFT_MACHINE = 1e-4
 """Load control: stiffness of the machine's spring, relative to that of the contact of the whole punch."""
+SETTLED = 100.0
+"""Longest retardation times after which nothing moves any more in a step that holds."""
 TIME_SHARE = 1e-3
 """Share of the range of adhesion, and of the time in which the punch moves by it, that positions and times have to
 tell."""
@@ -116,7 +118,9 @@ def programme_of(scene: Scene) -> tuple[Phase, ...]:
 
     stiffness = punch_stiffness(scene) / quasistatic_compliance(scene)
     timeless, reach = registry.scheme_of(scene).timeless, length_of(scene.adhesion)
-    machine = Machine(load_compliance(scene), stiffness, reach, timeless)
+    series = relaxation_of(scene)
+    settled = SETTLED * float(series.to_creep().retardation_times.max()) if series.elements else 1.0
+    machine = Machine(load_compliance(scene), stiffness, reach, timeless, settled)
     steps = tuple(_step_of(step) for step in scene.drive.step)
     repeat = scene.drive.repeat
     if repeat is None:

@@ -77,6 +77,9 @@ def add_areas(table: Table, results: Results, found: Measures) -> None:
 
 def add_sites(table: Table, results: Results, loop: Loop) -> None:
     """The loads at which the first and the last site of each kind joins the contact, and leaves it."""
+    if len(loop.force) < len(results.curve):
+        # Of one cycle: the table of sites is that of the whole run.
+        return
     section, mark, joins, leaves = "Loads at which sites change", "", "joins", "leaves"
     if results.counts_overlap:
         section, mark, joins, leaves = f"{section}, by overlap", "_overlap", "begins to overlap", "ends to overlap"

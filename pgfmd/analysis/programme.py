@@ -19,6 +19,8 @@ from .table import Table
 
 SHOWN = 6
 """Cycles of a longer programme that a table shows, first ones and last ones."""
+LINEAR = 0.1
+"""Largest amplitude, in ranges of adhesion, at which a contact is taken to answer linearly."""
 ROWS_A_CYCLE = 16
 """Fewest rows in a cycle of an oscillation that its stiffness is found from."""
 
@@ -78,7 +80,8 @@ def dynamic_stiffnesses(results: Results, loop: Loop) -> Iterator[DynamicStiffne
             rows = np.flatnonzero(oscillating & (loop.cycle == cycle) & (loop.stage == stage))
             step = steps[int(stage) - 1]
             frequency, cycles = float(step.frequency or 1.0), float(step.cycles or 0.0)
-            if rows[-1] == len(loop.time) - 1 and not results.run.get("finished"):
+            if cycles < 1.0 or (rows[-1] == len(loop.time) - 1 and not results.run.get("finished")):
+                # Less than a full cycle says nothing.
                 continue
             # The last cycle is the one in which the amplitude falls.
             end = loop.time[rows[-1]] - 1.0 / frequency
@@ -104,8 +107,21 @@ def add_oscillations(table: Table, results: Results, loop: Loop) -> None:
             table.add(section, f"{key}_frequency", "frequency", found.frequency, "Hz", note)
             table.add(section, f"{key}_storage", "storage", found.storage, "N/m", "in phase")
             table.add(section, f"{key}_loss", "loss", found.loss, "N/m", f"tan delta {found.loss_tangent:.3g}")
+            table.remarks += _doubts_of(found, float(results.run.get("range_m") or math.inf))
     except (MeasurementError, SceneError) as error:
         table.remarks.append(str(error))
+
+
+def _doubts_of(found: DynamicStiffness, reach: float) -> Iterator[str]:
+    """What spoils a dynamic stiffness; reach [m]: range of adhesion."""
+    where = f"step {found.stage}, cycle {found.cycle}"
+    if found.loss < 0.0:
+        yield f"{where}: the loss of the contact is negative, so it is below its error: lower solver.accuracy"
+    if found.amplitude > LINEAR * reach:
+        yield (
+            f"{where}: the amplitude of the punch, {found.amplitude * 1e9:.3g} nm, is more than {100 * LINEAR:g} % of the "
+            "range of adhesion: the contact may not answer linearly"
+        )
 
 
 def add_cycles(table: Table, results: Results, loop: Loop) -> None:

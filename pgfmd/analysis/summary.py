@@ -41,7 +41,8 @@ BY_ROWS = "by the parabola through the lowest rows"
 class Analysis:
     """The analysis of a folder: table, the analysed loop, and the parts that have pictures.
 
-    predictions: of the bearing-area model (bearing_area.Prediction), by law; about: the run in one line, for pictures.
+    predictions: of the bearing-area model (bearing_area.Prediction), by law; about: the run in one line, for pictures; cycle: the one
+    that was measured, None for the whole run.
     """
 
     directory: Path
@@ -55,6 +56,7 @@ class Analysis:
     twin_loop: Loop | None
     predictions: list[Any]
     about: str = ""
+    cycle: int | None = None
 
     @property
     def record(self) -> dict:
@@ -65,7 +67,7 @@ class Analysis:
         """Write `analysis.json` and the pictures into the folder, or into `out`; returns them. ResultError if one can't
         be written."""
         folder = target_folder(self.directory, out)
-        path = folder / RECORD_FILE
+        path = folder / (RECORD_FILE if self.cycle is None else f"analysis-cycle-{self.cycle}.json")
         hint = elsewhere(path, self.directory)
         text = json.dumps(self.record, indent=2, ensure_ascii=False, allow_nan=False)
         try:
@@ -114,10 +116,7 @@ def analyse(
         ResultError: if a folder can't be read, or does not contain what is needed; SceneError if its scene can't be
             read.
     """
-    if twin == "auto":
-        from .quasistatic_twin import run_twin
-
-        twin = run_twin(directory)
+    twin = _own_twin(directory) if twin == "auto" else twin
     with ExitStack() as stack:
         results = stack.enter_context(load(directory))
         other = stack.enter_context(load(twin)) if twin is not None else None
@@ -125,7 +124,7 @@ def analyse(
         whole = Loop.of(results)
         chosen = whole if cycle is None else cycle_of(results, whole, cycle).loop
         loop = chosen if resolution is None else _filtered(chosen, resolution)
-        table = Table(f"{results.scene.get('title') or results.directory.name}: {results.directory}")
+        table = Table(_title_of(results, cycle))
         found = measure(loop)
         _add_forces(table, found, resolution, BY_ROWS if "pull_off_force_N" not in loop.recorded else WITHIN_STEPS)
         _add_works(table, found)
@@ -136,7 +135,9 @@ def analyse(
         add_sites(table, results, loop)
         cell = fit_cell_compliance(whole)
         _add_compliance(table, cell)
-        audit, against = audit_of(results), twin_of(results, whole, other) if other else None
+        audit, against = (
+            (None, None) if cycle else (audit_of(results), twin_of(results, whole, other) if other else None)
+        )
         _add_hysteresis(table, audit, against)
         _remark_unexplained(table, results, audit)
         _add_tabor(table, results, found, other)
@@ -147,8 +148,21 @@ def analyse(
             predictions = add_bearing_area(table, results, found, single)
         twin_loop = Loop.of(other) if other else None
         return Analysis(
-            results.directory, table, loop, found, places, cell, audit, against, twin_loop, predictions, about(results)
+            results.directory, table, loop, found, places, cell, audit, against, twin_loop, predictions, about(results),
+            cycle,
         )  # fmt: skip
+
+
+def _own_twin(directory: str | Path) -> Path:
+    """The folder of the quasi-static twin, which is run if there is none."""
+    from .quasistatic_twin import run_twin
+
+    return run_twin(directory)
+
+
+def _title_of(results: Results, cycle: int | None) -> str:
+    part = "" if cycle is None else f", cycle {cycle} alone"
+    return f"{results.scene.get('title') or results.directory.name}: {results.directory}{part}"
 
 
 def _add_stiffness_and_bulges(table: Table, results: Results, loop: Loop, resolution: float | None) -> list[Bulge]:

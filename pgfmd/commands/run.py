@@ -168,6 +168,8 @@ def _summary(record: dict, directory: Path) -> list[str]:
     if record["finished"] not in ENDED_WELL:
         lines.append(f"The run stopped early: {record['finished']}. What has been written is valid.")
     lines += [f"{text}." for text in record.get("unmet_ends", [])]
+    if record.get("detached") is False and record["pull_off_force_N"]:
+        lines.append("The punch has not come off: what is called the pull-off force is the largest tension.")
     if record["pull_off_force_N"] is None:
         measured = "no pull-off force, the run ended before the retraction"
     else:

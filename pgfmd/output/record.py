@@ -118,7 +118,11 @@ def _works(simulation: Simulation, scene: Scene) -> dict:
 def _cycles(simulation: Simulation) -> dict:
     """Of a programme: the numbers of each cycle, the present one included, if it has repeats; and steps that ended early."""
     state = simulation.state
-    unmet = {"unmet_ends": state.unmet} if state.unmet else {}
+    if not simulation.drive.programme:
+        return {}
+    unmet: dict = {"detached": state.has_detached}
+    if state.unmet:
+        unmet["unmet_ends"] = state.unmet
     if not simulation.has_cycles:
         return unmet
     rows = [*state.cycles, state.cycle.row(state)]

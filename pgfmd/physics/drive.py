@@ -69,7 +69,8 @@ class Ending:
 class Phase:
     """One phase. name: as in curve.csv. velocity_start, velocity_end [m/s]: of the drive. duration [s]: or infinity.
     ends_with: the event that ends it, if not its duration. endings: values of which the first that is reached ends it.
-    control: what the machine controls. final: whether the run ends if the punch detaches. cycle, stage: numbers of the
+    control: what the machine controls. final: whether the run ends if the punch detaches. settles:
+    whether its duration is that after which nothing moves any more, because only a value was to end it. cycle, stage: numbers of the
     repeat and of the step of the programme, from 1."""
 
     name: str
@@ -80,6 +81,7 @@ class Phase:
     endings: tuple[Ending, ...] = ()
     control: str = DISPLACEMENT
     final: bool = True
+    settles: bool = False
     cycle: int = 1
     stage: int = 1
 
@@ -100,6 +102,12 @@ class Phase:
     def fastest(self) -> float:
         """The largest speed [m/s] within the phase."""
         return max(abs(self.velocity_start), abs(self.velocity_end))
+
+    @property
+    def small_travel(self) -> float:
+        """A travel of the punch [m] that matters in this phase, if it may be small compared with the range of adhesion, as
+        the amplitude of an oscillation; infinity for none."""
+        return math.inf
 
     @property
     def starts_at(self) -> float:

@@ -44,12 +44,19 @@ ENDS = 2.0
 class Oscillation(Phase):
     """A phase in which the drive oscillates about its position, at first inward: D = D_0 - A e(t) sin(omega t).
 
-    amplitude [m]: A, of the drive. frequency [Hz]. The envelope e rises smoothly from 0 to 1 in the first cycle, and falls
-    back in the last one, so that the drive starts and ends at rest: full cycles are all but these two.
+    amplitude [m]: A, of the drive; swing [m]: of the punch, about. frequency [Hz]. The envelope e rises smoothly from 0 to
+    1 in the first cycle, and falls back in the last one, so that the drive starts and ends at rest: full cycles are all
+    but these two.
     """
 
     amplitude: float = 0.0
     frequency: float = 1.0
+    swing: float = 0.0
+
+    @property
+    def small_travel(self) -> float:
+        """The amplitude of the punch [m], about: solves have to tell parts of it."""
+        return self.swing
 
     def displacement(self, elapsed: float) -> float:
         """Displacement [m] of the drive since the start of the phase."""
@@ -208,12 +215,13 @@ class Step:
 class Machine:
     """What a programme needs to know of its machine. soft [m/N]: compliance of the spring that controls a load;
     stiffness [N/m]: of the contact of the whole punch, about; reach [m]: range of adhesion; timeless: whether time is
-    only a measure of travel, so that nothing is held."""
+    only a measure of travel, so that nothing is held; settled [s]: time after which nothing moves any more."""
 
     soft: float
     stiffness: float
     reach: float
     timeless: bool = False
+    settled: float = 1.0
 
     @property
     def ahead(self) -> float:
@@ -256,12 +264,21 @@ def phases_of(
         if control == LOAD and step.is_free:
             # The load that has torn off the punch is gone: going on with its rate would fling the punch away.
             velocity = 0.0
+    _without_passed_preloads(found)
     for k in reversed(range(len(found))):
         if not _only_out(found[k]):
             # Up to here the punch comes back; after this, a punch that is free stays so.
             found[: k + 1] = [replace(phase, final=False) for phase in found[: k + 1]]
             break
     return tuple(found)
+
+
+def _without_passed_preloads(phases: list[Phase]) -> None:
+    """A step that presses the punch in ends with the preload only if the next one does not press it in further."""
+    for k, phase in enumerate(phases[:-1]):
+        following = next((later for later in phases[k + 1 :] if later.name != "turn"), None)
+        if phase.ends_with == PRELOAD and following is not None and following.velocity_end < 0.0:
+            phases[k] = replace(phase, ends_with="")
 
 
 def _order(count: int, times: int, first: int, last: int) -> Iterator[tuple[int, int]]:
@@ -292,6 +309,7 @@ def _phase_of(step: Step, machine: Machine, cycle: int, number: int) -> Phase:
         return Oscillation(
             step.do, 0.0, 0.0, (step.cycles + ENDS) / step.frequency, control=control, cycle=cycle, stage=number,
             amplitude=abs(machine.drive_velocity(control, step.amplitude)), frequency=step.frequency,
+            swing=step.amplitude / (1.0 if control == DISPLACEMENT else machine.stiffness),
         )  # fmt: skip
     if step.do == "follow":
         times, values = (np.array(column) for column in step.table)
@@ -314,7 +332,11 @@ def _phase_of(step: Step, machine: Machine, cycle: int, number: int) -> Phase:
         name, velocity = "dwell" if control == DISPLACEMENT else "hold", 0.0
     # Where a step stops pressing the punch in is the preload, whatever ends it.
     ends_with = PRELOAD if step.rate > 0.0 else DETACHED if step.is_free else ""
-    return Phase(name, velocity, velocity, step.duration, ends_with, endings, control, cycle=cycle, stage=number)
+    waits = step.do == "hold" and math.isinf(step.duration)
+    duration = machine.settled if waits else step.duration
+    return Phase(
+        name, velocity, velocity, duration, ends_with, endings, control, settles=waits, cycle=cycle, stage=number
+    )
 
 
 def _endings(step: Step) -> tuple[Ending, ...]:

@@ -278,5 +278,7 @@ def _problems_of_keys(table: Mapping[str, Any], number_: int) -> list[Problem]:
         problems.append((table[name], f"no such key in '{do}'", f"only in {', '.join(users)}", f".{number_}.{name}"))
     ends = [name for name in ("until", "to", "duration") if table.get(name) not in (None, [], ())]
     if do in ("approach", "hold", "ramp") and not ends:
-        problems.append((MISSING, f"what ends '{do}'", 'add until = "40 mN" or duration = "60 s"', f".{number_}.until"))
+        problems.append(
+            (MISSING, f"what ends '{do}'", 'add duration = "60 s", or until = "40 mN"', f".{number_}.until")
+        )
     return problems

@@ -16,7 +16,7 @@ class CycleNumbers:
     number: from 1, 0 before the first. start, end [s]: when it began, and its last step ended. preload [N]: force at the
     end of its last approach, and largest_force, pull_off_force, snap_in_force [N] as of the whole run (state.State);
     pull_off_force and snap_in_force are zero or negative. work, work_of_separation, viscous, released, residual [J].
-    contact_time [s]: with any point in contact.
+    contact_time [s]: with any point in contact. detached: whether the punch has been pulled off.
     """
 
     number: int = 0
@@ -27,6 +27,7 @@ class CycleNumbers:
     snap_in_force: float = 0.0
     pull_off_force: float = 0.0
     contact_time: float = 0.0
+    detached: bool = False
     work: float = 0.0
     work_of_separation: float = 0.0
     viscous: float = 0.0
@@ -80,5 +81,6 @@ def numbers_in_record(row: list[float | None]) -> dict[str, float | None]:
     for entry, value in zip(fields(CycleNumbers), row, strict=True):
         unit = UNITS.get(entry.name)
         number = 0.0 - value if value is not None and entry.name in TENSIONS else value
-        found[f"{entry.name}_{unit}" if unit else "cycle"] = number
+        plain = "cycle" if entry.name == "number" else entry.name
+        found[f"{entry.name}_{unit}" if unit else plain] = number
     return found

@@ -204,10 +204,16 @@ class Simulation:
         """Ends phases and the run."""
         state = self.state
         if why in ("duration", "ending"):
+            if why == "duration" and phase.settles:
+                state.unmet.append(
+                    f"cycle {phase.cycle}, step {phase.stage}: given up after {state.elapsed:.3g} s, a hundred of the longest "
+                    f"retardation times, in which {_told(phase) or 'the punch has not come off'} was not met"
+                )
             self._end_phase(phase)
         elif (self.retracting or phase.holds_load) and state.smallest_gap >= self.scheme.law.reach:
             # After its deepest point the punch accelerates, and a surface without force decelerates, so that
             # the two don't meet again.
+            state.has_detached = state.cycle.detached = True
             goes_on = not (phase.final or phase.holds_load) and _goes_on_when_free(phase)
             if phase.endings and phase.ends_with != DETACHED and not goes_on:
                 state.unmet.append(f"cycle {phase.cycle}, step {phase.stage}: the punch was free before {_told(phase)}")
@@ -230,6 +236,8 @@ class Simulation:
                 f"{state.time:.6g} s the punch carries {state.force:.6g} N: add a step that ends at this load before it"
             )
         state.phase_place = state.punch_displacement
+        if phase.name == "turn" or not (state.phase and self.phases[state.phase - 1].name == "turn"):
+            state.began_free = state.phase == 0 or state.smallest_gap >= self.scheme.law.reach
         state.phase_signs = signs_at(phase, self.scheme.values_of(state, phase))
 
     def _is_over(self, phase: Phase) -> bool:
@@ -286,6 +294,8 @@ class Simulation:
         if phase.name == "follow":
             # Of a path that goes both ways, the first way in of each cycle.
             approaches = not recedes and state.cycle.pull_off_force == 0.0
+        # Where the punch is still held, tension on the way in is what is left of that on the way out.
+        approaches = approaches and state.began_free
         if approaches and not recedes:
             state.snap_in_force = min(state.snap_in_force, state.least_force)
             state.snap_in_at_ends = min(state.snap_in_at_ends, state.force)

@@ -104,6 +104,8 @@ class State:
     contact_points, overlap_points, near_points: numbers of points with a gap below the law's contact_gap, below zero,
     and below the scheme's near_gap.
     cycle, cycles: numbers of the present cycle of a programme with repeats, and of those that are over.
+    began_free: whether the punch was free at the start of this phase, or of the turn before it. has_detached: whether it
+    has been pulled off.
     unmet: steps of a programme that ended because the punch was free, before what was to end them.
     started: whether the first equilibrium has been computed.
 
@@ -157,6 +159,8 @@ class State:
     snap_in_at_ends: float = field(default=0.0, metadata={"unknown": np.nan})
     finished: str = ""
     unmet: list[str] = field(default_factory=list)
+    began_free: bool = True
+    has_detached: bool = False
     started: bool = False
     past_displacements: list[np.ndarray] = field(
         default_factory=list, metadata={"like": "surface_displacement", "stored": "past_u"}

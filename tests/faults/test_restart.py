@@ -164,7 +164,7 @@ def test_a_limit_of_time_is_kept(tmp_path):
     limit, steps = 4.0, []
     while len(steps) < 2:
         # A run that lasts; it has to end by itself within the limit.
-        began = time.monotonic()
+        began, before = time.monotonic(), steps_kept(tmp_path) if steps else 0
         stopped = finish(tmp_path, 1, *LASTING, "--walltime", f"{limit}s")
         if stopped.returncode == RESUMABLE and time.monotonic() - began < limit:
             assert f"pgfmd: stopped by the limit of time (--walltime {limit}s) after step " in stopped.stderr
@@ -173,7 +173,8 @@ def test_a_limit_of_time_is_kept(tmp_path):
             # On a machine so busy that loading took most of it.
             limit *= 2.0
             assert stopped.returncode in (3, RESUMABLE) and limit < 100.0, stopped.stderr
-    assert 0 < steps[0] < steps[1] and f"going on from checkpoint.h5: step {steps[0]}," in stopped.stdout
+    # An attempt in between may have been too short to count.
+    assert 0 < steps[0] <= before < steps[1] and f"going on from checkpoint.h5: step {before}," in stopped.stdout
 
 
 def test_a_limit_that_leaves_no_time_to_step_is_an_error(tmp_path):

@@ -247,7 +247,7 @@ def test_a_snapshot_of_full_contact_takes_what_is_foretold(comm, pattern, patche
     tracemalloc.start()
     try:
         simulation.state.force = -1.0
-        outputs.snapshots.agenda.tension.take(simulation.state, None)
+        outputs.snapshots.agenda.tension.take(simulation.state, None, 0.0)
         outputs.snapshots._write_present(simulation, "second")
         _, peak = tracemalloc.get_traced_memory()
     finally:

@@ -185,11 +185,11 @@ def test_curve_holds_every_digit_and_grows_at_once(comm, folder):
     lines = path.read_text().splitlines()
     assert lines[0] == (
         "time [s],displacement [m],indentation [m],force [N],contact_area [m^2],overlap_area [m^2],near_area [m^2],"
-        "u_inf [m],step [s],phase"
+        "u_inf [m],step [s],cycle,stage,phase"
     )
     values = lines[4].split(",")
     assert [float(value) for value in values[:5]] == [0.1 * 3, -1.0, 1 - 1e-6, 1e-3 / 7 * 3, 1e-9 * 3]
-    assert values[7] == "nan" and values[9] == "approach"
+    assert values[7] == "nan" and values[9:] == ["1", "1", "approach"]
     curve.close()
 
 

@@ -369,3 +369,42 @@ def test_explicit_steps_tend_to_massless_ones_through_a_held_load_and_an_oscilla
         coarse, fine = (np.interp(time, c["time [s]"] - c["time [s]"].iloc[0], c[name]) for c in theirs)
         errors = [np.abs(found - mine[name]).max() for found in (coarse, fine, 2 * fine - coarse)]
         assert errors[1] < 0.65 * errors[0] and errors[2] < 0.35 * errors[1]
+
+
+def test_the_loss_of_a_nearly_elastic_contact_is_found_at_the_usual_accuracy_with_a_small_amplitude():
+    """Solves that are exact to a share of the range of adhesion alone would make it negative."""
+    steps = [
+        {"do": "approach", "speed": "10 um/s", "until": "4 mN"},
+        {"do": "hold", "duration": "0.2 s"},
+        {"do": "oscillate", "amplitude": "5 nm", "frequency": "10 Hz", "cycles": 2},
+    ]
+    rheology = {"modulus_ratio": 3, "relaxation_time": "400 us"}
+    found = []
+    for accuracy in (0.01, 0.001):
+        scene = pgfmd.Scene(
+            "flat-punch", rheology=rheology, grid={"n": 20}, solver={"accuracy": accuracy}, output={"energy": False},
+            drive={"speed": None, "preload": None, "step": steps},
+        )  # fmt: skip
+        curve = pgfmd.simulate(scene).loop
+        rows = np.flatnonzero(curve.phase == "oscillate")
+        end = curve.time[rows[-1]] - 0.1
+        rows = rows[(curve.time[rows] <= end) & (curve.time[rows] >= end - 0.1)]
+        stiffness, _ = stiffness_of(curve.time[rows], curve.displacement[rows], curve.force[rows], 10.0)
+        found.append(stiffness)
+    assert found[0] == pytest.approx(found[1], rel=2e-3)
+    assert found[0].imag == pytest.approx(found[1].imag, rel=0.03) and found[0].imag > 0.0
+
+
+def test_a_hold_that_waits_for_what_never_comes_is_given_up():
+    steps = [
+        {"do": "approach", "speed": "20 um/s", "until": "4 mN"},
+        {"do": "hold", "of": "load", "until": "5 um"},
+        {"do": "retract", "speed": "50 um/s"},
+    ]
+    scene = pgfmd.Scene(
+        "flat-punch", rheology={"modulus_ratio": 10}, grid={"n": 20},
+        drive={"speed": None, "preload": None, "step": steps},
+    )  # fmt: skip
+    run = pgfmd.simulate(scene).run
+    assert run["finished"] == "detached"
+    assert len(run["unmet_ends"]) == 1 and "step 2: given up" in run["unmet_ends"][0]

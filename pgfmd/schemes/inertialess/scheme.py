@@ -158,7 +158,7 @@ class Inertialess(PathFollowing):
                 trial.position = self._begin(drive, surface, history, compliance, expected, interacting, jump)
             outcome = self.solver.solve(
                 trial.position, history, compliance, *surface,
-                self._tolerance(state, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
+                self._tolerance(state, phase, sharp, jump), jump, largest_force=0.0 if sharp else self._scale(state, trial),
             )  # fmt: skip
             self._after_solve(trial.position, outcome)
             force = outcome.force
@@ -287,11 +287,12 @@ class Inertialess(PathFollowing):
         trial.potential_drop -= machine.fallen
         trial.potential_drop -= state.force * (trial.position - state.position)
 
-    def _tolerance(self, state: State, sharp: bool, jump: bool) -> float:
+    def _tolerance(self, state: State, phase: Phase, sharp: bool, jump: bool) -> float:
         if jump:
             return JUMP_SHARPNESS * self.tolerance
         share = 1.0 if self.creep.elements else ELASTIC_SHARPNESS
         if self._audit:
             share = min(share, self._audit.sharpness(state.energies))
-        usual = share * self.tolerance
+        # Of an oscillation the error counts relative to its amplitude.
+        usual = share * self.tolerance * min(1.0, phase.small_travel / self.law.length)
         return min(EVENT_TOLERANCE, EVENT_SHARE * usual) if sharp else min(LOOSEST_TOLERANCE, usual)

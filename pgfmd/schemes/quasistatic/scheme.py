@@ -161,7 +161,7 @@ class Quasistatic(PathFollowing):
         u, w = self._u[0], self._w[0]
         if self.machine_compliance and not state.past_displacements:
             self._carry(trial, state, u, w)
-        tolerance = SHARPNESS * self.tolerance
+        tolerance = SHARPNESS * self.tolerance * min(1.0, phase.small_travel / self.law.length)
         tolerance = min(EVENT_TOLERANCE, tolerance) if sharp else tolerance
         largest = 0.0 if sharp else PathFollowing._scale(self, state, trial)
         outcome = self._solve(trial.position, u, w, tolerance, jump, largest)
