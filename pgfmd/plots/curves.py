@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pgfmd.errors import ResultError
 from pgfmd.results.caption import about
-from pgfmd.results.curve import Array, Loop, Measures, column, measure
+from pgfmd.results.curve import Array, Loop, Measures, branches, column, measure
 from pgfmd.results.reading import Results, Run, opened
 from pgfmd.units import handy
 
@@ -216,9 +217,25 @@ def draw_branches(axis: Axes, loop: Loop, x: Array, y: Array, number: int, of: i
         "approach": {"color": colour, "linestyle": line, "linewidth": 0.6},
         "retraction": {"color": colour, "linestyle": line, "label": literal(name)},
     }
-    for branch, rows in loop.branches.items():
-        if rows.stop - rows.start > 1:
-            axis.plot(*seen(x[rows], y[rows]), **(alone if of == 1 else several)[branch])
+    labelled_already: set[str] = set()
+    for branch, rows in _strokes(loop):
+        style = dict((alone if of == 1 else several)[branch])
+        if branch in labelled_already:
+            style.pop("label", None)
+        if len(rows) > 1:
+            axis.plot(*seen(x[rows], y[rows]), **style)
+            labelled_already.add(branch)
+
+
+def _strokes(loop: Loop) -> Iterator[tuple[str, NDArray[np.intp]]]:
+    """Approach and retraction of each cycle, with their rows; both have the turning row, and an approach the last row of the
+    cycle before."""
+    cycle = np.ones(len(loop.force)) if loop.cycle is None else loop.cycle
+    for number in np.unique(cycle):
+        rows = np.flatnonzero(cycle == number)
+        for branch, part in branches(loop.displacement[rows], loop.phase[rows]).items():
+            before = rows[:1] - 1 if branch == "approach" and rows[0] > 0 else rows[:0]
+            yield branch, np.concatenate((before, rows[part]))
 
 
 def _thin_is_approach(axis: Axes) -> None:

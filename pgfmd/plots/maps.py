@@ -93,11 +93,12 @@ def class_numbers(gap: NDArray[np.float64], classes: Sequence[GapClass]) -> NDAr
 
 
 def pages_of(run: Run) -> list[list[int]]:
-    """The snapshots of a run, page by page: the smallest number of pages, filled evenly."""
+    """The snapshots of a run, page by page: the smallest number of pages, filled evenly, in the order of time."""
     with opened(run) as results:
-        count = len(results.labels)
-    pages = -(-count // MOST_PANELS)
-    return [list(map(int, part)) for part in np.array_split(np.arange(count), pages)] if count else []
+        # The surface of the largest tension is written last.
+        order = np.argsort(np.asarray(results.fields["time"]), kind="stable") if len(results.labels) else np.zeros(0, int)
+    pages = -(-len(order) // MOST_PANELS)
+    return [list(map(int, part)) for part in np.array_split(order, pages)] if len(order) else []
 
 
 def thinned(results: Results, name: str, snapshot: int) -> NDArray[np.float64]:

@@ -255,8 +255,9 @@ def test_a_terminal_has_a_bar_and_the_run_is_the_same(folder, tmp_path, monkeypa
     assert end.value.code == 0
     assert (tmp_path / "bar" / "curve.csv").read_bytes() == (folder / "curve.csv").read_bytes()
     text = drawn.getvalue()
-    assert " detached  t " in text and "  preload  t " in text and "approach" in text and "retract" in text
-    assert " left or so" in text and "/s" in text and text.count("warning: ") >= 1
+    # What the bar itself shows depends on how fast the run is.
+    assert " detached  t " in text and "  preload  t " in text and text.count("warning: ") >= 1
+    assert {"approach", "retract"} <= {each.phase for each in moments}
     rows = set(zip(*(load(folder).curve[name] for name in COLUMNS), strict=True))
     assert len(moments) > 50
     assert all((each.time, each.displacement, each.force, each.step) in rows for each in moments)
