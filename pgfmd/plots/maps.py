@@ -96,7 +96,9 @@ def pages_of(run: Run) -> list[list[int]]:
     """The snapshots of a run, page by page: the smallest number of pages, filled evenly, in the order of time."""
     with opened(run) as results:
         # The surface of the largest tension is written last.
-        order = np.argsort(np.asarray(results.fields["time"]), kind="stable") if len(results.labels) else np.zeros(0, int)
+        order = (
+            np.argsort(np.asarray(results.fields["time"]), kind="stable") if len(results.labels) else np.zeros(0, int)
+        )
     pages = -(-len(order) // MOST_PANELS)
     return [list(map(int, part)) for part in np.array_split(order, pages)] if len(order) else []
 
