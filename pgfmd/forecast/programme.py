@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pgfmd.physics.programme import Following, Oscillation
+from pgfmd.physics.programme import Winding
 from pgfmd.scene_objects import drive_of
 
 from .indentation import travels_of
@@ -34,7 +34,7 @@ def size_of(scene: Scene) -> ProgrammeSize:
     """The size of a scene's programme. Raises MeasurementError or OSError for a file to follow that can't be read."""
     phases = drive_of(scene).phases
     travels = sum(math.isinf(phase.duration) for phase in phases)
-    told = (phase for phase in phases if isinstance(phase, (Oscillation, Following)))
+    told = (phase for phase in phases if isinstance(phase, Winding))
     steps = sum(phase.duration / phase.longest_step for phase in told)
     time = sum(phase.duration for phase in phases if math.isfinite(phase.duration))
     stages = sum(phase.name != "turn" for phase in phases)

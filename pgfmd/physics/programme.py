@@ -41,7 +41,21 @@ ENDS = 2.0
 
 
 @dataclass(frozen=True)
-class Oscillation(Phase):
+class Winding(Phase):
+    """A phase in which the drive may go both ways."""
+
+    def recedes(self, elapsed: float) -> bool:
+        """Whether the drive moves up at this time [s] after the start of the phase."""
+        return self.velocity(elapsed) > 0.0
+
+    @property
+    def may_let_go(self) -> bool:
+        """Whether the punch may come off in this phase."""
+        return True
+
+
+@dataclass(frozen=True)
+class Oscillation(Winding):
     """A phase in which the drive oscillates about its position, at first inward: D = D_0 - A e(t) sin(omega t).
 
     amplitude [m]: A, of the drive; swing [m]: of the punch, about. frequency [Hz]. The envelope e rises smoothly from 0 to
@@ -85,15 +99,6 @@ class Oscillation(Phase):
         """Longest step [s]."""
         return 1.0 / (POINTS_A_CYCLE * self.frequency)
 
-    def recedes(self, elapsed: float) -> bool:
-        """Whether the drive moves up at this time [s] after the start of the phase."""
-        return self.velocity(elapsed) > 0.0
-
-    @property
-    def may_let_go(self) -> bool:
-        """Whether the punch may come off in this phase."""
-        return True
-
 
 @dataclass(frozen=True)
 class Path:
@@ -131,6 +136,11 @@ class Path:
         return float((3.0 * a * t + 2.0 * b) * t + c)
 
     @cached_property
+    def spacing(self) -> float:
+        """The usual distance of the times [s]."""
+        return float(np.median(np.diff(self.times)))
+
+    @cached_property
     def fastest(self) -> float:
         """The largest speed [m/s]: at a knot, or where the acceleration of a piece is zero."""
         knots, (a, b, c, _) = self._curve
@@ -143,7 +153,7 @@ class Path:
 
 
 @dataclass(frozen=True)
-class Following(Phase):
+class Following(Winding):
     """A phase in which the drive follows a path from where it is. first [N]: of a load to follow, what the punch has to
     carry at the start; NaN for a displacement, which is counted from where the punch is."""
 
@@ -171,16 +181,7 @@ class Following(Phase):
     @property
     def longest_step(self) -> float:
         """Longest step [s]: the usual distance of the rows."""
-        return float(np.median(np.diff(self.path.times)))
-
-    def recedes(self, elapsed: float) -> bool:
-        """Whether the drive moves up at this time [s] after the start of the phase."""
-        return self.velocity(elapsed) > 0.0
-
-    @property
-    def may_let_go(self) -> bool:
-        """Whether the punch may come off in this phase."""
-        return True
+        return self.path.spacing
 
 
 @dataclass(frozen=True)
@@ -290,7 +291,7 @@ def _order(count: int, times: int, first: int, last: int) -> Iterator[tuple[int,
 
 def _only_out(phase: Phase) -> bool:
     """Whether a phase retracts, or holds a load, and nothing else."""
-    return phase.may_let_go and not isinstance(phase, (Oscillation, Following))
+    return phase.may_let_go and not isinstance(phase, Winding)
 
 
 def _turn(before: float, phase: Phase, step: Step, machine: Machine) -> Phase:

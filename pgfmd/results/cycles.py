@@ -40,7 +40,7 @@ def count_of(loop: Loop) -> int:
 
 def cycles_of(results: Results, loop: Loop) -> Iterator[Cycle]:
     """The cycles of a run, in their order; `loop` has all of its rows."""
-    known = {int(entry["cycle"]): entry for entry in results.run.get("cycles", [])}
+    known = _recorded(results)
     for number in range(1, count_of(loop) + 1):
         yield _cycle(loop, number, known.get(number, {}))
 
@@ -52,8 +52,12 @@ def cycle_of(results: Results, loop: Loop, number: int) -> Cycle:
         raise ResultError(
             f"{results.directory}: there is no cycle {number}, the curve has {count}: choose 1 to {count}"
         )
-    known = {int(entry["cycle"]): entry for entry in results.run.get("cycles", [])}
-    return _cycle(loop, number, known.get(number, {}))
+    return _cycle(loop, number, _recorded(results).get(number, {}))
+
+
+def _recorded(results: Results) -> dict[int, dict]:
+    """The cycles of `run.json` by their numbers."""
+    return {int(entry["cycle"]): entry for entry in results.run.get("cycles", [])}
 
 
 def _cycle(loop: Loop, number: int, entry: dict) -> Cycle:
